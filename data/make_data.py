@@ -1,0 +1,18 @@
+"""Writes the shipped sweeps of our own reference inverters into this folder: python data/make_data.py"""
+
+from pathlib import Path
+
+from ibrid.measurement.csv_file import write_sweep
+from ibrid.plants.benchmarks import recipes
+
+
+def main() -> None:
+    """Same files every time: no noise, fixed seeds."""
+    for benchmark in recipes():
+        path = Path(__file__).parent / f"{benchmark.name}.csv"
+        write_sweep(benchmark.sweep(), path, header=benchmark.header)
+        print(path.name)
+
+
+if __name__ == "__main__":
+    main()

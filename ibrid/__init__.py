@@ -1,0 +1,54 @@
+"""ibrid: from measured 2x2 dq admittance to a named, fitted block diagram and a state-space model.
+
+    sweep = ibrid.read_sweep("data/paper_like.csv")
+    record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), sweep)
+    system = record.state_space(sweep.names[0])
+
+Names are imported when they are first used, so that `import ibrid` costs nothing.
+"""
+
+from importlib import import_module
+
+_HOME = {
+    "Diagram": "ibrid.structure.diagram",
+    "FitSettings": "ibrid.fit.multistart",
+    "IbridError": "ibrid.errors",
+    "ModuleKind": "ibrid.modules.kind",
+    "PAPER_VOCABULARY": "ibrid.modules.vocabulary",
+    "Range": "ibrid.modules.kind",
+    "Record": "ibrid.evaluation.record",
+    "Signal": "ibrid.signals",
+    "Sweep": "ibrid.measurement.sweep",
+    "VOCABULARY": "ibrid.modules.vocabulary",
+    "add_noise": "ibrid.measurement.noise",
+    "benchmarks": "ibrid.plants.benchmarks",
+    "compare": "ibrid.structure.compare",
+    "evaluate": "ibrid.evaluation.evaluate",
+    "from_frd": "ibrid.measurement.frd",
+    "inspect": "ibrid.measurement.inspect",
+    "parse_program": "ibrid.structure.program",
+    "program_text": "ibrid.structure.program",
+    "read_program": "ibrid.structure.program",
+    "read_record": "ibrid.evaluation.record",
+    "read_sweep": "ibrid.measurement.read",
+    "structure_hash": "ibrid.structure.canonical",
+    "sweep": "ibrid.plants.sweeping",
+    "textbook": "ibrid.structure.library",
+    "textbook_names": "ibrid.structure.library",
+    "violations": "ibrid.structure.check",
+    "write_report": "ibrid.report.page",
+    "write_sweep": "ibrid.measurement.csv_file",
+}
+
+__all__ = sorted(_HOME)
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"ibrid has no {name}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

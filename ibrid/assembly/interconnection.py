@@ -1,0 +1,198 @@
+"""Modules joined into one linear system by substitution, on floats and CasADi symbols alike.
+
+Every signal is a row over the columns [states | delayed signals | v_D v_Q]. Rows are filled in the order of direct
+feedthrough; a loop of direct terms is solved as a small linear system of its own.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import networkx as nx
+import numpy as np
+
+from ibrid.assembly.numbers import is_zero
+from ibrid.errors import DiagramError
+from ibrid.modules.kind import Matrices, ModuleKind
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.wiring import Wiring, split_port
+
+Row = dict[int, Any]
+Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
+
+
+@dataclass(frozen=True)
+class Interconnected:
+    """x' = M_xx x + M_xv v, y = M_yx x + M_yv v, with delayed signals as further entries of x.
+
+    `rows` : n + m rows of x (state derivatives, then what enters each delay) and 2 rows of y = i_DQ.
+    `states` : names "instance.state". `delayed` : (instance, axis) of each delayed signal.
+    """
+
+    rows: tuple[Row, ...]
+    states: tuple[str, ...]
+    delayed: tuple[tuple[str, int], ...]
+
+    @property
+    def size(self) -> int:
+        """Number of states and delayed signals."""
+        return len(self.states) + len(self.delayed)
+
+
+def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> Interconnected:
+    """Join the modules of a wiring whose matrices are given; with `exact_delays` delays stay outside the matrices."""
+    return _Joiner(wiring, matrices, exact_delays).join()
+
+
+class _Joiner:
+    def __init__(self, wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> None:
+        self.wiring, self.matrices = wiring, matrices
+        self.delays = [name for name, kind in wiring.kinds.items() if kind.delay and exact_delays]
+        self.states: list[str] = []
+        self.first_state: dict[str, int] = {}
+        for name, kind in wiring.kinds.items():
+            self.first_state[name] = len(self.states)
+            self.states += [f"{name}.{state}" for state in state_names(kind, len(matrices[name][0]))]
+        self.delayed = [(name, axis) for name in self.delays for axis in (0, 1)]
+        size = len(self.states) + len(self.delayed)
+        self.rows: dict[Channel, Row] = {(TERMINAL_VOLTAGE, axis): {size + axis: 1.0} for axis in (0, 1)}
+        for index, (name, axis) in enumerate(self.delayed):
+            (port,) = wiring.kinds[name].outputs
+            self.rows[f"{name}.{port}", axis] = {len(self.states) + index: 1.0}
+        self.inputs = {name: _channels(name, kind.inputs) for name, kind in wiring.kinds.items()}
+        self.outputs = {name: _channels(name, kind.outputs) for name, kind in wiring.kinds.items()}
+
+    def join(self) -> Interconnected:
+        for loop in self._feedthrough_order():
+            if len(loop) == 1 and not self._feeds_itself(loop[0]):
+                self.rows[loop[0]] = self._output_row(loop[0])
+            else:
+                self._solve_loop(loop)
+        rows: list[Row] = []
+        for name in self.wiring.kinds:
+            a, b, _, _ = self.matrices[name]
+            driven = [self._input_row(channel) for channel in self.inputs[name]] if a else []
+            first = self.first_state[name]
+            for a_row, b_row in zip(a, b, strict=True):
+                row = {first + index: value for index, value in enumerate(a_row) if not is_zero(value)}
+                for gain, source in zip(b_row, driven, strict=True):
+                    _accumulate(row, gain, source)
+                rows.append(row)
+        for name, axis in self.delayed:
+            rows.append(self._input_row(self.inputs[name][axis]))
+        rows += [self._input_row((TERMINAL_CURRENT, axis)) for axis in (0, 1)]
+        return Interconnected(tuple(rows), tuple(self.states), tuple(self.delayed))
+
+    def _sources(self, channel: Channel) -> list[Channel]:
+        return [(source, channel[1]) for source in self.wiring.sources[channel[0]]]
+
+    def _input_row(self, channel: Channel) -> Row:
+        row: Row = {}
+        for source in self._sources(channel):
+            _accumulate(row, 1.0, self.rows[source])
+        return row
+
+    def _direct(self, channel: Channel) -> list[tuple[Any, Channel]]:
+        """The direct terms of an output channel: (gain, input channel)."""
+        name, _ = split_port(channel[0])
+        gains = self.matrices[name][3][self.outputs[name].index(channel)]
+        return [(gain, source) for gain, source in zip(gains, self.inputs[name], strict=True) if not is_zero(gain)]
+
+    def _output_row(self, channel: Channel, without: frozenset[Channel] = frozenset()) -> Row:
+        name, _ = split_port(channel[0])
+        c_row = self.matrices[name][2][self.outputs[name].index(channel)]
+        first = self.first_state[name]
+        row = {first + index: value for index, value in enumerate(c_row) if not is_zero(value)}
+        for gain, target in self._direct(channel):
+            for source in self._sources(target):
+                if source not in without:
+                    _accumulate(row, gain, self.rows[source])
+        return row
+
+    def _feeds_itself(self, channel: Channel) -> bool:
+        return any(channel in self._sources(target) for _, target in self._direct(channel))
+
+    def _feedthrough_order(self) -> list[list[Channel]]:
+        graph: dict[Channel, list[Channel]] = {}
+        for name in self.wiring.kinds:
+            for channel in self.outputs[name]:
+                if channel not in self.rows:
+                    graph[channel] = [one for _, target in self._direct(channel) for one in self._sources(target)]
+        known = set(self.rows)
+        order: list[list[Channel]] = []
+        pending = dict(graph)
+        while pending:  # plain levels first: loops are rare
+            ready = [channel for channel, needs in pending.items() if known.issuperset(needs)]
+            if not ready:
+                break
+            known.update(ready)
+            order += [[channel] for channel in ready]
+            for channel in ready:
+                del pending[channel]
+        if pending:
+            directed = nx.DiGraph()
+            directed.add_nodes_from(pending)
+            directed.add_edges_from((need, one) for one, needs in pending.items() for need in needs if need in pending)
+            condensed = nx.condensation(directed)
+            order += [
+                sorted(condensed.nodes[node]["members"], key=list(pending).index)
+                for node in nx.topological_sort(condensed)
+            ]
+        return order
+
+    def _solve_loop(self, loop: Sequence[Channel]) -> None:
+        """y = F y + g on the channels of a loop of direct terms: y = (I - F)^-1 g."""
+        inside = frozenset(loop)
+        size = len(loop)
+        matrix: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
+        for i, channel in enumerate(loop):
+            for gain, target in self._direct(channel):
+                for source in self._sources(target):
+                    if source in inside:
+                        matrix[i][loop.index(source)] = matrix[i][loop.index(source)] - gain
+        known = [self._output_row(channel, inside) for channel in loop]
+        inverse = _inverse(matrix, lambda: self._loop_names(loop))
+        for i, channel in enumerate(loop):
+            row: Row = {}
+            for j in range(size):
+                if not is_zero(inverse[i][j]):
+                    _accumulate(row, inverse[i][j], known[j])
+            self.rows[channel] = row
+
+    def _loop_names(self, loop: Sequence[Channel]) -> str:
+        return " -> ".join(dict.fromkeys(split_port(port)[0] for port, _ in loop))
+
+
+def state_names(kind: ModuleKind, number: int) -> list[str]:
+    """Names of a kind's states; those of a Pade form are numbered per axis."""
+    if kind.delay is None:
+        return list(kind.states)
+    return [f"pade{index}_{axis}" for axis in "dq" for index in range(1, number // 2 + 1)]
+
+
+def _channels(name: str, ports: Mapping[str, Any]) -> list[Channel]:
+    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
+
+
+def _accumulate(row: Row, gain: Any, source: Row) -> None:
+    if is_zero(gain):
+        return
+    unit = not isinstance(gain, ca.SX) and gain == 1
+    for column, value in source.items():
+        term = value if unit else gain * value
+        row[column] = row[column] + term if column in row else term
+
+
+def _inverse(matrix: list[list[Any]], loop_names: Callable[[], str]) -> list[list[Any]]:
+    size = len(matrix)
+    if any(isinstance(entry, ca.SX) for row in matrix for entry in row):
+        symbolic = ca.vertcat(*[ca.horzcat(*row) for row in matrix])
+        inverse = ca.solve(ca.sparsify(symbolic), ca.SX.eye(size))
+        return [[inverse[i, j] for j in range(size)] for i in range(size)]
+    numeric = np.array(matrix, dtype=float)
+    if np.linalg.cond(numeric) > 1e12:
+        raise DiagramError(
+            f"the loop of direct terms through {loop_names()} is singular (its gain is 1); put a filter or a delay in it"
+        )
+    return np.linalg.inv(numeric).tolist()

@@ -1,0 +1,50 @@
+"""Matrices of every module of a diagram at parameter values and an operating point, numbers or symbols."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ibrid.assembly.equilibrium import equilibria, matrices_of, paper_equilibria
+from ibrid.modules.delay import pade_state_space
+from ibrid.modules.kind import Matrices
+from ibrid.structure.parameters import ParameterTable, kind_parameters
+from ibrid.structure.wiring import Wiring
+
+
+def module_matrices(
+    wiring: Wiring,
+    table: ParameterTable,
+    values: Mapping[str, Any],
+    point: tuple[Any, Any, Any],
+    *,
+    equilibrium: str,
+    power_node: str,
+    omega_0: float,
+    pade_orders: Mapping[str, int] | None = None,
+) -> dict[str, Matrices]:
+    """instance -> (A, B, C, D).
+
+    Parameters
+    ----------
+    values : free name -> value. point : (p, q, v) per unit, unused under `equilibrium="paper"`.
+    pade_orders : instance -> order of the Pade form of each delay; without it a delay passes its input through.
+    """
+    parameters = {
+        name: {parameter: _value(table.of(name, parameter), values) for parameter in kind_parameters(kind, equilibrium)}
+        for name, kind in wiring.kinds.items()
+    }
+    if equilibrium == "paper":
+        at = paper_equilibria(wiring, parameters)
+    else:
+        frame, ports = equilibria(wiring, parameters, point, power_node, omega_0)
+        at = {name: (frame, ports[name]) for name in wiring.kinds}
+    found = {}
+    for name, kind in wiring.kinds.items():
+        if kind.delay is not None and pade_orders is not None:
+            found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
+        else:
+            found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
+    return found
+
+
+def _value(bound: str | float, values: Mapping[str, Any]) -> Any:
+    return values[bound] if isinstance(bound, str) else bound

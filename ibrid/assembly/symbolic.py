@@ -1,0 +1,123 @@
+"""The CasADi path: matrices of a diagram as functions of its parameters and the operating point.
+
+One generalised system per operating point: Phi(omega) x = M_xx x + M_xv v, i = M_yx x + M_yv v, where Phi is j omega for a
+state and exp(j omega T) for a delayed signal. So an exact delay is one more row, and every structure has one form.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ibrid.assembly.interconnection import interconnect_rows
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.structure.parameters import Parameter, ParameterTable, parameter_table
+from ibrid.structure.wiring import Wiring
+
+
+@dataclass(frozen=True)
+class SymbolicModel:
+    """Non-zero entries of M and their derivatives, with the patterns that place them.
+
+    `entries` : Function (theta (P,), point (3,)) -> (values (nz,), derivatives (nd,)).
+    `values_only` : Function (theta, point) -> values (nz,).
+    `rows`, `columns` : (nz,) places in the (size + 2) x (size + 2) matrix M = [[M_xx, M_xv], [M_yx, M_yv]].
+    `derivative_entry`, `derivative_parameter` : (nd,) which entry by which parameter.
+    `delay_parameter` : (size,) index of the free delay of a row, -1 for a state, -2 for a fixed delay.
+    `delay_fixed` : (size,) seconds of fixed delays.
+    """
+
+    parameters: tuple[Parameter, ...]
+    states: tuple[str, ...]
+    size: int
+    rows: np.ndarray
+    columns: np.ndarray
+    derivative_entry: np.ndarray
+    derivative_parameter: np.ndarray
+    delay_parameter: np.ndarray
+    delay_fixed: np.ndarray
+    entries: ca.Function
+    values_only: ca.Function
+
+
+def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0: float) -> SymbolicModel:
+    """Build the matrices of a legal diagram as CasADi functions of its free parameters, with exact delays.
+
+    Raises DiagramError where the operating point of a module does not follow from the plant.
+    """
+    table = parameter_table(wiring, equilibrium)
+    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
+    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
+    matrices = module_matrices(
+        wiring,
+        table,
+        symbols,
+        (point[0], point[1], point[2]),
+        equilibrium=equilibrium,
+        power_node=power_node,
+        omega_0=omega_0,
+    )
+    joined = interconnect_rows(wiring, matrices, exact_delays=True)
+    places = [(i, j, value) for i, row in enumerate(joined.rows) for j, value in sorted(row.items())]
+    values = ca.vertcat(*[value for _, _, value in places]) if places else ca.SX(0, 1)
+    values = ca.densify(ca.SX(values))
+    jacobian = ca.jacobian(values, theta)
+    entry, parameter = jacobian.sparsity().get_triplet()
+    delay_parameter, delay_fixed = _delays(wiring, table, joined.delayed, len(joined.states))
+    return SymbolicModel(
+        parameters=table.free,
+        states=joined.states,
+        size=joined.size,
+        rows=np.array([i for i, _, _ in places], dtype=np.int64),
+        columns=np.array([j for _, j, _ in places], dtype=np.int64),
+        derivative_entry=np.array(entry, dtype=np.int64),
+        derivative_parameter=np.array(parameter, dtype=np.int64),
+        delay_parameter=delay_parameter,
+        delay_fixed=delay_fixed,
+        entries=ca.Function("entries", [theta, point], [values, _non_zeros(jacobian)]),
+        values_only=ca.Function("values", [theta, point], [values]),
+    )
+
+
+def symbolic_matrices(
+    wiring: Wiring, pade_orders: dict[str, int], *, equilibrium: str, power_node: str, omega_0: float
+) -> ca.Function:
+    """(theta, point) -> (A, B, C, D), dense, with Pade forms of the delays; states as in `numeric.closed_loop`."""
+    table = parameter_table(wiring, equilibrium)
+    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
+    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
+    matrices = module_matrices(
+        wiring,
+        table,
+        symbols,
+        (point[0], point[1], point[2]),
+        equilibrium=equilibrium,
+        power_node=power_node,
+        omega_0=omega_0,
+        pade_orders=pade_orders,
+    )
+    joined = interconnect_rows(wiring, matrices, exact_delays=False)
+    whole = ca.SX(joined.size + 2, joined.size + 2)
+    for i, row in enumerate(joined.rows):
+        for j, value in row.items():
+            whole[i, j] = value
+    n = joined.size
+    return ca.Function("matrices", [theta, point], [whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]])
+
+
+def _non_zeros(matrix: ca.SX) -> ca.SX:
+    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+
+
+def _delays(
+    wiring: Wiring, table: ParameterTable, delayed: tuple[tuple[str, int], ...], states: int
+) -> tuple[np.ndarray, np.ndarray]:
+    parameter = np.full(states + len(delayed), -1, dtype=np.int64)
+    fixed = np.zeros(states + len(delayed))
+    for index, (name, _) in enumerate(delayed, start=states):
+        bound = table.of(name, str(wiring.kinds[name].delay))
+        if isinstance(bound, str):
+            parameter[index] = table.names.index(bound)
+        else:
+            parameter[index], fixed[index] = -2, bound
+    return parameter, fixed

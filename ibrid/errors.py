@@ -1,0 +1,39 @@
+"""What goes wrong, as sentences: every error names what must hold, what was found and the next step."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class IbridError(Exception):
+    """A wrong input. The message is one sentence for the user; the command line prints it and exits with status 2."""
+
+
+class ProgramError(IbridError):
+    """Program text that cannot be read."""
+
+
+class DiagramError(IbridError):
+    """A diagram that the grammar refuses, or a use of it that has no meaning."""
+
+
+class ModuleError(IbridError):
+    """A module kind whose declaration contradicts itself."""
+
+
+class SweepError(IbridError):
+    """Measured data that cannot be read or used."""
+
+
+class OperatingPointError(IbridError):
+    """An operating point that does not exist or was not given."""
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """A clause that names the known names close to `name`, or all of them when there are few."""
+    names = sorted(set(known))
+    close = get_close_matches(name, names, n=3, cutoff=0.5)
+    if close:
+        return f"did you mean {' or '.join(close)}?"
+    if len(names) <= 12:
+        return f"known are: {', '.join(names)}" if names else "there is none"
+    return f"there are {len(names)}, for instance {', '.join(names[:5])}"

@@ -1,0 +1,71 @@
+"""Where the error lies: by operating point, frequency band and entry of the admittance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit.objective import BAND_NAMES, band_index
+from ibrid.measurement.sweep import PointSweep
+
+ENTRIES = ("dd", "dq", "qd", "qq")
+
+
+@dataclass(frozen=True)
+class ErrorParts:
+    """NRMSE per operating point; per band and per entry, relative to the measured norm of the same part and averaged
+    over operating points, None when empty; the share of the squared error per band; and the whole table
+    [point][band][entry]."""
+
+    by_op: dict[str, float]
+    by_band: dict[str, float | None]
+    by_entry: dict[str, float | None]
+    share_by_band: dict[str, float | None]
+    table: dict[str, dict[str, dict[str, float | None]]]
+
+
+def nrmse(model: np.ndarray, point: PointSweep) -> float:
+    """Equation (10) of the paper at one operating point; model (K, 2, 2)."""
+    return float(np.linalg.norm(model - point.admittance) / np.linalg.norm(point.admittance))
+
+
+def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> ErrorParts:
+    """Resolve the error of responses (K, 2, 2), one per measured operating point."""
+    by_band: dict[str, list[float]] = {name: [] for name in BAND_NAMES}
+    by_entry: dict[str, list[float]] = {name: [] for name in ENTRIES}
+    shares: dict[str, list[float]] = {name: [] for name in BAND_NAMES}
+    table: dict[str, dict[str, dict[str, float | None]]] = {}
+    for response, point in zip(responses, points, strict=True):
+        squared = np.abs(response - point.admittance) ** 2
+        norm = np.abs(point.admittance) ** 2
+        bands = band_index(point.frequency)
+        total = squared.sum()
+        table[point.op.name] = {}
+        for index, name in enumerate(BAND_NAMES):
+            here = bands == index
+            if here.any():
+                by_band[name].append(_ratio(squared[here].sum(), norm[here].sum()))
+                shares[name].append(float(squared[here].sum() / total) if total > 0 else 0.0)
+            table[point.op.name][name] = {
+                entry: _ratio(squared[here, i, j].sum(), norm[here, i, j].sum()) if here.any() else None
+                for entry, (i, j) in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True)
+            }
+        for entry, (i, j) in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True):
+            by_entry[entry].append(_ratio(squared[:, i, j].sum(), norm[:, i, j].sum()))
+    return ErrorParts(
+        by_op={point.op.name: nrmse(response, point) for response, point in zip(responses, points, strict=True)},
+        by_band={name: _mean(values) for name, values in by_band.items()},
+        by_entry={name: _mean(values) for name, values in by_entry.items()},
+        share_by_band={name: _mean(values) for name, values in shares.items()},
+        table=table,
+    )
+
+
+def _ratio(squared: float, norm: float) -> float:
+    """Relative error of a part; of a part that is measured as zero, the error is 0 or 1."""
+    if norm > 0:
+        return float(np.sqrt(squared / norm))
+    return 0.0 if squared == 0 else 1.0
+
+
+def _mean(values: list[float]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -1,0 +1,213 @@
+"""The record of an evaluation: what was fitted, how well, how sure, and enough to rebuild everything. Plain data."""
+
+import dataclasses
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.symbolic import symbolic_model
+from ibrid.errors import IbridError, OperatingPointError, near
+from ibrid.evaluation.outcome import Outcome
+from ibrid.fit.kernel import respond
+from ibrid.modules.delay import pade_order
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.program import parse_program
+from ibrid.structure.wiring import Wiring, wire
+
+if TYPE_CHECKING:
+    import control
+
+SCHEMA = "ibrid.record/1"
+
+
+@dataclass(frozen=True)
+class Record:
+    """Answer of `evaluate`; the JSON of `to_json` has these fields and `schema`.
+
+    `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
+    `intervals` : the same names -> 95 % interval, or None where the data leave the value open.
+    `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
+    `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
+    points, f0 and power node that are needed to rebuild the model.
+    """
+
+    outcome: str
+    reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    nrmse: float | None = None
+    reward: float = 0.0
+    nrmse_by_op: Mapping[str, float] = field(default_factory=dict)
+    nrmse_by_band: Mapping[str, float | None] = field(default_factory=dict)
+    nrmse_by_entry: Mapping[str, float | None] = field(default_factory=dict)
+    share_by_band: Mapping[str, float | None] = field(default_factory=dict)
+    nrmse_by_part: Mapping[str, Mapping[str, Mapping[str, float | None]]] = field(default_factory=dict)
+    holdout: Mapping[str, float] = field(default_factory=dict)
+    modules: int = 0
+    sums: int = 0
+    order: int = 0
+    residual_modules: int = 0
+    free_parameters: int = 0
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    intervals: Mapping[str, Mapping[str, Sequence[float] | None]] = field(default_factory=dict)
+    boxes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    at_bound: tuple[str, ...] = ()
+    stable: Mapping[str, bool] = field(default_factory=dict)
+    poles: Mapping[str, Sequence[Sequence[float]]] = field(default_factory=dict)
+    identifiability: tuple[str, ...] = ()
+    twins: tuple[Mapping[str, float], ...] = ()
+    starts: Mapping[str, Any] = field(default_factory=dict)
+    covariance: Mapping[str, Any] = field(default_factory=dict)
+    program: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = 0.0
+    vocabulary: tuple[ModuleKind, ...] = field(default=VOCABULARY, compare=False, repr=False)
+
+    @property
+    def diagram(self) -> Diagram:
+        """The block diagram."""
+        return parse_program(self.program, "the record's program")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data in the order of the fields, with the schema first."""
+        plain = {
+            one.name: _plain(getattr(self, one.name)) for one in dataclasses.fields(self) if one.name != "vocabulary"
+        }
+        return {"schema": SCHEMA, **plain}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> "Record":
+        """Rebuild a record; IbridError when `data` is not one."""
+        if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
+            found = data.get("schema") if isinstance(data, Mapping) else type(data).__name__
+            raise IbridError(f"a record has the schema {SCHEMA!r}, found {found!r}; make one with ibrid evaluate --json")
+        names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
+        values = {name: value for name, value in data.items() if name in names}
+        if "outcome" not in values or "program" not in values:
+            raise IbridError("the record has no outcome or no program; make it again with ibrid evaluate --json")
+        for name in ("reasons", "warnings", "at_bound", "identifiability", "twins"):
+            values[name] = tuple(values.get(name, ()))
+        return cls(**values, vocabulary=choose_vocabulary(vocabulary))
+
+    def write(self, path: str | Path) -> None:
+        """Write the JSON, replacing the file atomically."""
+        path = Path(path)
+        text = json.dumps(self.to_json(), indent=1, allow_nan=False)
+        try:
+            handle, temporary = tempfile.mkstemp(dir=path.parent or ".", prefix=f".{path.name}.")
+            try:
+                with os.fdopen(handle, "w", encoding="utf-8") as file:
+                    file.write(text + "\n")
+                os.replace(temporary, path)
+            except BaseException:
+                os.unlink(temporary)
+                raise
+        except OSError as error:
+            raise IbridError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+
+    def state_space(self, op: str) -> "control.StateSpace":
+        """The full (A, B, C, D) at an operating point by python-control; states "instance.state".
+
+        Raises OperatingPointError for a point that is not the record's, IbridError for a record without a fit.
+        """
+        from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
+
+        matrices = self._matrices(op, exact_delays=False)
+        return closed_loop(self._wiring, matrices, name="inverter")
+
+    def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
+        """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
+        self._require(op)
+        model = symbolic_model(self._wiring, **self._physics)
+        theta = np.array([self.parameters[op][one.name] for one in model.parameters])
+        point = self.settings["operating_points"][op]
+        values = np.array(model.values_only(theta, [point["p"], point["q"], point["v"]])).ravel()
+        delays = np.full(model.size, -1.0)
+        delays[model.delay_parameter == -2] = model.delay_fixed[model.delay_parameter == -2]
+        free = model.delay_parameter >= 0
+        delays[free] = theta[model.delay_parameter[free]]
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        return respond(values, model.rows, model.columns, delays, omega, model.size)
+
+    @property
+    def _wiring(self) -> Wiring:
+        return wire(self.diagram, self.vocabulary)
+
+    @property
+    def _physics(self) -> dict[str, Any]:
+        return {
+            "equilibrium": self.settings["equilibrium"],
+            "power_node": self.settings["power_node"],
+            "omega_0": 2 * np.pi * self.settings["f0_hz"],
+        }
+
+    def _require(self, op: str) -> None:
+        if self.outcome != Outcome.OK:
+            raise IbridError(f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); evaluate again")
+        if op not in self.parameters:
+            raise OperatingPointError(f"the record has no operating point {op!r}; {near(op, self.parameters)}")
+
+    def _matrices(self, op: str, exact_delays: bool) -> dict[str, Any]:
+        self._require(op)
+        wiring = self._wiring
+        point = self.settings["operating_points"][op]
+        orders = None if exact_delays else self.settings["pade_orders"]
+        return module_matrices(
+            wiring,
+            parameter_table(wiring, self.settings["equilibrium"]),
+            self.parameters[op],
+            (point["p"], point["q"], point["v"]),
+            pade_orders=orders,
+            **self._physics,
+        )
+
+
+def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:
+    """Order of the Pade form of each delay that serves every operating point up to `highest` (Hz)."""
+    orders = {}
+    for name, kind in wiring.kinds.items():
+        if kind.delay is not None:
+            bound = table.of(name, kind.delay)
+            delays = [one[bound] if isinstance(bound, str) else bound for one in values]
+            orders[name] = pade_order(max(delays), highest)
+    return orders
+
+
+def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
+    """Read a record's JSON; IbridError, one sentence, for anything else."""
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of a record") from None
+    except (ValueError, RecursionError):
+        raise IbridError(f"{path}: is not JSON; a record is made with ibrid evaluate --json") from None
+    try:
+        return Record.from_json(data, vocabulary)
+    except IbridError as error:
+        raise IbridError(f"{path}: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.floating | float):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, np.bool_ | bool):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    return value

@@ -1,0 +1,1 @@
+"""Fitting bounded parameters: problem, seeds, compiled Gauss-Newton, Ipopt, identifiability."""

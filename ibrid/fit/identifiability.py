@@ -1,0 +1,150 @@
+"""What the data can and cannot see: intervals of the parameters and the directions along which nothing changes.
+
+The Jacobian of the whitened residual in logarithms of the parameters is decomposed; singular values at rounding level are
+null directions, and the covariance is that of the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit.problem import Problem
+from ibrid.measurement.sweep import PointSweep
+
+#: Singular values below this part of the largest are taken as zero.
+RANK_TOLERANCE = 1e-9
+#: Smallest relative error that is believed of any model (linearisation and rounding).
+MODEL_FLOOR = 1e-9
+#: Two-sided 95 % of a normal distribution.
+QUANTILE = 1.959963984540054
+#: A 95 % interval wider than this factor, both ways, is called barely visible.
+BARELY_VISIBLE = 10.0
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """Answer of `visibility`.
+
+    `noise` : where the assumed noise comes from, in words. `intervals` : free number -> (low, high), 95 %, or None when a
+    null direction moves it. `standard_errors` : free number -> relative (logarithmic) one, None likewise.
+    `null_directions` : relative changes per free number that leave every response unchanged.
+    `covariance` : (P, P) of x, without the null directions.
+    """
+
+    noise: str
+    intervals: dict[str, tuple[float, float] | None]
+    standard_errors: dict[str, float | None]
+    null_directions: tuple[dict[str, float], ...]
+    covariance: np.ndarray
+    sentences: tuple[str, ...]
+
+
+def visibility(problem: Problem, x: np.ndarray, labels: list[str]) -> Visibility:
+    """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in the sentences."""
+    size = problem.size
+    deviations, source = _noise(problem, x)
+    rows = []
+    for slope, deviation in zip(problem.jacobians(x), deviations, strict=True):
+        white = slope / deviation[..., None]
+        rows += [white.real.reshape(-1, size), white.imag.reshape(-1, size)]
+    jacobian = np.concatenate(rows) if size else np.zeros((1, 0))
+    if not size or not np.isfinite(jacobian).all():
+        return Visibility(source, {}, {}, (), np.zeros((size, size)), ())
+    scale = np.linalg.norm(jacobian, axis=0)
+    blind = scale <= RANK_TOLERANCE * scale.max()
+    unit = np.where(blind, 1.0, scale)
+    _, values, right = np.linalg.svd(jacobian / unit, full_matrices=True)
+    values = np.concatenate([values, np.zeros(size - len(values))])
+    null = values <= RANK_TOLERANCE * values[0]
+    inverse = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
+    root = (right.T * inverse) / unit[:, None]
+    covariance = root @ root.T
+    directions = (right[null] / unit).T  # columns in x
+    moved = np.zeros(size, dtype=bool)
+    if directions.size:
+        moved = np.abs(directions / np.abs(directions).max(axis=0)).max(axis=1) > 1e-4
+    theta = problem.coordinates.to_theta(x)
+    relative = problem.coordinates.slope(theta) / np.where(theta == 0, 1.0, theta)
+    intervals: dict[str, tuple[float, float] | None] = {}
+    errors: dict[str, float | None] = {}
+    for index, label in enumerate(labels):
+        deviation = float(np.sqrt(covariance[index, index]))
+        if moved[index]:
+            intervals[label], errors[label] = None, None
+            continue
+        ends = problem.coordinates.to_theta(
+            np.stack([x, x]) + np.outer([-1.0, 1.0], np.eye(size)[index] * min(QUANTILE * deviation, 50.0))
+        )[:, index]
+        intervals[label] = (float(ends.min()), float(ends.max()))
+        errors[label] = deviation * abs(float(relative[index]))
+    named = tuple(_named(direction * relative, labels) for direction in _sparse_basis(directions).T)
+    sentences = [_sentence(direction) for direction in named]
+    wide = [label for label, error in errors.items() if error is not None and QUANTILE * error > np.log(BARELY_VISIBLE)]
+    if wide:
+        sentences.append(f"{_listed(wide)}: the data barely see {'it' if len(wide) == 1 else 'them'}; the 95 % interval "
+                         f"spans more than a factor {BARELY_VISIBLE:g} each way")  # fmt: skip
+    return Visibility(source, intervals, errors, named, covariance, tuple(sentences))
+
+
+def _noise(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
+    """Standard deviation of each real number, and where it comes from."""
+    if all(point.sigma is not None for point in problem.points):
+        floors = [MODEL_FLOOR * _frobenius(point)[:, None, None] for point in problem.points]
+        deviations = [np.hypot(point.sigma, floor) for point, floor in zip(problem.points, floors, strict=True)]
+        return deviations, "the sigma of the data"
+    misfit, count = 0.0, 0
+    for response, point in zip(problem.responses(x), problem.points, strict=True):
+        misfit += float((np.abs((response - point.admittance) / _frobenius(point)[:, None, None]) ** 2).sum())
+        count += 8 * len(point.frequency)
+    level = np.sqrt(misfit / max(count - problem.size, 1))
+    level = float(max(level, MODEL_FLOOR))
+    return (
+        [np.broadcast_to(level * _frobenius(point)[:, None, None], point.admittance.shape) for point in problem.points],
+        f"the misfit itself ({level:.1e} of |Y| in each real number)",
+    )
+
+
+def _frobenius(point: PointSweep) -> np.ndarray:
+    return np.linalg.norm(point.admittance, axis=(1, 2))
+
+
+def _sparse_basis(directions: np.ndarray) -> np.ndarray:
+    """The same null space, with as few parameters per direction as elimination gives."""
+    basis = directions.copy()
+    used: list[int] = []
+    for column in range(basis.shape[1]):
+        free = [row for row in range(len(basis)) if row not in used]
+        row = max(free, key=lambda one: abs(basis[one, column]))
+        used.append(row)
+        basis[:, column] /= basis[row, column]
+        for other in range(basis.shape[1]):
+            if other != column:
+                basis[:, other] -= basis[row, other] * basis[:, column]
+    return basis
+
+
+def _named(direction: np.ndarray, labels: list[str]) -> dict[str, float]:
+    largest = np.abs(direction).max()
+    return {
+        label: float(value / largest)
+        for label, value in zip(labels, direction, strict=True)
+        if abs(value) > 1e-4 * largest
+    }
+
+
+def _sentence(direction: dict[str, float]) -> str:
+    names, values = list(direction), np.array(list(direction.values()))
+    if len(names) == 1:
+        return f"{names[0]} has no effect on the response; its value is arbitrary"
+    if np.allclose(values, values[0], rtol=1e-3):
+        return f"{_listed(names)} scale together; only their ratios are visible"
+    if np.allclose(np.abs(values), abs(values[0]), rtol=1e-3):
+        up = [name for name, value in direction.items() if value > 0]
+        down = [name for name, value in direction.items() if value < 0]
+        return f"{_listed(up)} against {_listed(down)}: only their products are visible"
+    parts = [f"{name} by {100 * value:+.3g} %" for name, value in direction.items()]
+    return f"changing {_listed(parts)} together changes no response; only what stays the same is visible"
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

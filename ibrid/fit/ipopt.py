@@ -1,0 +1,172 @@
+"""The solver of record: Ipopt, through CasADi, on the compiled objective with exact gradient and Gauss-Newton Hessian."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ibrid.fit.problem import Problem
+
+#: The root is smoothed below this relative error, so that an exact fit ends without line searches in rounding errors.
+_ROUNDING = 1e-7
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Ipopt's answer: x (P,), the squared errors (M,), its status, the number of iterations."""
+
+    x: np.ndarray
+    costs: np.ndarray
+    status: str
+    iterations: int
+
+
+def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, seconds: float) -> Optimum:
+    """Minimise the mean over operating points of the root of the squared error, from x, inside the boxes."""
+    coordinates, size = problem.coordinates, problem.size
+    start = np.clip(x, coordinates.x_low, coordinates.x_high)
+    memory = _Memory(problem, objective, start)
+    if not size or not np.isfinite(memory.scale):
+        return Optimum(start, memory.costs(start), "nothing to optimise", 0)
+    symbol = ca.MX.sym("x", size)  # type: ignore[arg-type]
+    callbacks = [_Value(memory, size), _Gradient(memory, size), _Hessian(memory, size)]
+    solver = ca.nlpsol(
+        "fit",
+        "ipopt",
+        {"x": symbol, "f": callbacks[0](symbol)},
+        {
+            "grad_f": callbacks[1],
+            "hess_lag": callbacks[2],
+            "no_nlp_grad": True,
+            "calc_lam_p": False,
+            "print_time": False,
+            "show_eval_warnings": False,
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "ipopt.max_iter": iterations,
+            "ipopt.max_wall_time": max(seconds, 1e-3),
+            "ipopt.tol": 1e-9,
+            "ipopt.acceptable_tol": 1e10,  # so that a step without gain ends the solve
+            "ipopt.acceptable_obj_change_tol": 1e-7,
+            "ipopt.acceptable_iter": 2,
+            "ipopt.tiny_step_tol": 1e-8,  # of a logarithm: such a step is taken without a line search
+            "ipopt.mu_init": 1e-9,
+            "ipopt.bound_push": 1e-9,
+            "ipopt.bound_frac": 1e-9,
+            "ipopt.bound_relax_factor": 0.0,
+        },
+    )
+    answer = solver(x0=start, lbx=coordinates.x_low, ubx=coordinates.x_high)
+    statistics = solver.stats()
+    found = np.clip(np.asarray(answer["x"]).ravel(), coordinates.x_low, coordinates.x_high)
+    if not memory.value(found) <= memory.value(start):
+        found = start
+    return Optimum(found, memory.costs(found), str(statistics["return_status"]), int(statistics["iter_count"]))
+
+
+class _Memory:
+    """One evaluation serves value, gradient and Hessian; the objective is scaled to 1 at the start."""
+
+    def __init__(self, problem: Problem, objective: str, start: np.ndarray) -> None:
+        self.problem, self.objective = problem, objective
+        self._key = b""
+        self._result: tuple[float, np.ndarray, np.ndarray] = (np.inf, np.zeros(0), np.zeros(0))
+        self._costs = np.zeros(0)
+        self.scale = 1.0
+        self.scale = max(self.value(start), _ROUNDING)
+
+    def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        if (key := x.tobytes()) != self._key:
+            cost, gradient, hessian = self.problem.normal_equations(x[None], self.objective)
+            root = np.sqrt(cost[0] + _ROUNDING**2)
+            factor = 1.0 / (root * len(root) * self.scale)
+            value = float(root.mean() / self.scale)
+            total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(self.problem.size)
+            curvature = (
+                np.einsum("m,mpq->pq", factor, hessian[0])
+                if np.isfinite(value)
+                else np.eye(self.problem.size)
+            )
+            self._key, self._costs, self._result = key, cost[0], (value, total, curvature)
+        return self._result
+
+    def value(self, x: np.ndarray) -> float:
+        return self._evaluate(x)[0]
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        return self._evaluate(x)[1]
+
+    def hessian(self, x: np.ndarray) -> np.ndarray:
+        return self._evaluate(x)[2]
+
+    def costs(self, x: np.ndarray) -> np.ndarray:
+        self._evaluate(x)
+        return self._costs
+
+
+class _Callback(ca.Callback):
+    inputs: tuple[str, ...] = ("x",)
+    output = "f"
+
+    def __init__(self, memory: _Memory, size: int) -> None:
+        ca.Callback.__init__(self)
+        self.memory, self.size = memory, size
+        self.construct(self.output, {})
+
+    def get_n_in(self) -> int:
+        return len(self.inputs)
+
+    def get_n_out(self) -> int:
+        return len(self.outputs)
+
+    def get_name_in(self, index: int) -> str:
+        return self.inputs[index]
+
+    def get_name_out(self, index: int) -> str:
+        return self.outputs[index]
+
+    outputs: tuple[str, ...] = ("f",)
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        name = self.inputs[index]
+        if name == "x":
+            return ca.Sparsity.dense(self.size, 1)
+        return ca.Sparsity.dense(1, 1) if name == "lam_f" else ca.Sparsity(0, 0)
+
+    @staticmethod
+    def vector(argument: ca.DM) -> np.ndarray:
+        return np.asarray(argument, dtype=float).ravel()
+
+
+class _Value(_Callback):
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(1, 1)
+
+    def eval(self, arguments):
+        return [self.memory.value(self.vector(arguments[0]))]
+
+
+class _Gradient(_Callback):
+    inputs = ("x", "p")
+    outputs = ("f", "grad_f_x")
+    output = "grad_f"
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(1, 1) if index == 0 else ca.Sparsity.dense(self.size, 1)
+
+    def eval(self, arguments):
+        x = self.vector(arguments[0])
+        return [self.memory.value(x), ca.DM(self.memory.gradient(x))]
+
+
+class _Hessian(_Callback):
+    inputs = ("x", "p", "lam_f", "lam_g")
+    outputs = ("hess",)
+    output = "hess_lag"
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return ca.Sparsity.upper(self.size)
+
+    def eval(self, arguments):
+        hessian = self.memory.hessian(self.vector(arguments[0])) * float(arguments[2])
+        return [ca.project(ca.DM(hessian), ca.Sparsity.upper(self.size))]

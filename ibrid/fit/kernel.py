@@ -1,0 +1,267 @@
+"""Compiled loops: admittance, its derivatives and the normal equations of a batch of parameter vectors.
+
+At each frequency K = Phi - M_xx is factorised once; R = K^-1 M_xv and L = M_yx K^-1 give both
+Y = M_yv + M_yx R and dY = [L I] dM [R; I], so a derivative costs one outer product.
+"""
+
+import numpy as np
+from numba import njit
+
+_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}, "nogil": True}
+
+
+@njit(**_OPTIONS)
+def _factorise(k, pivots, size):
+    """LU with partial pivoting in place; False when singular."""
+    for column in range(size):
+        best, pivot = 0.0, column
+        for row in range(column, size):
+            value = k[row, column]
+            magnitude = abs(value.real) + abs(value.imag)
+            if magnitude > best:
+                best, pivot = magnitude, row
+        if not best > 0.0:
+            return False
+        pivots[column] = pivot
+        if pivot != column:
+            for j in range(size):
+                k[column, j], k[pivot, j] = k[pivot, j], k[column, j]
+        inverse = 1.0 / k[column, column]
+        k[column, column] = inverse
+        for row in range(column + 1, size):
+            if k[row, column] != 0.0:
+                factor = k[row, column] * inverse
+                k[row, column] = factor
+                for j in range(column + 1, size):
+                    k[row, j] -= factor * k[column, j]
+    return True
+
+
+@njit(**_OPTIONS)
+def _solve_right(k, pivots, size, right):
+    """right (size, 2) <- K^-1 right."""
+    for i in range(size):
+        pivot = pivots[i]
+        if pivot != i:
+            for c in range(2):
+                right[i, c], right[pivot, c] = right[pivot, c], right[i, c]
+    for i in range(size):
+        for row in range(i + 1, size):
+            factor = k[row, i]
+            if factor != 0.0:
+                right[row, 0] -= factor * right[i, 0]
+                right[row, 1] -= factor * right[i, 1]
+    for i in range(size - 1, -1, -1):
+        right[i, 0] *= k[i, i]
+        right[i, 1] *= k[i, i]
+        for row in range(i):
+            factor = k[row, i]
+            if factor != 0.0:
+                right[row, 0] -= factor * right[i, 0]
+                right[row, 1] -= factor * right[i, 1]
+
+
+@njit(**_OPTIONS)
+def _solve_left(k, pivots, size, left):
+    """left (2, size) <- left K^-1, from the factors of K."""
+    for i in range(size):
+        left[0, i] *= k[i, i]
+        left[1, i] *= k[i, i]
+        for j in range(i + 1, size):
+            factor = k[i, j]
+            if factor != 0.0:
+                left[0, j] -= left[0, i] * factor
+                left[1, j] -= left[1, i] * factor
+    for i in range(size - 1, -1, -1):
+        for row in range(i + 1, size):
+            factor = k[row, i]
+            if factor != 0.0:
+                left[0, i] -= left[0, row] * factor
+                left[1, i] -= left[1, row] * factor
+    for i in range(size - 1, -1, -1):
+        pivot = pivots[i]
+        if pivot != i:
+            for c in range(2):
+                left[c, i], left[c, pivot] = left[c, pivot], left[c, i]
+
+
+@njit(**_OPTIONS)
+def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, left, right, y):
+    """Y at one frequency into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False when singular."""
+    k[:, :] = 0.0
+    right[:, :] = 0.0
+    left[:, :] = 0.0
+    y[:, :] = 0.0
+    for index in range(rows.size):
+        i, j, value = rows[index], columns[index], values[index]
+        if i < size:
+            if j < size:
+                k[i, j] = -value
+            else:
+                right[i, j - size] = value
+        elif j < size:
+            left[i - size, j] = value
+        else:
+            y[i - size, j - size] = value
+    for i in range(size):
+        if delays[i] < 0.0:
+            k[i, i] += 1j * omega
+        else:
+            k[i, i] += np.exp(1j * omega * delays[i])
+    output = left.copy()
+    if not _factorise(k, pivots, size):
+        return False
+    _solve_right(k, pivots, size, right)
+    for a in range(2):
+        for b in range(2):
+            for i in range(size):
+                if output[a, i] != 0.0:
+                    y[a, b] += output[a, i] * right[i, b]
+    if derivative:
+        _solve_left(k, pivots, size, left)
+        for a in range(2):
+            left[a, size + a] = 1.0
+            right[size + a, a] = 1.0
+    return True
+
+
+@njit(**_OPTIONS)
+def respond(values, rows, columns, delays, omega, size):
+    """Admittance of one model.
+
+    values : (nz,) entries of M at (rows, columns). delays : (size,) s, negative for a state. omega : (K,) rad/s.
+    Returns (K, 2, 2) complex; not a number where the model has no response.
+    """
+    result = np.empty((omega.size, 2, 2), dtype=np.complex128)
+    k = np.empty((size, size), dtype=np.complex128)
+    pivots = np.empty(size, dtype=np.int64)
+    left = np.empty((2, size + 2), dtype=np.complex128)
+    right = np.empty((size + 2, 2), dtype=np.complex128)
+    y = np.empty((2, 2), dtype=np.complex128)
+    for index in range(omega.size):
+        if not _respond(values, rows, columns, delays, omega[index], size, False, k, pivots, left, right, y):
+            y[:, :] = np.nan
+        result[index] = y
+    return result
+
+
+@njit(**_OPTIONS)
+def _differentiate(
+    left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, outer, dy
+):
+    dy[:, :] = 0.0
+    for index in range(rows.size):
+        i, j = rows[index], columns[index]
+        outer[index, 0] = left[0, i] * right[j, 0]
+        outer[index, 1] = left[0, i] * right[j, 1]
+        outer[index, 2] = left[1, i] * right[j, 0]
+        outer[index, 3] = left[1, i] * right[j, 1]
+    for index in range(d_entry.size):
+        value, entry, parameter = derivatives[index], d_entry[index], d_parameter[index]
+        for c in range(4):
+            dy[parameter, c] += value * outer[entry, c]
+    for i in range(size):
+        if delay_parameter[i] >= 0:  # dK = j omega exp(j omega T) dT
+            turn = -1j * omega * np.exp(1j * omega * delays[i])
+            for a in range(2):
+                for b in range(2):
+                    dy[delay_parameter[i], 2 * a + b] += turn * left[a, i] * right[i, b]
+
+
+@njit(**_OPTIONS)
+def respond_with_derivatives(
+    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, parameters
+):
+    """Admittance (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
+    k = np.empty((size, size), dtype=np.complex128)
+    pivots = np.empty(size, dtype=np.int64)
+    left = np.empty((2, size + 2), dtype=np.complex128)
+    right = np.empty((size + 2, 2), dtype=np.complex128)
+    outer = np.empty((rows.size, 4), dtype=np.complex128)
+    y = np.empty((2, 2), dtype=np.complex128)
+    dy = np.empty((parameters, 4), dtype=np.complex128)
+    response = np.empty((omega.size, 2, 2), dtype=np.complex128)
+    slope = np.empty((omega.size, 2, 2, parameters), dtype=np.complex128)
+    for index in range(omega.size):
+        if not _respond(values, rows, columns, delays, omega[index], size, True, k, pivots, left, right, y):
+            response[index], slope[index] = np.nan, np.nan
+            continue
+        _differentiate(
+            left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega[index], size,
+            outer, dy,
+        )  # fmt: skip
+        response[index] = y
+        for a in range(2):
+            for b in range(2):
+                slope[index, a, b] = dy[:, 2 * a + b]
+    return response, slope
+
+
+@njit(**_OPTIONS)
+def normal_equations(
+    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays,
+    omega, data, weight, logarithmic, size, parameters, with_gradient,
+):  # fmt: skip
+    """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
+
+    r = weight (Y - data), or weight log(Y / data) with `logarithmic`.
+
+    values : (S, nz). derivatives : (S, nd). delays : (S, size). data, weight : (K, 2, 2).
+    Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response.
+    """
+    batch = values.shape[0]
+    cost = np.zeros(batch)
+    gradient = np.zeros((batch, parameters))
+    hessian = np.zeros((batch, parameters, parameters))
+    k = np.empty((size, size), dtype=np.complex128)
+    pivots = np.empty(size, dtype=np.int64)
+    left = np.empty((2, size + 2), dtype=np.complex128)
+    right = np.empty((size + 2, 2), dtype=np.complex128)
+    outer = np.empty((rows.size, 4), dtype=np.complex128)
+    y = np.empty((2, 2), dtype=np.complex128)
+    dy = np.empty((parameters, 4), dtype=np.complex128)
+    slopes = np.empty((8, parameters))
+    residual = np.empty(8)
+    for s in range(batch):
+        total = 0.0
+        for index in range(omega.size):
+            if not _respond(
+                values[s], rows, columns, delays[s], omega[index], size, with_gradient, k, pivots, left, right, y
+            ):
+                total = np.inf
+                break
+            if with_gradient:
+                _differentiate(
+                    left, right, derivatives[s], rows, columns, d_entry, d_parameter, delay_parameter, delays[s],
+                    omega[index], size, outer, dy,
+                )  # fmt: skip
+            for entry in range(4):
+                a, b = entry // 2, entry % 2
+                w, measured, model = weight[index, a, b], data[index, a, b], y[a, b]
+                if logarithmic:
+                    if w == 0.0:
+                        r, factor = 0.0 + 0.0j, 0.0 + 0.0j
+                    else:
+                        r, factor = w * np.log(model / measured), w / model
+                else:
+                    r, factor = w * (model - measured), w + 0.0j
+                residual[2 * entry], residual[2 * entry + 1] = r.real, r.imag
+                total += r.real * r.real + r.imag * r.imag
+                if with_gradient:
+                    for p in range(parameters):
+                        slope = factor * dy[p, entry]
+                        slopes[2 * entry, p], slopes[2 * entry + 1, p] = slope.real, slope.imag
+            if with_gradient:
+                for p in range(parameters):
+                    for row in range(8):
+                        gradient[s, p] += slopes[row, p] * residual[row]
+                    for q in range(p + 1):
+                        value = 0.0
+                        for row in range(8):
+                            value += slopes[row, p] * slopes[row, q]
+                        hessian[s, p, q] += value
+        cost[s] = total if np.isfinite(total) else np.inf
+        for p in range(parameters):
+            for q in range(p):
+                hessian[s, q, p] = hessian[s, p, q]
+    return cost, gradient, hessian

@@ -1,0 +1,211 @@
+"""From data to the best parameters: seeds, screening, batched descent on a logarithmic residual, Ipopt last.
+
+The procedure is fixed and its random numbers follow from the generator it is given, so that a score repeats exactly.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit import ipopt
+from ibrid.fit.gauss_newton import Batch, begin, descend
+from ibrid.fit.problem import Problem
+from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
+from ibrid.fit.twins import find_swaps, twins_of
+from ibrid.structure.wiring import Wiring
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How much effort a fit makes.
+
+    `objective` : what is minimised in the end. `starts` : screened per wave. `kept` : of them, those that descend.
+    `halving` : (iterations, kept) per stage on the logarithmic residual. `restarts` : further waves at most.
+    `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
+    `solved` : root-mean-square relative error below which the fit is finished. `fitting` : above this the structure
+    probably cannot fit, and more starts are carried to the end. `seconds` : hard limit, a safety net.
+    """
+
+    objective: str = "nrmse"
+    starts: int = 96
+    kept: int = 8
+    halving: tuple[tuple[int, int], ...] = ((8, 4), (8, 2))
+    kept_misfit: int = 12
+    restarts: int = 5
+    agreeing: int = 3
+    agreement: float = 1e-3
+    solved: float = 1e-7
+    misfit: float = 0.03
+    iterations: int = 80
+    ipopt_iterations: int = 40
+    seconds: float = 60.0
+    seeds: str = "textbook"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A start carried to its end: x (P,), squared error, and the wave it came from."""
+
+    x: np.ndarray
+    cost: float
+    wave: int
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what supports it.
+
+    `twins` : other x that fit equally well. `agreeing` : finished starts within `agreement` of the best, of all
+    `finished`.
+    """
+
+    x: np.ndarray
+    errors: np.ndarray
+    twins: tuple[np.ndarray, ...]
+    agreeing: int
+    finished: tuple[Finished, ...]
+    waves: int
+    evaluations: int
+    ipopt_status: str
+    ipopt_iterations: int
+
+
+#: Two answers whose squared errors differ by less than this part are twins.
+TWIN_TOLERANCE = 1e-6
+
+
+def fit(
+    problem: Problem,
+    wiring: Wiring,
+    rng: np.random.Generator,
+    settings: FitSettings,
+    *,
+    omega_0: float,
+    warm: np.ndarray | None = None,
+) -> Solution | None:
+    """Fit the free numbers of a problem; None when no start has a response (no operating point, say).
+
+    warm : x (P,) to try before anything else, such as the answer at the previous operating point.
+
+    Raises TimeoutError when `settings.seconds` are over before any start has ended.
+    """
+    started = time.monotonic()
+    search = _Search(problem, wiring, rng, settings, omega_0)
+    if warm is not None:
+        search.finish(begin(problem, warm[None], settings.objective), 0)
+    wave = 0
+    while wave <= settings.restarts and not search.settled(wave):
+        if time.monotonic() - started > settings.seconds:
+            if not search.finished:
+                raise TimeoutError(f"no start ended within {settings.seconds:g} s")
+            break
+        search.wave(wave)
+        wave += 1
+    if not search.finished:
+        return None
+    best, twins = search.most_plausible()
+    left = settings.seconds - (time.monotonic() - started)
+    optimum = ipopt.solve(problem, best, settings.objective, iterations=settings.ipopt_iterations, seconds=left)
+    return Solution(
+        optimum.x,
+        np.sqrt(optimum.costs),
+        tuple(twins),
+        len(search.near_best()),
+        tuple(sorted(search.finished, key=lambda one: one.cost)),
+        wave,
+        problem.evaluations,
+        optimum.status,
+        optimum.iterations,
+    )
+
+
+class _Search:
+    def __init__(
+        self, problem: Problem, wiring: Wiring, rng: np.random.Generator, settings: FitSettings, omega_0: float
+    ) -> None:
+        self.problem, self.rng, self.settings = problem, rng, settings
+        self.drawer = StartDrawer(problem, wiring, omega_0)
+        self.swaps = find_swaps(problem, wiring)
+        self.finished: list[Finished] = []
+
+    def best(self) -> Finished:
+        return min(self.finished, key=lambda one: one.cost)
+
+    def near_best(self) -> list[Finished]:
+        """Finished starts that agree with the best; among exact fits, all that are exact."""
+        bound = max(self.best().cost * (1 + 2 * self.settings.agreement), self.settings.solved**2)
+        return [one for one in self.finished if one.cost <= bound]
+
+    def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Of the best answer and its twins that fit equally well, the one with the least R_F, and the others."""
+        best = self.best()
+        starts = twins_of(self.problem, self.swaps, best.x)
+        if not starts:
+            return best.x, []
+        settings = self.settings
+        batch = descend(
+            self.problem, begin(self.problem, np.array(starts), settings.objective), settings.objective, settings.iterations
+        )
+        bound = max(best.cost * (1 + TWIN_TOLERANCE), settings.solved**2)
+        equal = [best.x, *(x for x, cost in zip(batch.x, batch.cost, strict=True) if cost <= bound)]
+        resistance = self.swaps[0].resistance
+        equal.sort(key=lambda x: x[resistance])
+        return equal[0], equal[1:]
+
+    def settled(self, waves: int) -> bool:
+        """True when the fit is exact, or enough ends of at least two waves agree."""
+        if not self.finished:
+            return False
+        best = self.best().cost
+        if best < self.settings.solved**2:
+            return True
+        near = self.near_best()
+        enough = self.settings.agreeing if best > 1e-4**2 else self.settings.agreeing + 2
+        return waves >= 2 and len(near) >= enough and len({one.wave for one in near}) >= 2
+
+    def wave(self, number: int) -> None:
+        """Screen new starts, descend with halving, finish the survivors and their twins in the final objective."""
+        settings, problem = self.settings, self.problem
+        decades = TEXTBOOK_DECADES[number % len(TEXTBOOK_DECADES)]
+        x = self.drawer.draw(self.rng, settings.starts, decades)
+        if self.finished:  # a quarter of the starts are perturbations of the best answer
+            near = settings.starts // 4
+            x[:near] = self.best().x + self.rng.normal(0.0, 0.7, (near, problem.size))
+        costs = problem.costs(np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high), "log").sum(axis=1)
+        usable = np.flatnonzero(np.isfinite(costs))
+        if not usable.size:
+            return
+        order = usable[np.argsort(costs[usable], kind="stable")]
+        batch = begin(problem, x[order[: max(settings.kept, settings.kept_misfit)]], "log")
+        batch = self._descend(batch)
+        self.finish(begin(problem, batch.x, settings.objective), number)
+
+    def _descend(self, batch: Batch) -> Batch:
+        settings, problem = self.settings, self.problem
+        wide = batch
+        batch = batch.best(settings.kept)
+        for iterations, kept in settings.halving:
+            batch = descend(problem, batch, "log", iterations)
+            if np.sqrt(batch.cost.min()) < settings.misfit:
+                batch = batch.best(kept)
+        if np.sqrt(batch.cost.min()) >= settings.misfit and len(wide.x) > settings.kept:
+            more = descend(problem, wide, "log", sum(one for one, _ in settings.halving))
+            batch = more.best(settings.kept_misfit)
+        return descend(problem, batch, "log", settings.iterations)
+
+    def finish(self, batch: Batch, wave: int) -> None:
+        """Carry starts to the end in the final objective, and the twins of the best of them too."""
+        settings, problem = self.settings, self.problem
+        batch = descend(problem, batch, settings.objective, settings.iterations)
+        self._keep(batch, wave)
+        best = int(np.argmin(batch.cost))
+        others = twins_of(problem, self.swaps, batch.x[best])
+        if others and batch.cost[best] > settings.solved**2:
+            self._keep(descend(problem, begin(problem, np.array(others), settings.objective), settings.objective,
+                               settings.iterations), wave)  # fmt: skip
+
+    def _keep(self, batch: Batch, wave: int) -> None:
+        for x, cost in zip(batch.x, batch.cost, strict=True):
+            if np.isfinite(cost):
+                self.finished.append(Finished(x.copy(), float(cost), wave))

@@ -1,0 +1,209 @@
+"""A fitting problem: a symbolic model, the measured operating points, and the free numbers in their coordinates.
+
+Positive boxes are searched in logarithms, wide signed ones in asinh, others as they are; all in one vector x shared by
+the operating points, of which each takes its own part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ibrid.assembly.symbolic import SymbolicModel
+from ibrid.fit import kernel
+from ibrid.fit.objective import Residual, residual
+from ibrid.measurement.sweep import PointSweep
+from ibrid.structure.parameters import Parameter
+
+#: A signed box wider than this is searched in asinh(value / SIGNED_SCALE).
+WIDE_SIGNED_BOX, SIGNED_SCALE = 10.0, 0.1
+
+
+@dataclass(frozen=True)
+class FreeNumber:
+    """One entry of x: a parameter, and the operating point that it belongs to when it is not shared."""
+
+    parameter: Parameter
+    point: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+        return self.parameter.name
+
+
+class Coordinates:
+    """theta <-> x, entry by entry."""
+
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
+        self.low = np.array([one.low for one in parameters], dtype=float)
+        self.high = np.array([one.high for one in parameters], dtype=float)
+        self.logarithmic = self.low > 0
+        self.signed = ~self.logarithmic & (np.maximum(-self.low, self.high) > WIDE_SIGNED_BOX)
+        self.x_low, self.x_high = self.to_x(self.low), self.to_x(self.high)
+
+    def to_x(self, theta: np.ndarray) -> np.ndarray:
+        """Search coordinates of physical values (..., P)."""
+        safe = np.where(self.logarithmic, np.maximum(theta, np.finfo(float).tiny), 1.0)
+        x = np.where(self.logarithmic, np.log(safe), theta)
+        return np.where(self.signed, np.arcsinh(np.where(self.signed, theta, 0.0) / SIGNED_SCALE), x)
+
+    def to_theta(self, x: np.ndarray) -> np.ndarray:
+        """Physical values, inside the boxes (..., P)."""
+        theta = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+        theta = np.where(self.signed, SIGNED_SCALE * np.sinh(np.where(self.signed, x, 0.0)), theta)
+        return np.clip(theta, self.low, self.high)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """d theta / d x (..., P)."""
+        slope = np.where(self.logarithmic, theta, 1.0)
+        return np.where(self.signed, np.hypot(theta, SIGNED_SCALE), slope)
+
+
+class Problem:
+    """Model and data, ready to be evaluated for many parameter vectors.
+
+    model : from `symbolic_model`. points : measured operating points.
+    shared : one value of each parameter for all points, but for those that are local (E0d, I0d, delta_eq).
+    """
+
+    def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
+        self.model, self.points = model, tuple(points)
+        self.numbers: list[FreeNumber] = []
+        self.index = np.zeros((len(self.points), len(model.parameters)), dtype=np.int64)
+        for local, parameter in enumerate(model.parameters):
+            for point in range(len(self.points)):
+                if point == 0 or parameter.local:
+                    self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
+                self.index[point, local] = len(self.numbers) - 1
+        self.coordinates = Coordinates([one.parameter for one in self.numbers])
+        self.omega = [2 * np.pi * np.ascontiguousarray(point.frequency, dtype=float) for point in self.points]
+        self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in self.points]
+        self._fields = [np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points]
+        self._entries = _Caller(model.entries, len(model.parameters), (len(model.rows), len(model.derivative_entry)))
+        self._values = _Caller(model.values_only, len(model.parameters), (len(model.rows),))
+        self.evaluations = 0
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return len(self.numbers)
+
+    @property
+    def number_of_data(self) -> int:
+        """Number of measured real numbers."""
+        return sum(8 * len(one.frequency) for one in self.points)
+
+    @cached_property
+    def _residuals(self) -> dict[str, list[Residual]]:
+        return {}
+
+    def residuals(self, objective: str) -> list[Residual]:
+        """Weights of every operating point under an objective."""
+        if objective not in self._residuals:
+            self._residuals[objective] = [residual(point, objective) for point in self.points]
+        return self._residuals[objective]
+
+    def _delays(self, theta: np.ndarray) -> np.ndarray:
+        model = self.model
+        delays = np.full((len(theta), model.size), -1.0)
+        free = model.delay_parameter >= 0
+        delays[:, free] = theta[:, model.delay_parameter[free]]
+        fixed = model.delay_parameter == -2
+        delays[:, fixed] = model.delay_fixed[fixed]
+        return delays
+
+    def costs(self, x: np.ndarray, objective: str) -> np.ndarray:
+        """Squared error of each start at each operating point: x (S, P) -> (S, M)."""
+        return self._evaluate(x, objective, False)[0]
+
+    def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Costs (S, M), gradients (S, M, P) and Gauss-Newton matrices (S, M, P, P) by x."""
+        return self._evaluate(x, objective, True)
+
+    def _evaluate(self, x: np.ndarray, objective: str, derivatives: bool):
+        model, starts, local = self.model, len(x), len(self.model.parameters)
+        theta_all = self.coordinates.to_theta(x)
+        slope_all = self.coordinates.slope(theta_all) if derivatives else None
+        cost = np.zeros((starts, len(self.points)))
+        gradient = np.zeros((starts, len(self.points), self.size)) if derivatives else np.zeros(0)
+        hessian = np.zeros((starts, len(self.points), self.size, self.size)) if derivatives else np.zeros(0)
+        self.evaluations += starts
+        caller = self._entries if derivatives else self._values
+        for m, weights in enumerate(self.residuals(objective)):
+            index = self.index[m]
+            theta = np.ascontiguousarray(theta_all[:, index])
+            outputs = caller(theta, self._fields[m])
+            slopes = outputs[1] if derivatives else np.zeros((starts, 0))
+            part = kernel.normal_equations(
+                outputs[0], slopes, model.rows, model.columns, model.derivative_entry, model.derivative_parameter,
+                model.delay_parameter, self._delays(theta), self.omega[m], self.data[m], weights.weight,
+                weights.logarithmic, model.size, local if derivatives else 0, derivatives,
+            )  # fmt: skip
+            cost[:, m] = part[0]
+            if slope_all is not None:
+                scale = slope_all[:, index]
+                gradient[:, m, index] = part[1] * scale
+                hessian[:, m, index[:, None], index[None, :]] = part[2] * scale[:, :, None] * scale[:, None, :]
+        return cost, gradient, hessian
+
+    def responses(self, x: np.ndarray) -> list[np.ndarray]:
+        """Admittance at each operating point's frequencies: x (P,) -> list of (K, 2, 2)."""
+        return [self.response(x, m, self.omega[m]) for m in range(len(self.points))]
+
+    def response(self, x: np.ndarray, point: int, omega: np.ndarray) -> np.ndarray:
+        """Admittance at one operating point and any frequencies (rad/s): (K, 2, 2)."""
+        model = self.model
+        theta = np.ascontiguousarray(self.coordinates.to_theta(x)[self.index[point]])[None]
+        (values,) = self._values(theta, self._fields[point])
+        return kernel.respond(values[0], model.rows, model.columns, self._delays(theta)[0], omega, model.size)
+
+    def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
+        """dY/dx at each operating point: x (P,) -> list of (K, 2, 2, P) complex."""
+        model, found = self.model, []
+        theta_all = self.coordinates.to_theta(x)
+        slope_all = self.coordinates.slope(theta_all)
+        for m, index in enumerate(self.index):
+            theta = np.ascontiguousarray(theta_all[index])[None]
+            values, derivatives = self._entries(theta, self._fields[m])
+            _, slope = kernel.respond_with_derivatives(
+                values[0], derivatives[0], model.rows, model.columns, model.derivative_entry,
+                model.derivative_parameter, model.delay_parameter, self._delays(theta)[0], self.omega[m], model.size,
+                len(model.parameters),
+            )  # fmt: skip
+            whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)
+            whole[..., index] = slope * slope_all[index]
+            found.append(whole)
+        return found
+
+    def values_at(self, x: np.ndarray, point: int) -> dict[str, float]:
+        """Free name -> physical value at one operating point."""
+        theta = self.coordinates.to_theta(x)[self.index[point]]
+        return {one.name: float(value) for one, value in zip(self.model.parameters, theta, strict=True)}
+
+
+class _Caller:
+    """A CasADi function called row by row through fixed buffers, without the cost of its Python interface."""
+
+    def __init__(self, function: ca.Function, parameters: int, outputs: tuple[int, ...]) -> None:
+        self._buffer, self._run = function.buffer()
+        self._theta, self._point = np.zeros(parameters), np.zeros(3)
+        self._outputs = [np.zeros(size) for size in outputs]
+        if parameters:
+            self._buffer.set_arg(0, memoryview(self._theta))
+        self._buffer.set_arg(1, memoryview(self._point))
+        for index, output in enumerate(self._outputs):
+            if output.size:
+                self._buffer.set_res(index, memoryview(output))
+
+    def __call__(self, theta: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, ...]:
+        self._point[:] = point
+        results = tuple(np.empty((len(theta), output.size)) for output in self._outputs)
+        for row, values in enumerate(theta):
+            self._theta[:] = values
+            self._run()
+            for result, output in zip(results, self._outputs, strict=True):
+                result[row] = output
+        return results

@@ -1,0 +1,88 @@
+"""Where a fit begins: textbook ranges, and what the top of the band says about the grid side of an LCL filter."""
+
+import numpy as np
+
+from ibrid.fit.problem import Problem
+from ibrid.structure.wiring import PLANT, Wiring
+
+#: Half width in decades of the two kinds of textbook start that alternate.
+TEXTBOOK_DECADES = (1.0, 2.0)
+#: Relative width of the start around a value read from the data.
+SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
+
+
+def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
+    """R_g, L_g, C_F of an LCL filter from the top third of the band, a linear least-squares problem.
+
+    -Y^-1 = R_g I + (L_g/omega_0) S + (omega_0/C_F) S^-1 with S = s I + omega_0 J, where the converter side is much
+    larger than the capacitor; rows divided by |Y^-1|. Empty when the data do not give positive values.
+    """
+    j = np.array([[0.0, -1.0], [1.0, 0.0]])
+    rows, right = [], []
+    for omega, data in zip(problem.omega, problem.data, strict=True):
+        for k in range(len(omega) - max(2, len(omega) // 3), len(omega)):
+            if k < 0 or abs(np.linalg.det(data[k])) < 1e-14 * np.abs(data[k]).max() ** 2:
+                continue
+            impedance = -np.linalg.inv(data[k])
+            s = 1j * omega[k] * np.eye(2) + omega_0 * j
+            columns = np.stack([np.eye(2).ravel(), (s / omega_0).ravel(), (omega_0 * np.linalg.inv(s)).ravel()], axis=1)
+            scale = 1.0 / np.linalg.norm(impedance)
+            rows.append(columns * scale)
+            right.append(impedance.ravel() * scale)
+    if not rows:
+        return {}
+    matrix, target = np.concatenate(rows), np.concatenate(right)
+    r_g, l_g, inverse_c = np.linalg.lstsq(
+        np.concatenate([matrix.real, matrix.imag]), np.concatenate([target.real, target.imag]), rcond=None
+    )[0]
+    seed = {"R_g": r_g, "L_g": l_g, "C_F": 1.0 / inverse_c if inverse_c > 0 else -1.0}
+    return {name: float(value) for name, value in seed.items() if value > 0}
+
+
+class StartDrawer:
+    """Draws starts x (S, P) of a problem: log-uniform around textbook values, plant values around the seed."""
+
+    def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
+        self.problem = problem
+        seed = high_frequency_seed(problem, omega_0) if wiring.kinds[wiring.plant].name == "LCL" else {}
+        members = [one.parameter.members[0] for one in problem.numbers]
+        kinds = [wiring.kinds[instance] for instance, _ in members]
+        self._seed = [
+            (seed[parameter], SEED_SPREAD[parameter]) if kind.family == PLANT and parameter in seed else None
+            for kind, (_, parameter) in zip(kinds, members, strict=True)
+        ]
+        names = [one.name for one in problem.numbers]
+        self._inductance = names.index(f"{wiring.plant}.L_F") if f"{wiring.plant}.L_F" in names else None
+        self._coupling = [  # (entry, factor): a decoupling gain starts at the filter inductance
+            (index, 1.0 / omega_0 if kind.name == "JMul" else 1.0)
+            for index, (kind, (_, parameter)) in enumerate(zip(kinds, members, strict=True))
+            if kind.name in ("JMul", "JMul_omega") and parameter == "L"
+        ]
+
+    def draw(self, rng: np.random.Generator, number: int, decades: float) -> np.ndarray:
+        """`number` starts within +- `decades` of textbook values."""
+        coordinates, numbers = self.problem.coordinates, self.problem.numbers
+        theta = np.empty((number, len(numbers)))
+        for index, one in enumerate(numbers):
+            parameter, spread = one.parameter, rng.uniform(-1.0, 1.0, number)
+            point = self.problem.points[one.point or 0].op
+            if (seed := self._seed[index]) is not None:
+                theta[:, index] = seed[0] * (1.0 + seed[1] * spread)
+            elif parameter.name == "I0d":
+                theta[:, index] = abs(point.p) * (1 + 0.15 * spread)
+            elif parameter.name == "E0d":
+                theta[:, index] = point.v * (1 + 0.05 * spread)
+            elif parameter.name == "delta_eq":
+                theta[:, index] = 0.15 * point.p + 0.1 * spread
+            elif parameter.logarithmic:
+                theta[:, index] = parameter.typical * 10.0 ** (decades * spread)
+            elif coordinates.signed[index]:
+                sign = np.where(rng.uniform(size=number) < 0.75, 1.0, -1.0)
+                theta[:, index] = sign * parameter.typical * 10.0 ** (decades * spread)
+            else:
+                theta[:, index] = parameter.low + (parameter.high - parameter.low) * (spread + 1) / 2
+        if self._inductance is not None:
+            for index, factor in self._coupling:
+                theta[:, index] = theta[:, self._inductance] * factor
+        x = coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
+        return np.clip(x, coordinates.x_low, coordinates.x_high)

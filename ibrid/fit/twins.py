@@ -1,0 +1,66 @@
+"""Discrete twins: other parameter values that give the same admittance exactly, or nearly.
+
+The zeros of two PI controllers in cascade can be swapped: kP_i' = kI_i kP_o / kI_o, kP_o' = kP_i kI_o / kI_i and
+R_F' = R_F + kP_i - kP_i' leave the terminal response unchanged when all outer loops share their gains, the current is
+measured unfiltered and no delay lies in the loop. Otherwise the swap is a good start for a second minimum.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit.problem import Problem
+from ibrid.structure.wiring import Wiring, split_port
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Entries of x that take part: inner and outer gains and the filter resistance."""
+
+    inner: tuple[int, int]
+    outer: tuple[tuple[int, int], ...]
+    resistance: int
+
+    def apply(self, theta: np.ndarray) -> np.ndarray:
+        """Physical values with the zeros swapped."""
+        k_p, k_i = (theta[index] for index in self.inner)
+        ratios = [theta[p] / theta[i] for p, i in self.outer]
+        other = theta.copy()
+        swapped = k_i * float(np.exp(np.mean(np.log(ratios))))
+        other[self.inner[0]] = swapped
+        for p, i in self.outer:
+            other[p] = k_p * theta[i] / k_i
+        other[self.resistance] = theta[self.resistance] + k_p - swapped
+        return other
+
+
+def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
+    """Every cascade of scalar PI blocks, packed to dq, into a PI_dq, where the gains and R_F are free."""
+    entry = {member: index for index, one in enumerate(problem.numbers) for member in one.parameter.members}
+    resistance = entry.get((wiring.plant, "R_F"))
+    swaps = []
+    for inner in wiring.named("PI_dq"):
+        packs = [
+            split_port(source)[0]
+            for source in wiring.sources[f"{inner}.in_"]
+            if wiring.kinds.get(split_port(source)[0]) is not None and wiring.kinds[split_port(source)[0]].name == "PackDQ"
+        ]
+        outer = {
+            (entry.get((name, "kP"), -1), entry.get((name, "kI"), -1))
+            for pack in packs
+            for axis in ("in_d", "in_q")
+            for name in (split_port(source)[0] for source in wiring.sources[f"{pack}.{axis}"])
+            if name in wiring.kinds and wiring.kinds[name].name == "PI"
+        }
+        gains = (entry.get((inner, "kP"), -1), entry.get((inner, "kI"), -1))
+        if resistance is not None and outer and min(gains) >= 0 and all(min(pair) >= 0 for pair in outer):
+            swaps.append(Swap(gains, tuple(sorted(outer)), resistance))
+    return tuple(swaps)
+
+
+def twins_of(problem: Problem, swaps: tuple[Swap, ...], x: np.ndarray) -> list[np.ndarray]:
+    """The twins of x that lie in the boxes."""
+    coordinates = problem.coordinates
+    theta = coordinates.to_theta(x)
+    found = [swap.apply(theta) for swap in swaps]
+    return [coordinates.to_x(one) for one in found if np.all(one >= coordinates.low) and np.all(one <= coordinates.high)]

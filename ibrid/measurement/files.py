@@ -1,0 +1,79 @@
+"""Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from ibrid.errors import SweepError
+
+MAX_BYTES = 200_000_000
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a regular file of at most 200 MB; SweepError says why it cannot be had."""
+    try:
+        if path.is_dir():
+            raise SweepError(f"{path} must be a file; found a folder, name one of the files in it.")
+        if not path.exists():
+            raise SweepError(f"{path} must exist; found nothing there, check the path.")
+        if not path.is_file():
+            raise SweepError(f"{path} must be a regular file; found a device or pipe, save the data to a file first.")
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise SweepError(
+                f"{path} must be at most {MAX_BYTES // 10**6} MB; found {size / 1e6:.0f} MB, "
+                "keep one sweep per file and leave out what is not admittance."
+            )
+        return path.read_bytes()
+    except (OSError, ValueError) as reason:
+        raise SweepError(f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}.") from reason
+
+
+def read_lines(path: Path) -> list[str]:
+    """The lines of a UTF-8 text file, without line ends; SweepError when it is not text or has nothing in it."""
+    return text_lines(read_bytes(path), str(path))
+
+
+def text_lines(content: bytes, where: str) -> list[str]:
+    """The lines of UTF-8 text; `where` names the file in errors."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        line = content.count(b"\n", 0, reason.start) + 1
+        raise SweepError(
+            f"{where} must be UTF-8 text; line {line} holds other bytes, export it as text (CSV UTF-8)."
+        ) from reason
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise SweepError(f"{where} must be UTF-8 text; line {line} holds a zero byte, export it as text (CSV UTF-8).")
+    if not text.strip():
+        raise SweepError(f"{where} must hold a sweep; found an empty file.")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write text beside `path` and move it there, so that a reader sees the old file or the new one, never half.
+
+    Raises SweepError when the folder does not exist or cannot be written.
+    """
+    if path.is_dir():
+        raise SweepError(f"{path} must name a file; it is a folder, add a file name.")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.", suffix=".part")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except (OSError, ValueError) as reason:
+        raise SweepError(f"{path} must be writable; {getattr(reason, 'strerror', None) or reason}.") from reason
+
+
+def _umask() -> int:
+    """The process's mask; mkstemp makes private files, a result should be as readable as any other."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,151 @@
+"""What a sweep file says about its numbers: `# key: value` lines, with a guard against mistyped keys."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from math import isfinite
+from typing import Literal
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.sweep import OperatingPoint, PowerNode
+
+Unit = Literal["pu", "S", "ohm"]
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "unit": ("pu", "S", "ohm"),
+    "current": ("out", "in"),
+    "q_axis": ("leads", "lags"),
+    "power_node": ("capacitor", "pcc"),
+}
+POSITIVE = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz")
+HEADER_KEYS = (*CHOICES, *POSITIVE)
+POINT_KEYS = ("op", "p", "q", "v")
+"""The operating point, which formats without columns for it carry in the same `key: value` form."""
+
+_KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=]\s*(.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Header:
+    """How the numbers of a file are meant; unit, current and q_axis speak of the immittance columns alone.
+
+    current : "out" of the inverter (ours) or "in".
+    q_axis : "leads" d by 90 degrees (ours) or "lags".
+    s_base_va, v_base_v : Z_base = v_base_v^2 / s_base_va, no further factor.
+    """
+
+    f0_hz: float = 60.0
+    unit: Unit = "pu"
+    current: Literal["out", "in"] = "out"
+    q_axis: Literal["leads", "lags"] = "leads"
+    power_node: PowerNode = "capacitor"
+    s_base_va: float | None = None
+    v_base_v: float | None = None
+    sampling_hz: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_keys(
+    comments: Iterable[tuple[int, str]], where: str, known: Iterable[str] = HEADER_KEYS
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The keys and the notes of comment lines.
+
+    comments : (line number, text without its comment mark).
+    where : the file's name, for errors.
+
+    Raises SweepError for a key that resembles a known one without being it, and for a key given twice.
+    """
+    names = tuple(known)
+    keys: dict[str, str] = {}
+    notes: list[str] = []
+    for line, text in comments:
+        match = _KEY_LINE.fullmatch(text)
+        if match is None:
+            if text.strip():
+                notes.append(text.strip())
+            continue
+        key, value = match.groups()
+        if key in names:
+            if key in keys and keys[key] != value:
+                raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")
+            keys[key] = value
+        elif _mistyped(key, names):
+            raise SweepError(
+                f"{where} line {line}: {key} is not a key, {near(key, names)}; "
+                "correct it, or drop the colon if it is a note."
+            )
+        else:
+            notes.append(text.strip())
+    return keys, tuple(notes)
+
+
+def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = ()) -> Header:
+    """The header that these keys make; other keys are left alone. SweepError when a value is out of range."""
+    values: dict[str, object] = {}
+    for key in HEADER_KEYS:
+        value = keys.get(key)
+        if value is None:
+            continue
+        if key in CHOICES:
+            if value not in CHOICES[key]:
+                raise SweepError(f"{where}: {key} must be {' or '.join(CHOICES[key])}; found {value}.")
+            values[key] = value
+        else:
+            number = number_of(value, f"{where}: {key}")
+            if number <= 0:
+                raise SweepError(f"{where}: {key} must be positive; found {value}.")
+            values[key] = number
+    return Header(**values, notes=notes)  # type: ignore[arg-type]
+
+
+def point_of(keys: Mapping[str, object], where: str, default_name: str) -> OperatingPoint:
+    """The operating point that these keys describe, for formats without columns op, p, q, v.
+
+    Raises SweepError when p or q is missing: without them the equilibrium is unknown.
+    """
+    missing = [key for key in ("p", "q") if keys.get(key) is None]
+    if missing:
+        raise SweepError(
+            f"{where} must come with the steady state p and q (per unit, delivered); {' and '.join(missing)} "
+            f"missing: add a line '{missing[0]}: 0.8' to {where}.meta, or give {missing[0]}=0.8 when reading it."
+        )
+    numbers = {key: number_of(keys[key], f"{where}: {key}") for key in ("p", "q", "v") if keys.get(key) is not None}
+    return OperatingPoint(str(keys.get("op") or default_name), **numbers)
+
+
+def number_of(value: object, what: str) -> float:
+    """A finite number; SweepError, beginning with `what`, otherwise."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not isfinite(number) or (isinstance(value, str) and "_" in value):
+        raise SweepError(f"{what} must be a finite number; found {str(value)[:60]!r}.")
+    return number
+
+
+def known_keys(given: Mapping[str, object]) -> dict[str, object]:
+    """Keyword arguments that name header or operating point keys; SweepError, with the near names, for others."""
+    for key in given:
+        if key not in HEADER_KEYS + POINT_KEYS:
+            raise SweepError(f"{key} is not something to say about a sweep; {near(key, HEADER_KEYS + POINT_KEYS)}")
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def header_values(header: Header) -> dict[str, object]:
+    """The header's keys that differ from their defaults."""
+    return {
+        field.name: getattr(header, field.name)
+        for field in fields(header)
+        if field.name != "notes" and getattr(header, field.name) != field.default
+    }
+
+
+def _mistyped(key: str, names: tuple[str, ...]) -> bool:
+    """Whether a key resembles a known one: nearly the same letters, its beginning (f0) or more of it (current_dir)."""
+    plain = key.lower().replace("_", "")
+    known = [name.replace("_", "") for name in names]
+    close = get_close_matches(plain, known, n=1, cutoff=0.75)
+    part = any(name.startswith(f"{key.lower()}_") or key.lower().startswith(f"{name}_") for name in names)
+    return part or bool(close)

@@ -1,0 +1,146 @@
+"""The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be careful about."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ibrid.measurement.conventions import Conventions, check_conventions
+from ibrid.measurement.coverage import (
+    Line,
+    LoopCoverage,
+    Resonance,
+    harmonic_lines,
+    loop_coverage,
+    outliers,
+    resonances,
+)
+from ibrid.measurement.inspection_warnings import warnings_of
+from ibrid.measurement.noise_estimate import PointNoise, Source, estimate, points_per_decade
+from ibrid.measurement.passivity import passivity
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+
+
+@dataclass(frozen=True)
+class PointInspection:
+    """One operating point. Frequencies in Hz, admittances per unit.
+
+    noise, noise_worst : rms error of the matrix over ||Y||_F, median and largest over frequency; None if unknown.
+    condition : largest condition number of Y.
+    smallest_eigenvalue : of the Hermitian part of -Y; negative: the inverter is active there.
+    active_bands : where it is negative beyond twice its uncertainty.
+    outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or more).
+    above_half_sampling : number of points there; None if the sampling rate is not known.
+    """
+
+    op: OperatingPoint
+    points: int
+    lowest: float
+    highest: float
+    points_per_decade: float
+    repeats: int
+    noise_source: Source
+    noise: float | None
+    noise_worst: float | None
+    noise_worst_at: float | None
+    condition: float
+    condition_at: float
+    smallest_eigenvalue: float
+    smallest_eigenvalue_at: float
+    active_bands: tuple[tuple[float, float], ...]
+    loops: tuple[LoopCoverage, ...]
+    resonances: tuple[Resonance, ...]
+    lines: tuple[Line, ...]
+    outliers: tuple[float, ...]
+    above_half_sampling: int | None
+
+    @property
+    def noise_db(self) -> float | None:
+        """Signal to noise of the matrix in dB, the number that add_noise takes."""
+        return None if self.noise is None else float(-20 * np.log10(self.noise))
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What the first look at a sweep finds."""
+
+    source: str
+    f0_hz: float
+    power_node: PowerNode
+    s_base_va: float | None
+    v_base_v: float | None
+    sampling_hz: float | None
+    points: tuple[PointInspection, ...]
+    conventions: Conventions
+    warnings: tuple[str, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Plain numbers, text, lists and dictionaries; unknown is None."""
+        result = {"schema": "ibrid.inspection/1", **asdict(self)}
+        for entry, point in zip(result["points"], self.points, strict=True):
+            entry["noise_db"] = point.noise_db
+            for loop in entry["loops"]:
+                loop["high"] = loop["high"] if np.isfinite(loop["high"]) else None
+        return {key: _lists(value) for key, value in result.items()}
+
+
+def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
+    """Look at a sweep before fitting anything to it.
+
+    sampling_hz : sampling rate of the controller, where the sweep does not carry it.
+    """
+    noise = estimate(sweep)
+    rate = sampling_hz or sweep.sampling_hz
+    points = tuple(_inspect_point(point, noise[point.op.name], sweep.f0_hz, rate) for point in sweep.points)
+    conventions = check_conventions(sweep, noise)
+    return Inspection(
+        source=sweep.source,
+        f0_hz=sweep.f0_hz,
+        power_node=sweep.power_node,
+        s_base_va=sweep.s_base_va,
+        v_base_v=sweep.v_base_v,
+        sampling_hz=rate,
+        points=points,
+        conventions=conventions,
+        warnings=warnings_of(sweep, points, conventions, rate),
+    )
+
+
+def _inspect_point(point: PointSweep, noise: PointNoise, f0_hz: float, sampling_hz: float | None) -> PointInspection:
+    frequency = point.frequency
+    condition = np.nan_to_num(np.linalg.cond(point.admittance), nan=np.inf)
+    active = passivity(point, noise)
+    worst = None if noise.relative is None else int(np.argmax(noise.relative))
+    sticking = outliers(point)
+    return PointInspection(
+        op=point.op,
+        points=len(frequency),
+        lowest=float(frequency[0]),
+        highest=float(frequency[-1]),
+        points_per_decade=points_per_decade(frequency),
+        repeats=1 if point.repeats is None else len(point.repeats),
+        noise_source=noise.source,
+        noise=noise.level,
+        noise_worst=None if noise.relative is None or worst is None else float(noise.relative[worst]),
+        noise_worst_at=None if worst is None else float(frequency[worst]),
+        condition=float(condition.max()),
+        condition_at=float(frequency[np.argmax(condition)]),
+        smallest_eigenvalue=float(active.smallest.min()),
+        smallest_eigenvalue_at=float(frequency[np.argmin(active.smallest)]),
+        active_bands=active.bands,
+        loops=loop_coverage(frequency),
+        resonances=resonances(point, noise),
+        lines=harmonic_lines(point, f0_hz),
+        outliers=() if sticking is None else tuple(float(value) for value in frequency[sticking]),
+        above_half_sampling=None if sampling_hz is None else int((frequency > sampling_hz / 2).sum()),
+    )
+
+
+def _lists(value: object) -> object:
+    """Tuples as lists and infinity as None, as JSON has neither."""
+    if isinstance(value, dict):
+        return {key: _lists(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_lists(entry) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,122 @@
+"""An inspection as plain text: one column per operating point, then the verdicts."""
+
+import textwrap
+
+from ibrid.measurement.inspect import Inspection, PointInspection
+from ibrid.measurement.quantities import band, hertz, percent
+
+_WIDTH = 100
+_PER_BLOCK = 3
+
+
+def format_inspection(inspection: Inspection) -> str:
+    """The inspection as text of about 100 columns."""
+    lines = [f"sweep    {inspection.source or '(no file)'}", f"system   {_system(inspection)}"]
+    points = inspection.points
+    for start in range(0, len(points), _PER_BLOCK):
+        lines += ["", *_table(points[start : start + _PER_BLOCK])]
+    lines += ["", *_paragraph("conventions: ", inspection.conventions.sentence)]
+    if inspection.warnings:
+        lines += ["", "mind:"]
+        for warning in inspection.warnings:
+            lines += _paragraph("  - ", warning)
+    return "\n".join(lines) + "\n"
+
+
+def _system(inspection: Inspection) -> str:
+    count = len(inspection.points)
+    words = [
+        f"{inspection.f0_hz:g} Hz",
+        f"{count} operating point{'' if count == 1 else 's'}",
+        f"p and q at the {'PCC' if inspection.power_node == 'pcc' else 'filter capacitor'}",
+    ]
+    if inspection.s_base_va and inspection.v_base_v:
+        words.append(f"base {inspection.s_base_va:g} VA, {inspection.v_base_v:g} V")
+    if inspection.sampling_hz:
+        words.append(f"sampled at {hertz(inspection.sampling_hz)}")
+    return ", ".join(words)
+
+
+def _table(points: tuple[PointInspection, ...]) -> list[str]:
+    rows = [("", [point.op.name for point in points])]
+    rows.append(("p, q, v", [f"{point.op.p:g}, {point.op.q:g}, {point.op.v:g}" for point in points]))
+    rows.append(("points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]))
+    rows.append(("range", [band(point.lowest, point.highest) for point in points]))
+    rows.append(("repeats", ["one run" if point.repeats == 1 else f"{point.repeats} runs" for point in points]))
+    rows.append(("noise, rms of the matrix", [_noise(point) for point in points]))
+    if any(point.noise is not None for point in points):
+        rows.append(("  known from", [point.noise_source for point in points]))
+        rows.append(("  worst", [_worst(point) for point in points]))
+    rows.append(
+        ("condition number of Y", [f"at most {point.condition:.3g}, {hertz(point.condition_at)}" for point in points])
+    )
+    rows.append(
+        (
+            "passivity, least eigenvalue of -Y",
+            [f"{point.smallest_eigenvalue:+.3g}, {hertz(point.smallest_eigenvalue_at)}" for point in points],
+        )
+    )
+    rows += _band_rows(points)
+    rows.append(("points in the usual range of", ["" for _ in points]))
+    for k, loop in enumerate(points[0].loops):
+        where = _loop_range(loop.low, loop.high)
+        rows.append((f"  {loop.loop}, {where}", [_loop(point, k) for point in points]))
+    rows.append(("peaks (points across)", [_peaks(point) for point in points]))
+    if any(point.above_half_sampling is not None for point in points):
+        rows.append(("above half the sampling rate", [f"{point.above_half_sampling}" for point in points]))
+    if any(point.lines for point in points):
+        rows.append(("on multiples of f0", [f"{len(point.lines)}" for point in points]))
+    return _aligned(rows)
+
+
+def _noise(point: PointInspection) -> str:
+    if point.noise is None or point.noise_db is None:
+        return "unknown"
+    return f"{percent(point.noise)} ({point.noise_db:.0f} dB)"
+
+
+def _worst(point: PointInspection) -> str:
+    if point.noise_worst is None or point.noise_worst_at is None:
+        return "-"
+    return f"{percent(point.noise_worst)}, {hertz(point.noise_worst_at)}"
+
+
+def _band_rows(points: tuple[PointInspection, ...]) -> list[tuple[str, list[str]]]:
+    """Bands in which the inverter is active, one below the other; at most five."""
+    bands = [[band(*edges) for edges in point.active_bands] or ["nowhere"] for point in points]
+    shown = [texts if len(texts) <= 5 else [*texts[:4], f"and {len(texts) - 4} more"] for texts in bands]
+    rows = []
+    for k in range(max(map(len, shown))):
+        label = "  negative: inverter active at" if k == 0 else ""
+        rows.append((label, [texts[k] if k < len(texts) else "" for texts in shown]))
+    return rows
+
+
+def _loop_range(low: float, high: float) -> str:
+    if low == 0:
+        return f"below {hertz(high)}"
+    return f"above {hertz(low)}" if high == float("inf") else band(low, high)
+
+
+def _loop(point: PointInspection, k: int) -> str:
+    loop = point.loops[k]
+    return f"{loop.points or 'none'}{' (few)' if loop.verdict == 'few' else ''}"
+
+
+def _peaks(point: PointInspection) -> str:
+    return ", ".join(f"{hertz(peak.frequency)} ({peak.points})" for peak in point.resonances[:3]) or "none"
+
+
+def _aligned(rows: list[tuple[str, list[str]]]) -> list[str]:
+    first = max(len(label) for label, _ in rows)
+    widths = [max(len(cells[k]) for _, cells in rows) for k in range(len(rows[0][1]))]
+    return [
+        "  ".join(
+            [label.ljust(first), *(cell.ljust(width) for cell, width in zip(cells, widths, strict=True))]
+        ).rstrip()
+        for label, cells in rows
+    ]
+
+
+def _paragraph(start: str, text: str) -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent=start, subsequent_indent=" " * len(start), break_on_hyphens=False)

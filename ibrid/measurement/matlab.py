@@ -1,0 +1,112 @@
+"""Sweeps from MATLAB .mat files with numeric variables: w (rad/s) or frequency (Hz), and Y or Z."""
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from zlib import error as ZlibError
+
+import numpy as np
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.conversions import Quantity
+from ibrid.measurement.files import read_bytes
+from ibrid.measurement.frd import stacked
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, known_keys
+from ibrid.measurement.response import sidecar_keys, sweep_of_response
+from ibrid.measurement.sweep import Sweep
+
+
+def read_mat(path: str | Path, **keys: object) -> Sweep:
+    """Read one operating point from a MAT file of version 7 or older.
+
+    Variables: `w` (rad/s) or `frequency` (Hz), K numbers; `Y` (or `Z`), 2x2xK or Kx2x2 complex; optional p, q, v, op,
+    f0_hz and the other header keys, numbers or text. What is missing may stand in `<path>.meta` or in `keys`; the
+    later win.
+
+    Raises SweepError: not a MAT file, version 7.3, frd objects, missing variables, shapes that do not fit.
+    """
+    path = Path(path)
+    beside, notes = sidecar_keys(path)
+    variables = _variables(path)
+    _refuse_objects(variables, path)
+    inside = {
+        key: _scalar(variables[key], f"{path}: variable {key}") for key in HEADER_KEYS + POINT_KEYS if key in variables
+    }
+    frequency = _frequency(variables, path)
+    letters = [letter for letter in "YZ" if letter in variables]
+    if len(letters) != 1:
+        found = "both" if letters else f"neither, {near('Y', variables)}"
+        raise SweepError(f"{path} must hold the 2x2xK matrices as one variable Y (or Z); found {found}")
+    response = stacked(
+        _numeric(variables, letters[0], path), len(frequency), f"{path}: {letters[0]}", frequency_last=True
+    )
+    return sweep_of_response(
+        frequency,
+        response,
+        {**inside, **beside, **known_keys(keys)},
+        where=str(path),
+        quantity=Quantity(letters[0]),
+        notes=notes,
+        default_name=path.stem,
+    )
+
+
+def _variables(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    content = read_bytes(path)
+    if not content:
+        raise SweepError(f"{path} must hold a sweep; found an empty file.")
+    if content[:8] == b"\x89HDF\r\n\x1a\n" or content[512:520] == b"\x89HDF\r\n\x1a\n":
+        raise SweepError(f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), save it with -v7.")
+    try:
+        return loadmat(io.BytesIO(content), struct_as_record=True)
+    except (MatReadError, ValueError, TypeError, NotImplementedError, OSError, IndexError, KeyError, OverflowError,
+            MemoryError, UnicodeError, AttributeError, ZlibError) as reason:  # fmt: skip
+        raise SweepError(
+            f"{path} must be a MAT file; it cannot be read ({str(reason)[:80]}), save it again with -v7."
+        ) from reason
+
+
+def _refuse_objects(variables: Mapping[str, Any], path: Path) -> None:
+    """MATLAB objects (frd, idfrd, table) are opaque outside MATLAB; only a sweep that depends on one is refused."""
+    if "Y" in variables or "Z" in variables:
+        return
+    opaque = "__function_workspace__" in variables or any(
+        type(value).__name__ in ("MatlabOpaque", "MatlabObject") for value in variables.values()
+    )
+    if opaque:
+        raise SweepError(
+            f"{path} must hold numeric variables; found a MATLAB object, in MATLAB save them with "
+            "[Y, w] = frdata(sys); save('sweep.mat', 'Y', 'w', '-v7')."
+        )
+
+
+def _frequency(variables: Mapping[str, Any], path: Path) -> np.ndarray:
+    """Hz, from w in rad/s or frequency in Hz; both may be there if they agree."""
+    given = [name for name in ("frequency", "w") if name in variables]
+    if not given:
+        names = [name for name in variables if not name.startswith("__")]
+        raise SweepError(f"{path} must hold w (rad/s) or frequency (Hz); {near('frequency', names)}")
+    values = [np.real(_numeric(variables, name, path)).ravel() / (2 * np.pi if name == "w" else 1) for name in given]
+    if len(values) == 2 and not (values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)):
+        raise SweepError(f"{path}: w must be 2 pi times frequency; found both and they differ, remove one.")
+    return values[0]
+
+
+def _numeric(variables: Mapping[str, Any], name: str, path: Path) -> np.ndarray:
+    value = variables[name]
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufc":
+        raise SweepError(f"{path}: variable {name} must be a full numeric array; found {type(value).__name__}.")
+    return value.astype(complex)
+
+
+def _scalar(value: Any, what: str) -> object:
+    """A single number or text."""
+    array = np.asarray(value)
+    if array.size != 1:
+        raise SweepError(f"{what} must be a single number or text; found shape {array.shape}.")
+    item = array.ravel()[0]
+    return str(item) if array.dtype.kind == "U" else item

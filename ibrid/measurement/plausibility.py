@@ -1,0 +1,85 @@
+"""Numbers that cannot be what the file says they are: admittances outside per unit, frequencies in rad/s or kHz."""
+
+import numpy as np
+
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.tail import inductive_tail
+
+SMALLEST, LARGEST = 0.1, 300.0
+"""|Y| max(1, f / f0) in per unit, 1/x for an inductance: its largest value and its median lie above and below these for
+any inverter; in the published parameter sets they are at least 1 and at most 33."""
+
+
+def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple[str, ...]:
+    """Sentences about units that look wrong in every operating point, each with its reason; empty if none does."""
+    sentences = (_unit(sweep), _radians(sweep), _kilohertz(sweep), _beyond_sampling(sweep, sampling_hz))
+    return tuple(sentence for sentence in sentences if sentence)
+
+
+def _unit(sweep: Sweep) -> str | None:
+    sizes = [_inductive_size(point, sweep.f0_hz) for point in sweep.points]
+    if all(np.median(size) > LARGEST for size in sizes):
+        way = "larger"
+    elif all(size.max() < SMALLEST for size in sizes):
+        way = "smaller"
+    else:
+        return None
+    typical = float(np.median([np.median(np.linalg.norm(point.admittance, axis=(1, 2))) for point in sweep.points]))
+    text = (
+        f"|Y| is {typical:.2g} per unit at the median frequency, far {way} than that of any inverter: "
+        "the unit or the base is probably wrong"
+    )
+    if way == "smaller" and sweep.s_base_va is None:
+        return f"{text} (siemens read as per unit? then add unit: S, s_base_va and v_base_v)."
+    return f"{text} (check unit, s_base_va, v_base_v; kV for V is a factor of a million)."
+
+
+def _inductive_size(point: PointSweep, f0_hz: float) -> np.ndarray:
+    size = np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2)
+    return size * np.maximum(1, point.frequency / f0_hz)
+
+
+def _radians(sweep: Sweep) -> str | None:
+    """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in rad/s."""
+    ends = np.array([[point.frequency[0], point.frequency[-1]] for point in sweep.points])
+    if (ends[:, 0] == ends[:, 1]).any():
+        return None
+    hertz = ends / (2 * np.pi)
+    if _round(hertz).all() and not _round(ends).any():
+        low, high = hertz[0]
+        return (
+            f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to {high:.3g}, round numbers, "
+            f"as they stand from {ends[0, 0]:.6g} to {ends[0, 1]:.6g}; convert freq_hz to Hz."
+        )
+    return None
+
+
+def _round(values: np.ndarray) -> np.ndarray:
+    """Whether numbers have at most three significant digits, to the precision of a printed table."""
+    digits = 10.0 ** (2 - np.floor(np.log10(values)))
+    return np.abs(np.round(values * digits) / (values * digits) - 1) < 3e-6
+
+
+def _kilohertz(sweep: Sweep) -> str | None:
+    tails = [inductive_tail(point, sweep.f0_hz, largest=np.inf) for point in sweep.points]
+    highest = max(point.frequency[-1] for point in sweep.points)
+    if highest > 50 or any(tail is None or tail.reactance < 10 for tail in tails):
+        return None
+    reactance = tails[0].reactance if tails[0] else 0.0
+    return (
+        f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an inductance of "
+        f"{reactance:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; convert freq_hz to Hz."
+    )
+
+
+def _beyond_sampling(sweep: Sweep, sampling_hz: float | None) -> str | None:
+    rate = sampling_hz or sweep.sampling_hz
+    if rate is None:
+        return None
+    count = sum(int((point.frequency > rate / 2).sum()) for point in sweep.points)
+    if not count:
+        return None
+    return (
+        f"{count} {'point lies' if count == 1 else 'points lie'} above half the sampling rate ({rate / 2:g} Hz): "
+        "there a digital controller aliases and no averaged model holds, leave them out of a fit."
+    )

@@ -1,0 +1,50 @@
+"""One door for all sweep files: the suffix, and where that leaves doubt the first line, choose the reader."""
+
+from pathlib import Path
+
+from ibrid.errors import SweepError
+from ibrid.measurement.csv_file import read_csv
+from ibrid.measurement.files import read_bytes, text_lines
+from ibrid.measurement.matlab import read_mat
+from ibrid.measurement.pscad import read_imtb, read_ztool
+from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.touchstone import read_touchstone
+
+_TOUCHSTONE = (".s2p", ".y2p", ".z2p")
+_BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
+
+
+def read_sweep(path: str | Path, **keys: object) -> Sweep:
+    """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q axis leading.
+
+    CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (read_touchstone), Z-tool text (read_ztool), IMTB
+    CSV (read_imtb). For python-control objects: from_frd, from_responses.
+
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, power_node, s_base_va,
+        v_base_v, sampling_hz; where the format has no columns for it also op, p, q, v. They win over the file. Formats
+        other than the CSV also look into `<path>.meta`, lines `key: value`.
+
+    Raises SweepError: one sentence with file and line.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".mat":
+        return read_mat(path, **keys)
+    if suffix in _TOUCHSTONE:
+        return read_touchstone(path, **keys)
+    if suffix in _BINARY and path.is_file():
+        raise SweepError(f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV.")
+    first = _first_line(path)
+    if first.startswith("f") and first.split()[:1] == ["f"]:
+        return read_ztool(path, **keys)
+    if "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first:
+        return read_imtb(path, **keys)
+    return read_csv(path, **keys)
+
+
+def _first_line(path: Path) -> str:
+    """The first line that is neither empty nor a comment."""
+    for line in text_lines(read_bytes(path), str(path)):
+        if line.strip() and not line.lstrip().startswith("#"):
+            return line.strip()
+    return ""

@@ -1,0 +1,78 @@
+"""One operating point from a frequency response that came without columns for its steady state."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.conversions import Quantity, to_ours
+from ibrid.measurement.files import read_lines
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, header_of, point_of, read_keys
+from ibrid.measurement.sweep import PointSweep, Sweep
+
+SIDECAR = ".meta"
+
+
+def sweep_of_response(
+    frequency: np.ndarray,
+    matrix: np.ndarray,
+    keys: Mapping[str, object],
+    *,
+    where: str,
+    quantity: Quantity | None = None,
+    notes: tuple[str, ...] = (),
+    default_name: str = "op",
+) -> Sweep:
+    """A sweep of one operating point, converted to our convention.
+
+    Parameters
+    ----------
+    frequency : (K,) Hz, in any order.
+    matrix : complex, (K, 2, 2).
+    keys : header keys (f0_hz, unit, current, q_axis, power_node, s_base_va, v_base_v, sampling_hz) and op, p, q, v.
+    where : file or description, for errors and as the sweep's source.
+
+    Raises SweepError: p or q missing; frequencies not positive or twice; numbers not finite; bases missing.
+    """
+    header = header_of(keys, where, notes)
+    op = point_of(keys, where, default_name)
+    frequency, matrix = np.asarray(frequency, float), np.asarray(matrix, complex)
+    if not len(frequency):
+        raise SweepError(f"{where} must hold at least one frequency; found none.")
+    if not np.isfinite(frequency).all() or not np.isfinite(matrix).all():
+        raise SweepError(f"{where} must hold finite numbers; found NaN or infinity, remove those frequencies.")
+    if (frequency <= 0).any():
+        raise SweepError(
+            f"{where}: frequencies must be positive; found {frequency.min():g} Hz, leave it out "
+            "(in dq a negative frequency is the conjugate of the positive one)."
+        )
+    order = np.argsort(frequency, kind="stable")
+    frequency, matrix = frequency[order], matrix[order]
+    twice = np.flatnonzero(np.diff(frequency) == 0)
+    if len(twice):
+        raise SweepError(f"{where}: each frequency must be there once; found {frequency[twice[0]]:g} Hz twice.")
+    matrix, _ = to_ours(matrix, None, header, quantity or Quantity(), lambda k: f"{where} at {frequency[k]:g} Hz")
+    try:
+        point = PointSweep(op, frequency, matrix)
+    except SweepError as reason:
+        raise SweepError(f"{where}: {reason}") from reason
+    return Sweep(
+        points=(point,),
+        f0_hz=header.f0_hz,
+        power_node=header.power_node,
+        s_base_va=header.s_base_va,
+        v_base_v=header.v_base_v,
+        notes=notes,
+        source=where,
+        sampling_hz=header.sampling_hz,
+    )
+
+
+def sidecar_keys(path: Path) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty without one."""
+    sidecar = path.with_name(path.name + SIDECAR)
+    if not sidecar.exists():
+        return {}, ()
+    lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
+    return read_keys(lines, str(sidecar), HEADER_KEYS + POINT_KEYS)

@@ -1,0 +1,203 @@
+"""What was seen at the terminals: per operating point, frequencies, the 2x2 dq admittance and how uncertain it is.
+
+Everything is per unit on the inverter's base, current out of the inverter, q axis leading d (readers convert).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import isfinite, pi
+from typing import Literal, get_args
+
+import numpy as np
+
+from ibrid.errors import OperatingPointError, SweepError, near
+
+PowerNode = Literal["capacitor", "pcc"]
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Steady state at which a sweep was taken: what the inverter delivers, per unit.
+
+    p : active power, positive when exporting.
+    q : reactive power, q = e' J i with q leading, positive when the inverter delivers it.
+    v : magnitude of the PCC voltage.
+
+    Raises SweepError when a number is not finite or v is not positive.
+    """
+
+    name: str
+    p: float
+    q: float
+    v: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name != self.name.strip() or not self.name.isprintable() or self.name[0] == "#":
+            raise SweepError(
+                "the name of an operating point must be printable text without spaces around it or # in front; "
+                f"found {self.name[:60]!r}."
+            )
+        for symbol in ("p", "q", "v"):
+            value = getattr(self, symbol)
+            if not isfinite(value):
+                raise SweepError(f"{symbol} of operating point {self.name} must be a finite number; found {value}.")
+        if self.v <= 0:
+            raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
+
+
+@dataclass(frozen=True, eq=False)
+class PointSweep:
+    """The measurement at one operating point. Arrays are copied and read-only.
+
+    op : the steady state.
+    frequency : (K,) Hz, ascending, positive, unique.
+    admittance : (K, 2, 2) complex, per unit, di = Y dv with the current out of the inverter; [[dd, dq], [qd, qq]].
+        The mean over the repeats where there are repeats.
+    sigma : (K, 2, 2) positive, standard deviation of each real and each imaginary part of `admittance`; None: unknown.
+    repeats : (R, K, 2, 2) complex, the single runs; None: one run, or only their mean is known.
+    amplitude : (K,) injected amplitude, in the file's unit; None: not recorded.
+
+    Raises SweepError when shapes disagree, a number is not finite, or the admittance is zero throughout.
+    """
+
+    op: OperatingPoint
+    frequency: np.ndarray
+    admittance: np.ndarray
+    sigma: np.ndarray | None = None
+    repeats: np.ndarray | None = None
+    amplitude: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        frequency = _frozen(self.frequency, float)
+        object.__setattr__(self, "frequency", frequency)
+        object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
+        for name, kind in (("sigma", float), ("repeats", complex), ("amplitude", float)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _frozen(getattr(self, name), kind))
+        self._check_frequency()
+        count = len(frequency)
+        self._check("admittance", (count, 2, 2))
+        self._check("sigma", (count, 2, 2))
+        self._check("amplitude", (count,))
+        if self.repeats is not None:
+            self._check("repeats", (len(self.repeats) if self.repeats.ndim else 0, count, 2, 2))
+        if self.sigma is not None and not (self.sigma > 0).all():
+            raise SweepError(
+                f"sigma of operating point {self.op.name} must be positive; found {self.sigma.min():g}, "
+                "leave sigma out when the noise is unknown."
+            )
+        if not self.admittance.any():
+            raise SweepError(
+                f"the admittance of operating point {self.op.name} must not be zero throughout; "
+                "check that the columns hold the measured values."
+            )
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(K,) rad/s."""
+        return 2 * pi * self.frequency
+
+    def _check_frequency(self) -> None:
+        found = self.frequency
+        if found.ndim != 1 or not len(found):
+            raise SweepError(
+                f"operating point {self.op.name} must have at least one frequency; found shape {found.shape}."
+            )
+        if not np.isfinite(found).all() or found[0] <= 0 or (np.diff(found) <= 0).any():
+            raise SweepError(
+                f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
+                "sort them and keep each one once."
+            )
+
+    def _check(self, name: str, shape: tuple[int, ...]) -> None:
+        value = getattr(self, name)
+        if value is None:
+            return
+        if value.shape != shape:
+            raise SweepError(f"{name} of operating point {self.op.name} must have shape {shape}; found {value.shape}.")
+        if not np.isfinite(value).all():
+            raise SweepError(
+                f"{name} of operating point {self.op.name} must be finite; found NaN or infinity, "
+                "remove that frequency."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The measured operating points of one inverter.
+
+    points : one PointSweep each, with different names; frequency grids may differ.
+    f0_hz : nominal frequency, Hz.
+    power_node : where p and q are measured, "capacitor" (of the LCL filter) or "pcc".
+    s_base_va, v_base_v : per-unit base, if known; Z_base = v_base_v^2 / s_base_va.
+    notes : comments of the file.
+    source : path or description.
+    sampling_hz : sampling rate of the controller, if known.
+
+    Raises SweepError when there is no point, two points share a name or a number is out of range.
+    """
+
+    points: tuple[PointSweep, ...]
+    f0_hz: float = 60.0
+    power_node: PowerNode = "capacitor"
+    s_base_va: float | None = None
+    v_base_v: float | None = None
+    notes: tuple[str, ...] = ()
+    source: str = ""
+    sampling_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", tuple(self.points))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        if not self.points:
+            raise SweepError("a sweep must have at least one operating point; found none.")
+        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        if twice:
+            raise SweepError(f"operating points must have different names; {twice[0]} is there twice.")
+        for name in ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and value > 0):
+                raise SweepError(f"{name} must be a positive number; found {value}.")
+        if self.power_node not in get_args(PowerNode):
+            raise SweepError(f"power_node must be capacitor or pcc; found {self.power_node}.")
+
+    @property
+    def omega_0(self) -> float:
+        """Nominal angular frequency, rad/s."""
+        return 2 * pi * self.f0_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(point.op.name for point in self.points)
+
+    def point(self, name: str) -> PointSweep:
+        """The measurement at operating point `name`; OperatingPointError, with the near names, if there is none."""
+        for point in self.points:
+            if point.op.name == name:
+                return point
+        raise OperatingPointError(f"operating point {name} is not in the sweep; {near(name, self.names)}")
+
+    def only(self, names: Iterable[str]) -> "Sweep":
+        """The sweep with these operating points alone, in the given order."""
+        return replace(self, points=tuple(self.point(name) for name in _listed(names)))
+
+    def without(self, names: Iterable[str]) -> "Sweep":
+        """The sweep with these operating points left out, as for a held-out test."""
+        left_out = {self.point(name).op.name for name in _listed(names)}
+        points = tuple(point for point in self.points if point.op.name not in left_out)
+        if not points:
+            raise OperatingPointError(
+                f"at least one operating point must remain; leaving out {', '.join(sorted(left_out))} removes all."
+            )
+        return replace(self, points=points)
+
+
+def _listed(names: Iterable[str]) -> list[str]:
+    """A single name given as a string means that name, not its letters."""
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _frozen(value: np.ndarray, kind: type) -> np.ndarray:
+    array = np.array(value, dtype=kind)
+    array.flags.writeable = False
+    return array

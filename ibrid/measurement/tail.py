@@ -1,0 +1,56 @@
+"""The high-frequency end: above the control's reach an inverter is the inductance of its filter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.measurement.sweep import PointSweep
+
+_DECADES = 1 / 3
+_SLOPE = (-1.4, -0.85)
+_PHASE = np.deg2rad(20)
+_LARGEST_REACTANCE = 0.6
+
+
+@dataclass(frozen=True)
+class Tail:
+    """An inductive tail.
+
+    direction : +1 if the current counts out of the inverter (Y = -1 / (j omega L)), -1 if into it.
+    reactance : apparent x = omega_0 L, per unit, as the declared units have it.
+    """
+
+    direction: int
+    reactance: float
+
+
+def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE) -> Tail | None:
+    """The tail of one operating point, or None if its last third of a decade does not look like an inductance.
+
+    It does when ||Y|| falls with slope -1.4 .. -0.85 (steeper just above a resonance), Ydd and Yqq have one sign and a
+    phase within 20 degrees of +90 (or -90), outweigh Ydq and Yqd three times, and x = f0 / (f |Y|) is at most
+    `largest`: ideal voltage feedforward without delay makes the inverter look like a far larger inductance, of either
+    sign.
+    """
+    last = point.frequency >= point.frequency[-1] * 10**-_DECADES
+    if last.sum() < 3:
+        last[-3:] = True
+    if last.sum() < 3:
+        return None
+    frequency, values = point.frequency[last], point.admittance[last]
+    size = np.linalg.norm(values, axis=(1, 2)) / np.sqrt(2)
+    if not (size > 0).all():
+        return None
+    slope = np.polyfit(np.log(frequency), np.log(size), 1)[0]
+    diagonal = values[:, [0, 1], [0, 1]]
+    off_diagonal = values[:, [0, 1], [1, 0]]
+    direction = int(np.sign(np.median(np.imag(diagonal))))
+    away = np.abs(np.angle(diagonal * -1j * direction)) if direction else np.full(diagonal.shape, np.inf)
+    reactance = float(np.median(f0_hz / (frequency * size)))
+    inductive = (
+        _SLOPE[0] <= slope <= _SLOPE[1]
+        and np.median(away, axis=0).max() <= _PHASE
+        and np.median(np.abs(diagonal)) >= 3 * np.median(np.abs(off_diagonal))
+        and reactance <= largest
+    )
+    return Tail(direction, reactance) if inductive else None

@@ -1,0 +1,172 @@
+"""What a module kind declares: ports, states, parameter boxes and state-space matrices, each once.
+
+A kind is a frozen value, so one written in a notebook travels to another process unchanged.
+"""
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ibrid.errors import ModuleError
+from ibrid.signals import Signal
+
+Rows = Sequence[Sequence[Any]]
+Matrices = tuple[Rows, Rows, Rows, Rows]
+
+#: What besides parameters a `state_space` may ask for by argument name.
+#: `omega_0` is 2 pi f0 in rad/s, `frame` is (cos delta_eq, sin delta_eq) of the controller frame.
+CONTEXT = ("omega_0", "frame")
+#: Suffix that asks for the equilibrium of the signal at a port, a pair (d, q) in the frame of that port.
+EQUILIBRIUM = "_eq"
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Admissible range of a parameter.
+
+    `low`, `high` : the box. `typical` : where a first guess lies. `unit`, `meaning` : words for tables.
+    `divides` : the law divides by the parameter, so a fixed value must lie above zero.
+    """
+
+    low: float
+    high: float
+    typical: float
+    unit: str
+    meaning: str
+    divides: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ModuleError(f"a range needs low < high, got low={self.low}, high={self.high}")
+        if not self.low <= self.typical <= self.high:
+            raise ModuleError(f"typical={self.typical} must lie within [{self.low}, {self.high}]")
+
+    @property
+    def logarithmic(self) -> bool:
+        """True when the box is positive, so that factors rather than differences are natural."""
+        return self.low > 0
+
+
+@dataclass(frozen=True)
+class ModuleKind:
+    """One word of the vocabulary.
+
+    Parameters
+    ----------
+    name : key in programs and records.
+    family : class of Table I: physical plant, dynamic control, synchronisation, operating point, static, residual.
+    law : the equation in words and symbols.
+    inputs, outputs : port -> signal kind, in the order of the columns of B and the rows of C.
+    states : names of the states; their number is the order.
+    parameters : name -> Range, in the order of the law.
+    state_space : returns nested lists (A, B, C, D), using + - * / alone so that floats and CasADi symbols both work.
+        Its arguments are the parameters and, where the law needs them, `omega_0`, `frame` and `PORT_eq`.
+    dc_gain : gain at zero frequency of a dynamic kind; None when it has an integrator. Static kinds need none.
+    equilibrium : port -> "E0d", "I0d" or "V0", the value taken under `equilibrium="paper"`.
+    delay : parameter that is a transport delay exp(-s T); the port then carries it exactly in frequency responses.
+    reference : where the law comes from.
+    extended : True for kinds beyond the 23 of the paper.
+    """
+
+    name: str
+    family: str
+    law: str
+    inputs: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+    states: tuple[str, ...]
+    parameters: Mapping[str, Range]
+    state_space: Callable[..., Matrices]
+    reference: str
+    dc_gain: float | None = None
+    equilibrium: Mapping[str, str] = field(default_factory=dict)
+    delay: str | None = None
+    bilinear: bool = False
+    extended: bool = False
+
+    def __post_init__(self) -> None:
+        arguments = tuple(inspect.signature(self.state_space).parameters)
+        if missing := [name for name in self.parameters if name not in arguments]:
+            raise ModuleError(f"{self.name}: state_space lacks the argument {missing[0]}; it takes every parameter")
+        ports = {**self.inputs, **self.outputs}
+        for name in arguments:
+            port = name.removesuffix(EQUILIBRIUM)
+            if name in self.parameters or name in CONTEXT or (name.endswith(EQUILIBRIUM) and port in ports):
+                continue
+            raise ModuleError(
+                f"{self.name}: state_space asks for {name}, which is no parameter, none of {', '.join(CONTEXT)} "
+                f"and no PORT{EQUILIBRIUM} of the ports {', '.join(ports)}"
+            )
+        if self.delay is not None and self.delay not in self.parameters:
+            raise ModuleError(f"{self.name}: the delay {self.delay} is not among its parameters")
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        order, width_in, width_out = len(self.states), _width(self.inputs), _width(self.outputs)
+        trial = {name: box.typical for name, box in self.parameters.items()}
+        a, b, c, d = self.state_space(**trial, **self.context(377.0, (0.8, 0.6), {}))
+        shapes = {"A": (a, order, order), "B": (b, order, width_in), "C": (c, width_out, order)}
+        shapes["D"] = (d, width_out, width_in)
+        for label, (rows, height, width) in shapes.items():
+            found = [len(row) for row in rows]
+            if len(rows) != height or any(length != width for length in found):
+                raise ModuleError(
+                    f"{self.name}: {order} states, {width_in} input and {width_out} output channels need {label} of "
+                    f"{height} x {width}, got rows of length {found}"
+                )
+            if not all(math.isfinite(float(entry)) for row in rows for entry in row):
+                raise ModuleError(f"{self.name}: {label} has an entry that is not finite at typical values")
+
+    @property
+    def order(self) -> int:
+        """Number of states counted in the order bound; a transport delay counts as 2."""
+        return 2 if self.delay is not None else len(self.states)
+
+    @property
+    def residual(self) -> bool:
+        """True for blocks that no designer would draw."""
+        return self.family == "residual"
+
+    @property
+    def static(self) -> bool:
+        """True for memoryless kinds."""
+        return not self.states and self.delay is None
+
+    @property
+    def equilibrium_ports(self) -> tuple[str, ...]:
+        """Ports whose operating point enters the matrices."""
+        names = inspect.signature(self.state_space).parameters
+        return tuple(name.removesuffix(EQUILIBRIUM) for name in names if name.endswith(EQUILIBRIUM))
+
+    @property
+    def uses_frame(self) -> bool:
+        """True when the matrices depend on the angle of the controller frame."""
+        return "frame" in inspect.signature(self.state_space).parameters
+
+    @property
+    def paper_parameters(self) -> tuple[str, ...]:
+        """Names of the fitted equilibrium numbers that this kind has under `equilibrium="paper"`."""
+        names = [value for value in self.equilibrium.values() if value in PAPER_RANGES]
+        return tuple(dict.fromkeys((["delta_eq"] if self.uses_frame else []) + names))
+
+    def context(
+        self, omega_0: Any, frame: tuple[Any, Any], equilibria: Mapping[str, tuple[Any, Any]]
+    ) -> dict[str, Any]:
+        """The arguments of `state_space` besides its parameters; ports that are not given get (1, 0)."""
+        given = {"omega_0": omega_0, "frame": frame}
+        wanted = inspect.signature(self.state_space).parameters
+        chosen = {name: value for name, value in given.items() if name in wanted}
+        return chosen | {port + EQUILIBRIUM: equilibria.get(port, (1.0, 0.0)) for port in self.equilibrium_ports}
+
+
+def _width(ports: Mapping[str, Signal]) -> int:
+    return sum(signal.width for signal in ports.values())
+
+
+#: The equilibrium numbers that `equilibrium="paper"` fits at every operating point (appendix of the paper).
+PAPER_RANGES: Mapping[str, Range] = {
+    "E0d": Range(0.5, 1.5, 1.0, "pu", "d component of the capacitor voltage at equilibrium"),
+    "I0d": Range(0.5, 1.5, 1.0, "pu", "d component of the current at equilibrium"),
+    "delta_eq": Range(-0.5, 0.5, 0.05, "rad", "angle of the controller frame at equilibrium"),
+}

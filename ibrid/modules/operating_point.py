@@ -1,0 +1,89 @@
+"""Memoryless blocks whose entries are the operating point: frame rotations, power, decoupling with the PLL frequency.
+
+R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilibria (E0d, 0), (I0d, 0) and V0 = (1, 0)
+these are the printed matrices of the paper; with the full operating point they are the exact linearisation.
+"""
+
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.plant import INDUCTANCE
+from ibrid.signals import Signal
+
+APPENDIX = "paper, appendix A.5"
+
+
+def _rot_v(frame, v_DQ_eq):
+    c, s = frame
+    d_eq, q_eq = c * v_DQ_eq[0] + s * v_DQ_eq[1], c * v_DQ_eq[1] - s * v_DQ_eq[0]
+    return [], [], [[], []], [[c, s, q_eq], [-s, c, -d_eq]]
+
+
+ROT_V = ModuleKind(
+    name="Rot_v",
+    family="operating point",
+    law="v_dq = R v_DQ - J R V0 delta",
+    inputs={"v_DQ": Signal.DQ_VEC, "delta": Signal.SCALAR},
+    outputs={"v_dq": Signal.DQ_VEC},
+    states=(),
+    parameters={},
+    state_space=_rot_v,
+    equilibrium={"v_DQ": "V0"},
+    reference=APPENDIX,
+)
+
+
+def _rot_i(frame, i_dq_eq):
+    c, s = frame
+    i_d, i_q = i_dq_eq
+    return [], [], [[], []], [[c, -s, -(i_d * s + i_q * c)], [s, c, i_d * c - i_q * s]]
+
+
+ROT_I = ModuleKind(
+    name="Rot_i",
+    family="operating point",
+    law="i_DQ = R' i_dq + R' J i_eq delta",
+    inputs={"i_dq": Signal.DQ_VEC, "delta": Signal.SCALAR},
+    outputs={"i_DQ": Signal.DQ_VEC},
+    states=(),
+    parameters={},
+    state_space=_rot_i,
+    equilibrium={"i_dq": "I0d"},
+    reference=APPENDIX,
+)
+
+
+def _pq_calc(e_eq, i_eq):
+    return [], [], [[], []], [[i_eq[0], i_eq[1], e_eq[0], e_eq[1]], [-i_eq[1], i_eq[0], e_eq[1], -e_eq[0]]]
+
+
+PQ_CALC = ModuleKind(
+    name="PQ_calc",
+    family="operating point",
+    law="p = e' i, q = e' J i, linearised about (e_eq, i_eq)",
+    inputs={"e": Signal.DQ_VEC, "i": Signal.DQ_VEC},
+    outputs={"p": Signal.SCALAR, "q": Signal.SCALAR},
+    states=(),
+    parameters={},
+    state_space=_pq_calc,
+    equilibrium={"e": "E0d", "i": "I0d"},
+    bilinear=True,
+    reference=APPENDIX,
+)
+
+
+def _j_mul_omega(L, omega_0, in__eq):
+    return [], [], [[], []], [[0, -L, -L / omega_0 * in__eq[1]], [L, 0, L / omega_0 * in__eq[0]]]
+
+
+J_MUL_OMEGA = ModuleKind(
+    name="JMul_omega",
+    family="operating point",
+    law="out = L J in_ + (L/omega_0) J in_eq delta_omega: decoupling that uses the PLL frequency, equation (6b)",
+    inputs={"in_": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
+    outputs={"out": Signal.DQ_VEC},
+    states=(),
+    parameters={"L": INDUCTANCE},
+    state_space=_j_mul_omega,
+    equilibrium={"in_": "I0d"},
+    extended=True,
+    reference="paper, equation (6b), linearised",
+)

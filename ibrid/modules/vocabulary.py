@@ -1,0 +1,81 @@
+"""The vocabulary: all kinds in the order of Table I, then the extended ones."""
+
+from collections.abc import Sequence
+
+from ibrid.errors import DiagramError, near
+from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
+from ibrid.modules.delay import DELAY
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.operating_point import J_MUL_OMEGA, PQ_CALC, ROT_I, ROT_V
+from ibrid.modules.plant import L_FILTER, LCL
+from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
+from ibrid.modules.static import (
+    CONST_ZERO,
+    GAIN,
+    GAIN_DQ,
+    J_MUL,
+    NEGATE,
+    NEGATE_DQ,
+    PACK_DQ,
+    SLICE_D,
+    SLICE_Q,
+)
+from ibrid.modules.synchronisation import SRF_PLL
+
+Vocabulary = tuple[ModuleKind, ...]
+
+#: The 23 kinds of the paper's appendix.
+PAPER_VOCABULARY: Vocabulary = (
+    LCL,
+    L_FILTER,
+    PI,
+    PI_DQ,
+    LPF1,
+    LPF1_DQ,
+    INTEGRATOR,
+    SRF_PLL,
+    ROT_V,
+    ROT_I,
+    PQ_CALC,
+    GAIN,
+    GAIN_DQ,
+    NEGATE,
+    NEGATE_DQ,
+    PACK_DQ,
+    SLICE_D,
+    SLICE_Q,
+    J_MUL,
+    CONST_ZERO,
+    PADE1,
+    PADE1_DQ,
+    NOTCH,
+)
+
+#: The default: the paper's kinds and the extended ones.
+VOCABULARY: Vocabulary = (*PAPER_VOCABULARY, J_MUL_OMEGA, DELAY)
+
+NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}
+
+
+def choose_vocabulary(vocabulary: str | Sequence[ModuleKind]) -> Vocabulary:
+    """`"paper"`, `"extended"` or kinds of one's own, such as `VOCABULARY + (MINE,)`, as a tuple of kinds.
+
+    Raises DiagramError for an unknown name and for two kinds of one name.
+    """
+    if isinstance(vocabulary, str):
+        if vocabulary not in NAMED_VOCABULARIES:
+            raise DiagramError(f"no vocabulary is called {vocabulary!r}; {near(vocabulary, NAMED_VOCABULARIES)}")
+        return NAMED_VOCABULARIES[vocabulary]
+    kinds = tuple(vocabulary)
+    names = [kind.name for kind in kinds]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise DiagramError(f"the vocabulary has two kinds called {sorted(twice)[0]}; rename one of them")
+    return kinds
+
+
+def find_kind(name: str, vocabulary: Sequence[ModuleKind]) -> ModuleKind:
+    """The kind of that name; DiagramError with near names otherwise."""
+    for kind in vocabulary:
+        if kind.name == name:
+            return kind
+    raise DiagramError(f"the vocabulary has no kind {name!r}; {near(name, (kind.name for kind in vocabulary))}")

@@ -1,0 +1,16 @@
+"""The three kinds of signal that a port may carry; a connection joins ports of the same kind."""
+
+from enum import StrEnum
+
+
+class Signal(StrEnum):
+    """Kind of a port; all quantities are small deviations in per unit unless the port says otherwise."""
+
+    SCALAR = "scalar"
+    DQ_VEC = "dq_vec"
+    POWER_PAIR = "power_pair"
+
+    @property
+    def width(self) -> int:
+        """Number of scalar channels."""
+        return 1 if self is Signal.SCALAR else 2

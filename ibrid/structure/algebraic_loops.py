@@ -1,0 +1,133 @@
+"""Loops of direct terms: legal while I - F can be inverted, F being the direct terms round the loop.
+
+Singular means singular at every one of a few fixed draws of the parameters near their typical values, so that a loop that
+is singular at special values only stays legal; the fit keeps away from those.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+
+from ibrid.modules.kind import ModuleKind
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.parameters import ParameterTable, parameter_table
+from ibrid.structure.wiring import Wiring, split_port
+
+Channel = tuple[str, int]  # "NAME.port" and the axis
+
+OMEGA_0 = 2 * np.pi * 60.0
+DRAWS = 3
+#: Reciprocal condition number of I - F, rows and columns scaled, below which a loop counts as singular.
+SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class AlgebraicLoop:
+    """Channels that depend on each other without delay, and the modules on a singular cycle, in order, if it is one."""
+
+    channels: tuple[Channel, ...]
+    singular: tuple[str, ...]
+
+
+def algebraic_loops(wiring: Wiring) -> tuple[AlgebraicLoop, ...]:
+    """All loops of direct terms of a wired diagram; a transport delay breaks a loop."""
+    table = parameter_table(wiring, "exact")
+    rng = np.random.default_rng(20)
+    terms = _direct_terms(wiring, table, rng)
+    graph = nx.DiGraph(list(terms))
+    loops = [
+        sorted(group)
+        for group in nx.strongly_connected_components(graph)
+        if len(group) > 1 or _feeds_itself(graph, group)
+    ]
+    if not loops:
+        return ()
+    draws = [terms] + [_direct_terms(wiring, table, rng) for _ in range(DRAWS - 1)]
+    places = {name: index for index, name in enumerate(wiring.kinds)}
+    return tuple(AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops))
+
+
+def _feeds_itself(graph: nx.DiGraph, group: set[Channel]) -> bool:
+    return any(graph.has_edge(channel, channel) for channel in group)
+
+
+def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str, ...]:
+    """The same cycle, beginning with the module that was added first."""
+    start = min(range(len(cycle)), key=lambda index: places[cycle[index]], default=0)
+    return cycle[start:] + cycle[:start]
+
+
+def _direct_terms(
+    wiring: Wiring, table: ParameterTable, rng: np.random.Generator
+) -> dict[tuple[Channel, Channel], float]:
+    """(from, to) -> gain between output channels, at a random draw."""
+    values = _draw(table, rng)
+    angle = rng.uniform(-0.5, 0.5)
+    frame = (float(np.cos(angle)), float(np.sin(angle)))
+    sources = {
+        port: [source for source in found if source != TERMINAL_VOLTAGE] for port, found in wiring.sources.items()
+    }
+    terms: dict[tuple[Channel, Channel], float] = {}
+    for name, kind in wiring.kinds.items():
+        if kind.delay is not None:
+            continue
+        inputs = [(f"{name}.{port}", axis) for port, one in kind.inputs.items() for axis in range(one.width)]
+        outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
+        for output, row in zip(outputs, _direct(name, kind, table, values, frame, rng), strict=True):
+            for (port, axis), gain in zip(inputs, row, strict=True):
+                if gain:
+                    for source in sources[port]:
+                        edge = ((source, axis), output)
+                        terms[edge] = terms.get(edge, 0.0) + float(gain)
+    return {edge: gain for edge, gain in terms.items() if gain}
+
+
+def _direct(
+    name: str,
+    kind: ModuleKind,
+    table: ParameterTable,
+    values: Mapping[str, float],
+    frame: tuple[float, float],
+    rng: np.random.Generator,
+):
+    found = {parameter: table.of(name, parameter) for parameter in kind.parameters}
+    numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in found.items()}
+    points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-0.5, 0.5)) for port in kind.equilibrium_ports}
+    return kind.state_space(**numbers, **kind.context(OMEGA_0, frame, points))[3]
+
+
+def _draw(table: ParameterTable, rng: np.random.Generator) -> dict[str, float]:
+    values = {}
+    for one in table.free:
+        if one.logarithmic:
+            value = one.typical * 10 ** rng.uniform(-0.5, 0.5)
+        else:
+            value = one.typical + 0.05 * (one.high - one.low) * rng.uniform(-1, 1)
+        values[one.name] = float(np.clip(value, one.low, one.high))
+    return values
+
+
+def _singular_cycle(loop: list[Channel], draws: list[dict[tuple[Channel, Channel], float]]) -> tuple[str, ...]:
+    """Modules on the cycle that makes I - F singular at every draw; empty when one draw can be inverted."""
+    place = {channel: index for index, channel in enumerate(loop)}
+    involved: set[Channel] = set()
+    for terms in draws:
+        matrix = np.eye(len(loop))
+        for (start, end), gain in terms.items():
+            if start in place and end in place:
+                matrix[place[end], place[start]] -= gain
+        rows = np.abs(matrix).max(axis=1)
+        scaled = matrix / np.where(rows > 0, rows, 1.0)[:, None]
+        columns = np.abs(scaled).max(axis=0)
+        _, spread, directions = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
+        if spread[-1] > SINGULAR * spread[0]:
+            return ()
+        involved = {channel for channel, weight in zip(loop, directions[-1], strict=True) if abs(weight) > 1e-6}
+    kept = nx.DiGraph([edge for edge in draws[0] if edge[0] in involved and edge[1] in involved])
+    try:
+        cycle = [start for start, _ in nx.find_cycle(kept)]
+    except nx.NetworkXNoCycle:
+        cycle = loop
+    return tuple(dict.fromkeys(split_port(port)[0] for port, _ in cycle))

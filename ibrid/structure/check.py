@@ -1,0 +1,141 @@
+"""The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV and appendix A.1)."""
+
+from collections.abc import Sequence
+
+from ibrid.errors import DiagramError, near
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.structure.algebraic_loops import algebraic_loops
+from ibrid.structure.connection_rules import check_connections
+from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
+from ibrid.structure.habits import check_habits
+from ibrid.structure.module_rules import check_modules
+from ibrid.structure.parameters import EQUILIBRIA
+from ibrid.structure.steady_state import lost_at, steady_order, unknown_equilibria
+from ibrid.structure.violation import Findings, Violation, some
+from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
+
+__all__ = ["HIGHEST_ORDER", "Violation", "require_legal", "violations", "warnings"]
+
+HIGHEST_ORDER = 30
+MOST_MODULES, MOST_CONNECTIONS = 200, 1000
+
+
+def violations(
+    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+) -> tuple[Violation, ...]:
+    """Every breach of the grammar, by line; empty for a legal diagram.
+
+    Whether loops can be solved and operating points be found is asked once all else is right.
+    Raises DiagramError for an unknown vocabulary or equilibrium mode.
+    """
+    kinds_allowed = choose_vocabulary(vocabulary)
+    if equilibrium not in EQUILIBRIA:
+        raise DiagramError(f"no equilibrium mode is called {equilibrium!r}; {near(equilibrium, EQUILIBRIA)}")
+    findings = Findings()
+    _check_size(diagram, findings)
+    if findings:
+        return findings.sorted
+    kinds = check_modules(diagram, kinds_allowed, equilibrium, findings)
+    check_connections(diagram, kinds, findings)
+    _check_whole(diagram, kinds, kinds_allowed, findings)
+    if not findings:
+        wiring = wire(diagram, kinds_allowed)
+        _check_loops(diagram, wiring, findings)
+        if equilibrium == "exact":
+            _check_equilibria(wiring, findings)
+    return findings.sorted
+
+
+def warnings(
+    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+) -> tuple[Violation, ...]:
+    """What is legal but probably a mistake, by line; empty for a diagram that is not legal."""
+    if violations(diagram, vocabulary, equilibrium=equilibrium):
+        return ()
+    findings = Findings()
+    check_habits(diagram, wire(diagram, choose_vocabulary(vocabulary)), equilibrium, findings)
+    return findings.sorted
+
+
+def require_legal(
+    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+) -> None:
+    """Raise DiagramError that joins all violations, unless the diagram is legal."""
+    found = violations(diagram, vocabulary, equilibrium=equilibrium)
+    if found:
+        raise DiagramError("; ".join(str(one) for one in found))
+
+
+def _check_size(diagram: Diagram, findings: Findings) -> None:
+    for what, number, most in (
+        ("modules", len(diagram.instances), MOST_MODULES),
+        ("connections", len(diagram.connections), MOST_CONNECTIONS),
+    ):
+        if number > most:
+            findings.add(None, "size", f"the diagram has {number} {what}, more than {most}; leave some out")
+
+
+def _check_whole(
+    diagram: Diagram, kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Findings
+) -> None:
+    plants = [one for one in diagram.instances if (kind := kinds[one.name]) is not None and kind.family == PLANT]
+    available = " or ".join(kind.name for kind in vocabulary if kind.family == PLANT)
+    if not plants and all(kinds.values()):
+        findings.add(None, "no_plant", f"the diagram has no plant; add one {available}")
+    for extra in plants[1:]:
+        message = f"{extra.name} ({extra.kind}) is a second plant beside {plants[0].name}; keep exactly one {available}"
+        findings.add(extra.line, "several_plants", message)
+    if all(connection.target != TERMINAL_CURRENT for connection in diagram.connections):
+        findings.add(None, "no_terminal_current", f"nothing drives {TERMINAL_CURRENT}; {_terminal_remedy(kinds)}")
+    orders = {name: kind.order for name, kind in kinds.items() if kind is not None and kind.order}
+    if (order := sum(orders.values())) > HIGHEST_ORDER:
+        largest = sorted(orders, key=lambda name: -orders[name])
+        listed = some(f"{name} {orders[name]}" for name in largest)
+        message = f"the order is {order}, above {HIGHEST_ORDER}; remove modules with states, of which there are {listed}"
+        findings.add(None, "order", message)
+
+
+def _terminal_remedy(kinds: dict[str, ModuleKind | None]) -> str:
+    for name, kind in kinds.items():
+        if kind is not None and kind.name == "Rot_i":
+            return f"connect {name}.i_DQ to it"
+    for name, kind in kinds.items():
+        if kind is not None and kind.family == PLANT and "i_g" in kind.outputs:
+            return f"connect {name}.i_g to it, through a Rot_i if the controller has a frame of its own"
+    return "connect the plant's grid current to it"
+
+
+def _check_loops(diagram: Diagram, wiring: Wiring, findings: Findings) -> None:
+    cycles = dict.fromkeys(loop.singular for loop in algebraic_loops(wiring) if loop.singular)  # d and q are alike
+    for cycle in cycles:
+        around = dict(zip(cycle, cycle[1:] + cycle[:1], strict=True))
+        lines = [
+            one.line
+            for one in diagram.connections
+            if one.line is not None and around.get(split_port(one.source)[0]) == split_port(one.target)[0]
+        ]
+        path = " -> ".join((*cycle, cycle[0]))
+        message = (
+            f"the algebraic loop {path} has a gain of exactly 1, so that its signals have no unique value; "
+            "put a filter or a Delay in it, or change a gain"
+        )
+        findings.add(max(lines, default=None), "algebraic_loop", message)
+
+
+def _check_equilibria(wiring: Wiring, findings: Findings) -> None:
+    lines = {instance.name: instance.line for instance in wiring.instances}
+    steady = steady_order(wiring)
+    for name, port in unknown_equilibria(wiring, steady):
+        culprit = lost_at(wiring, f"{name}.{port}", steady)
+        if culprit is None:
+            why = "runs round a loop"
+        elif wiring.kinds[culprit].bilinear:
+            why = f"is made from the product in {culprit} ({wiring.kinds[culprit].name})"
+        else:
+            why = f"comes from behind the integrator of {culprit} ({wiring.kinds[culprit].name})"
+        message = (
+            f"{name} ({wiring.kinds[name].name}) needs the operating point at {name}.{port}, but that signal {why}; "
+            "wire it to a plant signal, to a sum of them, or to one behind filters and gains"
+        )
+        findings.add(lines[name], "equilibrium", message)

@@ -1,0 +1,112 @@
+"""A block diagram: named modules and connections, filled by `add` and `connect` in the words of a program."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ibrid.errors import DiagramError
+
+Binding = str | float | tuple[float, float]
+
+#: Outer ports: the terminal voltage drives the diagram, the terminal current leaves it.
+TERMINAL_VOLTAGE, TERMINAL_CURRENT = "v_DQ", "i_DQ"
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
+_PARAMETER_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}(\.[A-Za-z_][A-Za-z0-9_]{0,63})?")
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A named module: `kind` of the vocabulary, `name` in this diagram, `bindings` of parameters."""
+
+    kind: str
+    name: str
+    bindings: Mapping[str, Binding] = field(default_factory=dict)
+    line: int | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True)
+class Connection:
+    """`source` adds to `target`; both are "NAME.port" or an outer port."""
+
+    source: str
+    target: str
+    line: int | None = field(default=None, compare=False)
+
+
+class Diagram:
+    """Named modules and connections.
+
+    `add` and `connect` refuse what no diagram can mean (a name that is no name, a binding that is no number); whether
+    the whole is legal is the question of `ibrid.structure.check.violations`.
+    """
+
+    def __init__(self, name: str = "build") -> None:
+        self.name = name
+        self._instances: list[Instance] = []
+        self._connections: list[Connection] = []
+
+    @property
+    def instances(self) -> tuple[Instance, ...]:
+        """Modules in the order in which they were added."""
+        return tuple(self._instances)
+
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections in the order in which they were made."""
+        return tuple(self._connections)
+
+    def add(self, kind: str, name: str, *, line: int | None = None, **bindings: Binding) -> None:
+        """Add a module of `kind` called `name`; a binding is a shared name, a fixed number or a pair (a narrower box)."""
+        if not isinstance(kind, str) or not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise DiagramError(
+                f"a module needs a kind and a name of letters, digits and underscores (at most 64), got {name!r:.80}"
+            )
+        if name in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
+            raise DiagramError(f"{name} is an outer port; give the module another name")
+        checked = {key: _binding(f"{name}.{key}", value) for key, value in bindings.items()}
+        self._instances.append(Instance(kind, name, checked, line))
+
+    def connect(self, source: str, target: str, *, line: int | None = None) -> None:
+        """Let `source` drive `target`; several sources of one target add up."""
+        for end in (source, target):
+            if not isinstance(end, str) or not _PARAMETER_NAME.fullmatch(end):
+                raise DiagramError(f"a connection joins ports written NAME.port, {TERMINAL_VOLTAGE} or {TERMINAL_CURRENT}, "
+                                   f"got {end!r:.80}")  # fmt: skip
+        self._connections.append(Connection(source, target, line))
+
+    def copy(self) -> "Diagram":
+        """An independent diagram with the same modules and connections."""
+        other = Diagram(self.name)
+        other._instances, other._connections = list(self._instances), list(self._connections)
+        return other
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Diagram):
+            return NotImplemented
+        return self.instances == other.instances and self.connections == other.connections
+
+    __hash__ = None  # type: ignore[assignment]  # mutable
+
+    def __repr__(self) -> str:
+        return f"<Diagram {self.name}: {len(self._instances)} modules, {len(self._connections)} connections>"
+
+
+def _binding(where: str, value: object) -> Binding:
+    if isinstance(value, str):
+        if not _PARAMETER_NAME.fullmatch(value):
+            raise DiagramError(f"{where} is bound to {value!r:.80}; a shared name is a word or two words joined by a dot")
+        return value
+    if isinstance(value, tuple) and len(value) == 2:
+        low, high = (_number(where, entry) for entry in value)
+        if not low < high:
+            raise DiagramError(f"{where} has the box ({low:g}, {high:g}); the first number must be the smaller")
+        return low, high
+    return _number(where, value)
+
+
+def _number(where: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise DiagramError(f"{where} is bound to {value!r:.80}; write a shared name, a finite number or a pair (low, high)")
+    return float(value)

@@ -1,0 +1,128 @@
+"""What is legal but probably a mistake: half a frame, unit slips, modules that do nothing."""
+
+import networkx as nx
+
+from ibrid.modules.kind import PAPER_RANGES
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
+from ibrid.structure.parameters import kind_parameters
+from ibrid.structure.violation import Findings
+from ibrid.structure.wiring import Wiring, split_port
+
+#: A coupling of more seconds than this is more than 7 per unit at 60 Hz, so it was meant per unit.
+LARGEST_COUPLING = 0.02
+
+
+def check_habits(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+    """Report the doubtful parts of a legal diagram."""
+    _rotations(wiring, findings)
+    _idle(wiring, findings)
+    for instance in diagram.instances:
+        _coupling_unit(instance, findings)
+        if equilibrium == "exact":
+            _ignored(instance, findings)
+    _shared_units(wiring, equilibrium, findings)
+    _shared_with_fixed(wiring, findings)
+
+
+def _rotations(wiring: Wiring, findings: Findings) -> None:
+    for present, absent in (("Rot_v", "Rot_i"), ("Rot_i", "Rot_v")):
+        names = wiring.named(present)
+        if names and not wiring.named(absent):
+            message = (
+                f"{names[0]} ({present}) turns into the controller frame or back, but no {absent} does the opposite; "
+                f"add a {absent} or remove {names[0]}"
+            )
+            findings.add(_line(wiring, names[0]), "one_rotation", message)
+
+
+def _idle(wiring: Wiring, findings: Findings) -> None:
+    graph = nx.DiGraph()
+    graph.add_nodes_from([*wiring.kinds, TERMINAL_VOLTAGE, TERMINAL_CURRENT])
+    for target, sources in wiring.sources.items():
+        end = TERMINAL_CURRENT if target == TERMINAL_CURRENT else split_port(target)[0]
+        graph.add_edges_from((one if one == TERMINAL_VOLTAGE else split_port(one)[0], end) for one in sources)
+    useful = nx.ancestors(graph, TERMINAL_CURRENT)
+    for name, kind in wiring.kinds.items():
+        if name not in useful:
+            message = f"{name} ({kind.name}) has no path to {TERMINAL_CURRENT}, so it changes nothing; connect it or remove it"
+            findings.add(_line(wiring, name), "idle_module", message)
+    if TERMINAL_VOLTAGE not in useful:
+        message = (
+            f"{TERMINAL_VOLTAGE} has no path to {TERMINAL_CURRENT}, so the admittance is zero; "
+            f"connect it to {wiring.plant}.v_in, through a Rot_v if the controller has a frame of its own"
+        )
+        findings.add(None, "voltage_unused", message)
+
+
+def _coupling_unit(instance: Instance, findings: Findings) -> None:
+    value = instance.bindings.get("L")
+    if instance.kind == "JMul" and isinstance(value, float) and abs(value) > LARGEST_COUPLING:
+        message = (
+            f"{instance.name} (JMul) has L = {value:g} s, {377 * abs(value):.3g} per unit; "
+            "its L is in seconds, the per-unit value divided by omega_0 = 377 rad/s, unlike that of JMul_omega"
+        )
+        findings.add(instance.line, "coupling_unit", message)
+
+
+def _ignored(instance: Instance, findings: Findings) -> None:
+    for name in instance.bindings:
+        if name in PAPER_RANGES:
+            message = (
+                f'{instance.name}.{name} is bound, but under equilibrium="exact" it is computed, not fitted; '
+                "remove the binding"
+            )
+            findings.add(instance.line, "ignored_binding", message)
+
+
+def _shared_units(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+    """A name shared by numbers of different units, such as JMul's L [s] and the plant's L_F [pu]."""
+    groups: dict[str, list[tuple[Instance, str, str]]] = {}
+    for instance in wiring.instances:
+        for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
+            value = instance.bindings.get(parameter)
+            own = parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
+            if not isinstance(value, float):
+                name = value if isinstance(value, str) else own
+                groups.setdefault(name, []).append((instance, parameter, box.unit))
+    for name, members in groups.items():
+        owner = next((one for one in members if f"{one[0].name}.{one[1]}" == name), members[0])
+        for member in members:
+            if member[2] != owner[2]:
+                _report_units(name, member, owner, findings)
+
+
+def _report_units(
+    name: str, member: tuple[Instance, str, str], owner: tuple[Instance, str, str], findings: Findings
+) -> None:
+    (instance, parameter, unit), (other, of_other, expected) = member, owner
+    message = f"{instance.name}.{parameter} [{unit}] shares the name {name} with {other.name}.{of_other} [{expected}]"
+    if "JMul" in (instance.kind, other.kind) and {unit, expected} == {"s", "pu"}:
+        message += ", which is off by omega_0 = 377; use JMul_omega, whose L is per unit, or give L a name of its own"
+        findings.add(instance.line, "coupling_unit", message)
+    else:
+        message += ", a number of another unit; give one of them a name of its own"
+        findings.add(instance.line, "shared_unit", message)
+
+
+def _shared_with_fixed(wiring: Wiring, findings: Findings) -> None:
+    elsewhere = {
+        f"{instance.name}.{parameter}": value
+        for instance in wiring.instances
+        for parameter, value in instance.bindings.items()
+        if isinstance(value, float | str) and value != f"{instance.name}.{parameter}"
+    }
+    for instance in wiring.instances:
+        for parameter, name in instance.bindings.items():
+            own = f"{instance.name}.{parameter}"
+            if isinstance(name, str) and name != own and name in elsewhere:
+                value = elsewhere[name]
+                message = (
+                    f"{own} is bound to {name}, but {name} itself is "
+                    f"{f'fixed to {value:g}' if isinstance(value, float) else f'bound to {value}'}, "
+                    f"so the two differ; bind {own} to {value if isinstance(value, str) else f'{value:g}'} as well"
+                )
+                findings.add(instance.line, "shared_with_fixed", message)
+
+
+def _line(wiring: Wiring, name: str) -> int | None:
+    return next(instance.line for instance in wiring.instances if instance.name == name)

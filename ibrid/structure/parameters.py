@@ -1,0 +1,118 @@
+"""The parameters of a diagram: which numbers are free, fixed, shared by name, and within which box."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ibrid.errors import DiagramError
+from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
+from ibrid.structure.diagram import Binding
+from ibrid.structure.wiring import PLANT, Wiring
+
+#: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely as in the paper.
+EQUILIBRIA = ("exact", "paper")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One free number.
+
+    `name` : "NAME.parameter", or the shared name. `low`, `high` : the intersection of the boxes of all members.
+    `members` : (instance, parameter) pairs that take this value. `typical` : a first guess. `unit`, `meaning` : words.
+    `local` : True when it belongs to one operating point even in a shared fit (E0d, I0d, delta_eq of the paper).
+    """
+
+    name: str
+    low: float
+    high: float
+    typical: float
+    unit: str
+    meaning: str
+    members: tuple[tuple[str, str], ...]
+    local: bool = False
+
+    @property
+    def logarithmic(self) -> bool:
+        """True when the box is positive."""
+        return self.low > 0
+
+
+@dataclass(frozen=True)
+class ParameterTable:
+    """Free parameters, and the value or free name that each (instance, parameter) takes."""
+
+    free: tuple[Parameter, ...]
+    bound: dict[tuple[str, str], str | float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, in order."""
+        return tuple(parameter.name for parameter in self.free)
+
+    def of(self, instance: str, parameter: str) -> str | float:
+        """The free name or the fixed number of a module's parameter."""
+        return self.bound[instance, parameter]
+
+
+def kind_parameters(kind: ModuleKind, equilibrium: str) -> dict[str, Range]:
+    """All parameters of a kind under an equilibrium mode, with their ranges."""
+    extra = {name: PAPER_RANGES[name] for name in kind.paper_parameters} if equilibrium == "paper" else {}
+    return {**kind.parameters, **extra}
+
+
+def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
+    """Collect the parameters of a wired diagram.
+
+    Raises DiagramError when two boxes that share a name do not overlap.
+    """
+    groups: dict[str, list[tuple[tuple[str, str], Range]]] = {}
+    bound: dict[tuple[str, str], str | float] = {}
+    for instance in wiring.instances:
+        for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
+            binding: Binding | None = instance.bindings.get(parameter)
+            key = (instance.name, parameter)
+            if isinstance(binding, float):
+                bound[key] = binding
+                continue
+            if isinstance(binding, tuple):
+                box = narrow(box, *binding)
+            local = parameter in PAPER_RANGES
+            own = parameter if local else f"{instance.name}.{parameter}"
+            name = binding if isinstance(binding, str) else own
+            bound[key] = name
+            groups.setdefault(name, []).append((key, box))
+    return ParameterTable(tuple(_merge(name, members) for name, members in groups.items()), bound)
+
+
+def narrow(box: Range, low: float, high: float) -> Range:
+    """The part of a box between `low` and `high`; DiagramError when there is none."""
+    low, high = max(low, box.low), min(high, box.high)
+    if not low < high:
+        raise DiagramError(f"the box ({low:g}, {high:g}) has no part within [{box.low:g}, {box.high:g}]")
+    typical = min(max(box.typical, low), high)
+    if typical in (low, high):
+        typical = (low * high) ** 0.5 if low > 0 else (low + high) / 2
+    return Range(low, high, typical, box.unit, box.meaning, box.divides)
+
+
+def _merge(name: str, members: Sequence[tuple[tuple[str, str], Range]]) -> Parameter:
+    low = max(box.low for _, box in members)
+    high = min(box.high for _, box in members)
+    if not low < high:
+        where = " and ".join(".".join(key) for key, _ in members)
+        raise DiagramError(f"{where} share the name {name}, but their boxes do not overlap; give them names of their own")
+    first = members[0][1]
+    return Parameter(
+        name=name,
+        low=low,
+        high=high,
+        typical=min(max(first.typical, low), high),
+        unit=first.unit,
+        meaning=first.meaning,
+        members=tuple(key for key, _ in members),
+        local=any(key[1] in PAPER_RANGES for key, _ in members),
+    )
+
+
+def is_plant_parameter(parameter: Parameter, wiring: Wiring) -> bool:
+    """True when the parameter belongs to the filter rather than to the controller."""
+    return any(wiring.kinds[instance].family == PLANT for instance, _ in parameter.members)

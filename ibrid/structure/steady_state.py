@@ -1,0 +1,99 @@
+"""Which signals of a diagram have an operating point that follows from the plant, whatever the controller contains.
+
+It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC gain
+of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ibrid.modules.kind import ModuleKind
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.wiring import PLANT, Wiring, split_port
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Signals at rest.
+
+    `order` : modules whose outputs follow from the plant, each after the modules that it needs; the plant itself is not
+    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant.
+    """
+
+    order: tuple[str, ...]
+    known: frozenset[str]
+
+
+def carries(kind: ModuleKind) -> bool:
+    """True for a kind whose outputs at rest follow linearly from its inputs at rest."""
+    if kind.family == PLANT or kind.bilinear:
+        return False
+    return kind.static or kind.dc_gain is not None
+
+
+def steady_inputs(kind: ModuleKind) -> tuple[str, ...]:
+    """The inputs that set a kind's outputs at rest.
+
+    Where the operating point enters the law (Rot_v, Rot_i, JMul_omega), the other inputs, angle and frequency, are
+    deviations from it and zero at rest.
+    """
+    return tuple(port for port in kind.inputs if port in kind.equilibrium_ports) or tuple(kind.inputs)
+
+
+def steady_order(wiring: Wiring) -> Steady:
+    """Carry the operating point from the plant through the diagram."""
+    known = {TERMINAL_VOLTAGE}
+    for name, kind in wiring.kinds.items():
+        if kind.family == PLANT:
+            known.update(f"{name}.{port}" for port in kind.outputs)
+    waiting: dict[str, set[str]] = {}
+    for name, kind in wiring.kinds.items():
+        if carries(kind):
+            needed = (source for port in steady_inputs(kind) for source in wiring.sources[f"{name}.{port}"])
+            waiting[name] = {source for source in needed if source not in known}
+    users: dict[str, list[str]] = {}
+    for name, sources in waiting.items():
+        for source in sources:
+            users.setdefault(source, []).append(name)
+    order = [name for name, sources in waiting.items() if not sources]
+    for name in order:  # grows while it is walked
+        for port in wiring.kinds[name].outputs:
+            source = f"{name}.{port}"
+            known.add(source)
+            for user in users.get(source, ()):
+                waiting[user].discard(source)
+                if not waiting[user]:
+                    order.append(user)
+    return Steady(tuple(order), frozenset(known))
+
+
+def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
+    """(instance, port) of each module that needs the operating point of a signal that does not follow from the plant."""
+    known = (steady or steady_order(wiring)).known
+    return tuple(
+        (name, port)
+        for name, kind in wiring.kinds.items()
+        if kind.family != PLANT
+        for port in kind.equilibrium_ports
+        if not known.issuperset(wiring.sources.get(f"{name}.{port}", ()))
+    )
+
+
+def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | None:
+    """The nearest module upstream of an input at which its operating point is lost; None when that is a loop."""
+    known = (steady or steady_order(wiring)).known
+    front, seen = list(_unknown(wiring, port, known)), set[str]()
+    for name in front:  # breadth first; grows while it is walked
+        if name in seen:
+            continue
+        seen.add(name)
+        kind = wiring.kinds[name]
+        if not carries(kind):
+            return name
+        for one in steady_inputs(kind):
+            front += _unknown(wiring, f"{name}.{one}", known)
+    return None
+
+
+def _unknown(wiring: Wiring, port: str, known: frozenset[str]) -> Iterator[str]:
+    return (split_port(source)[0] for source in wiring.sources[port] if source not in known)

@@ -1,0 +1,63 @@
+"""One breach of the grammar, as a sentence with its line and what would mend it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ibrid.errors import near
+
+#: Near names are worked out for this many breaches of one program; a hostile text may hold a thousand.
+SUGGESTIONS = 12
+
+
+@dataclass(frozen=True)
+class Violation:
+    """`line` : of the program, None for a diagram made in Python. `reason` : a short name that stays, for counting."""
+
+    line: int | None
+    message: str
+    reason: str
+
+    def __str__(self) -> str:
+        return self.message if self.line is None else f"line {self.line}: {self.message}"
+
+
+class Findings:
+    """Collects violations while a diagram is read."""
+
+    def __init__(self) -> None:
+        self._found: list[Violation] = []
+        self._suggested = 0
+
+    def add(self, line: int | None, reason: str, message: str) -> None:
+        self._found.append(Violation(line, message, reason))
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    @property
+    def sorted(self) -> tuple[Violation, ...]:
+        """By line, those without a line last; within a line in the order in which they were found."""
+        return tuple(sorted(self._found, key=lambda one: (one.line is None, one.line or 0)))
+
+    def near(self, name: str, known: Iterable[str]) -> str:
+        """`errors.near`, with an end to the work."""
+        self._suggested += 1
+        if self._suggested > SUGGESTIONS:
+            return "mend the names above first"
+        return near(name[:64], known)
+
+
+def shown(name: str) -> str:
+    """A name quoted, cut where it is absurdly long."""
+    return repr(name if len(name) <= 64 else name[:61] + "...")
+
+
+def first_line(line: int | None) -> str:
+    """Where the first of two was, as a clause."""
+    return "" if line is None else f", first in line {line}"
+
+
+def some(names: Iterable[str], most: int = 4) -> str:
+    """The first few names as a list."""
+    listed = list(names)
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")

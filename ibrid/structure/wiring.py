@@ -1,0 +1,53 @@
+"""A diagram read against a vocabulary: which kind each module is, and what drives each input."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ibrid.errors import DiagramError
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import find_kind
+from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram, Instance
+
+PLANT = "physical plant"
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Modules with their kinds, and the sources of every input.
+
+    `instances` : as added. `kinds` : instance name -> kind.
+    `sources` : "NAME.port" of an input, or the outer port `i_DQ`, -> the outputs (or `v_DQ`) that add up there.
+    """
+
+    instances: tuple[Instance, ...]
+    kinds: Mapping[str, ModuleKind]
+    sources: Mapping[str, tuple[str, ...]]
+
+    @property
+    def plant(self) -> str:
+        """Name of the one plant."""
+        (name,) = [name for name, kind in self.kinds.items() if kind.family == PLANT]
+        return name
+
+    def named(self, kind: str) -> tuple[str, ...]:
+        """Names of the instances of a kind."""
+        return tuple(name for name, value in self.kinds.items() if value.name == kind)
+
+
+def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
+    """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""
+    kinds = {instance.name: find_kind(instance.kind, vocabulary) for instance in diagram.instances}
+    sources: dict[str, tuple[str, ...]] = {
+        f"{name}.{port}": () for name, kind in kinds.items() for port in kind.inputs
+    } | {TERMINAL_CURRENT: ()}
+    for connection in diagram.connections:
+        if connection.target not in sources:
+            raise DiagramError(f"{connection.target} is no input of this diagram; run ibrid check on the program")
+        sources[connection.target] += (connection.source,)
+    return Wiring(diagram.instances, kinds, sources)
+
+
+def split_port(port: str) -> tuple[str, str]:
+    """("NAME", "port") of a port; ("", port) of an outer port."""
+    name, _, inner = port.rpartition(".")
+    return name, inner
