@@ -375,7 +375,7 @@ class _Evaluation:
             sentences += [where + sentence for sentence in answer.sentences]
             for twin in solution.twins:
                 changed = _changes(problem, solution.x, twin)
-                sentences.append(f"{where}an exact twin fits as well: {changed}; the one with the smaller R_F is reported")
+                sentences.append(f"{where}a twin fits as well: {changed}; the one with the smaller R_F is reported")
             sentences.append(
                 f"{where}{solution.agreeing} of {len(solution.finished)} finished starts agree with the best, "
                 f"in {solution.waves} waves; intervals assume {answer.noise}"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit import ipopt
+from ibrid.fit.anchor import nearest_to_typical
 from ibrid.fit.gauss_newton import Batch, begin, descend
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
@@ -23,20 +24,23 @@ class FitSettings:
     `objective` : what is minimised in the end. `starts` : screened per wave. `kept` : of them, those that descend.
     `halving` : (iterations, kept) per stage on the logarithmic residual. `restarts` : further waves at most.
     `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
-    `solved` : root-mean-square relative error below which the fit is finished. `fitting` : above this the structure
-    probably cannot fit, and more starts are carried to the end. `seconds` : hard limit, a safety net.
+    `solved` : root-mean-square relative error below which the fit is finished. `misfit` : above this the structure
+    probably cannot fit, and more starts are carried to the end. `hops` : rounds without gain, in which `kicked` copies of
+    the best answer get some coordinates moved or redrawn, that end a fit. `seconds` : hard limit, a safety net.
     """
 
     objective: str = "nrmse"
     starts: int = 96
     kept: int = 8
-    halving: tuple[tuple[int, int], ...] = ((8, 4), (8, 2))
+    halving: tuple[tuple[int, int], ...] = ((8, 6), (8, 4))
     kept_misfit: int = 12
     restarts: int = 5
     agreeing: int = 3
     agreement: float = 1e-3
     solved: float = 1e-7
     misfit: float = 0.03
+    hops: int = 3
+    kicked: int = 24
     iterations: int = 80
     ipopt_iterations: int = 40
     seconds: float = 60.0
@@ -95,7 +99,8 @@ def fit(
     if warm is not None:
         search.finish(begin(problem, warm[None], settings.objective), 0)
     wave = 0
-    while wave <= settings.restarts and not search.settled(wave):
+    hops = 0
+    while wave <= settings.restarts and not (search.settled(wave) and (hops := search.hop(hops)) >= settings.hops):
         if time.monotonic() - started > settings.seconds:
             if not search.finished:
                 raise TimeoutError(f"no start ended within {settings.seconds:g} s")
@@ -106,11 +111,12 @@ def fit(
         return None
     best, twins = search.most_plausible()
     left = settings.seconds - (time.monotonic() - started)
+    best = nearest_to_typical(problem, best, settings.objective)
     optimum = ipopt.solve(problem, best, settings.objective, iterations=settings.ipopt_iterations, seconds=left)
     return Solution(
         optimum.x,
         np.sqrt(optimum.costs),
-        tuple(twins),
+        tuple(nearest_to_typical(problem, twin, settings.objective) for twin in twins),
         len(search.near_best()),
         tuple(sorted(search.finished, key=lambda one: one.cost)),
         wave,
@@ -193,6 +199,36 @@ class _Search:
             more = descend(problem, wide, "log", sum(one for one, _ in settings.halving))
             batch = more.best(settings.kept_misfit)
         return descend(problem, batch, "log", settings.iterations)
+
+    def hop(self, done: int) -> int:
+        """Kick a few coordinates of the best answer, descend again; the number of rounds in a row without gain."""
+        settings, problem = self.settings, self.problem
+        if self.best().cost < settings.solved**2:
+            return settings.hops
+        while done < settings.hops:
+            before = self.best().cost
+            x = self._kicked(self.best().x)
+            batch = descend(problem, begin(problem, x, settings.objective), settings.objective, 16)
+            self._keep(descend(problem, batch.best(4), settings.objective, settings.iterations), -1)
+            done = 0 if self.best().cost < before * (1 - settings.agreement) else done + 1
+        return done
+
+    def _kicked(self, x: np.ndarray) -> np.ndarray:
+        """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a cascade redistributed."""
+        number, size = self.settings.kicked, self.problem.size
+        low, high = self.problem.coordinates.x_low, self.problem.coordinates.x_high
+        chosen = self.rng.uniform(size=(number, size)) < np.linspace(0.15, 0.6, number)[:, None]
+        moved = x + self.rng.normal(0.0, 1.5, (number, size))
+        anywhere = low + (high - low) * self.rng.uniform(size=(number, size))
+        kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
+        if self.swaps:
+            group = list(self.swaps[0].entries)
+            rows = np.arange(0, number, 2)
+            moved = x[group] + self.rng.normal(0.0, 3.0, (len(rows), len(group)))
+            redrawn = np.arange(len(rows))[:, None] % 2 == 1
+            kicked[rows] = x
+            kicked[np.ix_(rows, group)] = np.where(redrawn, anywhere[np.ix_(rows, group)], moved)
+        return kicked
 
     def finish(self, batch: Batch, wave: int) -> None:
         """Carry starts to the end in the final objective, and the twins of the best of them too."""

@@ -21,6 +21,11 @@ class Swap:
     outer: tuple[tuple[int, int], ...]
     resistance: int
 
+    @property
+    def entries(self) -> tuple[int, ...]:
+        """All entries of x that take part."""
+        return (*self.inner, *(index for pair in self.outer for index in pair), self.resistance)
+
     def apply(self, theta: np.ndarray) -> np.ndarray:
         """Physical values with the zeros swapped."""
         k_p, k_i = (theta[index] for index in self.inner)

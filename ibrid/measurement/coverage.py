@@ -104,26 +104,27 @@ def harmonic_lines(point: PointSweep, f0_hz: float, tolerance: float = 0.01) -> 
 
 
 def outliers(point: PointSweep, factor: float = 6.0) -> np.ndarray | None:
-    """(K,) points that miss the cubic through their two neighbours on each side by 6 times what is usual around them.
+    """(K,) single points that stick out of their neighbours; None where the grid has fewer than 15 points a decade.
 
-    None where the grid has fewer than 15 points a decade.
+    What a point should be is the median of the three straight lines between its first, second and third neighbours on
+    either side, in log f, so that one bad neighbour is outvoted. It sticks out when it misses that by 6 times what is
+    usual around it and each of its two neighbours by less than a third of that (else it is a peak).
     """
     count = len(point.frequency)
     if points_per_decade(point.frequency) < DENSE or count < 15:
         return None
     position = np.log(point.frequency)
-    size = np.linalg.norm(point.admittance, axis=(1, 2))
+    values = point.admittance.reshape(count, 4).view(float)
+    size = np.linalg.norm(values, axis=1)
     size = np.maximum(size, size.max() * 1e-12)
+    inner = np.arange(3, count - 3)
+    lines = []
+    for step in (1, 2, 3):
+        before, after = inner - step, inner + step
+        share = (position[inner] - position[before]) / (position[after] - position[before])
+        lines.append(values[before] + share[:, None] * (values[after] - values[before]))
     miss = np.zeros(count)
-    for k in range(2, count - 2):
-        others = np.array([k - 2, k - 1, k + 1, k + 2])
-        weights = np.array([_lagrange(position[others], i, position[k]) for i in range(4)])
-        expected = np.tensordot(weights, point.admittance[others], axes=1)
-        miss[k] = np.linalg.norm(point.admittance[k] - expected) / (size[k] * np.sqrt(1 + (weights**2).sum()))
-    usual = np.array([np.median(miss[max(2, k - 7) : min(count - 2, k + 8)]) for k in range(count)])
-    return miss > factor * np.maximum(usual, 1e-6)
-
-
-def _lagrange(nodes: np.ndarray, which: int, position: float) -> float:
-    rest = np.delete(nodes, which)
-    return float(np.prod((position - rest) / (nodes[which] - rest)))
+    miss[inner] = np.linalg.norm(values[inner] - np.median(lines, axis=0), axis=1) / size[inner]
+    usual = np.array([np.median(miss[max(3, k - 7) : min(count - 3, k + 8)]) for k in range(count)])
+    beside = np.maximum(np.roll(miss, 1), np.roll(miss, -1))
+    return (miss > factor * np.maximum(usual, 1e-6)) & (miss > 3 * beside)

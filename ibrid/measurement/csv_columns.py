@@ -82,7 +82,7 @@ def _separator_hint(text: str) -> str:
 
 def _instead(missing: list[str], wrong: list[str]) -> str:
     """What stands in the place of a missing column, if something does."""
-    if len(missing) > 8:
+    if len(missing) >= 8:
         return "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., Ypp_re .., Zpp_re ..)."
     if wrong:
         return f"found {', '.join(repr(name[:40]) for name in wrong[:4])}, rename the one that holds it."

@@ -54,7 +54,8 @@ def read_keys(
     comments : (line number, text without its comment mark).
     where : the file's name, for errors.
 
-    Raises SweepError for a key that resembles a known one without being it, and for a key given twice.
+    Raises SweepError, with the line, for a key that resembles a known one without being it, a key given twice and a
+    value out of range.
     """
     names = tuple(known)
     keys: dict[str, str] = {}
@@ -69,6 +70,7 @@ def read_keys(
         if key in names:
             if key in keys and keys[key] != value:
                 raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")
+            header_of({key: value}, f"{where} line {line}")
             keys[key] = value
         elif _mistyped(key, names):
             raise SweepError(

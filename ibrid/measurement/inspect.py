@@ -107,7 +107,7 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
 
 def _inspect_point(point: PointSweep, noise: PointNoise, f0_hz: float, sampling_hz: float | None) -> PointInspection:
     frequency = point.frequency
-    condition = np.nan_to_num(np.linalg.cond(point.admittance), nan=np.inf)
+    condition = np.nan_to_num(np.linalg.cond(point.admittance), nan=np.inf, posinf=np.inf)
     active = passivity(point, noise)
     worst = None if noise.relative is None else int(np.argmax(noise.relative))
     sticking = outliers(point)

@@ -5,6 +5,7 @@ import numpy as np
 NEIGHBOURS = 2
 ENOUGH = 10
 """From this many runs on, each frequency's own scatter is used; below, its neighbours help."""
+_ROUNDING = 1e-28
 _SMALLEST = 1e-9
 """Floor of sigma relative to ||Y||_F: an entry that repeats to the last digit still weighs finitely."""
 
@@ -25,7 +26,7 @@ def sigma_of_mean(repeats: np.ndarray) -> np.ndarray | None:
     norm = np.linalg.norm(mean, axis=(1, 2))[:, None, None]
     norm = np.maximum(norm, np.finfo(float).tiny * 1e20)
     relative = (np.abs((repeats - mean) / norm) ** 2).sum(axis=0) / (2 * (runs - 1))
-    if not relative.any():
+    if relative.max() < _ROUNDING:
         return None
     if runs < ENOUGH:
         relative = _pooled(relative)

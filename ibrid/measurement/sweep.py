@@ -198,6 +198,6 @@ def _listed(names: Iterable[str]) -> list[str]:
 
 
 def _frozen(value: np.ndarray, kind: type) -> np.ndarray:
-    array = np.array(value, dtype=kind)
+    array = np.array(value, dtype=kind, order="C")
     array.flags.writeable = False
     return array

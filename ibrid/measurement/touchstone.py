@@ -52,7 +52,6 @@ def read_touchstone(path: str | Path, **keys: object) -> Sweep:
     frequency, matrix = _table(body, options, path)
     if options.ohm != 1 and not {"unit"} & {*inside, *beside, *keys}:
         inside["unit"] = "S" if options.parameter == "Y" else "ohm"
-    matrix = matrix / options.ohm if options.parameter == "Y" else matrix * options.ohm
     return sweep_of_response(
         frequency,
         matrix,
@@ -116,7 +115,7 @@ def _parsed_options(words: list[str], where: str) -> _Options:
 
 
 def _table(body: list[tuple[int, str]], options: _Options, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in Hz and matrices; a row of a two-port is nine numbers, in 11 21 12 22 order."""
+    """Frequencies in Hz and matrices in S or ohm; a row of a two-port is nine numbers, in 11 21 12 22 order."""
     rows = []
     for number, text in body:
         if text.startswith("#"):
@@ -138,4 +137,5 @@ def _table(body: list[tuple[int, str]], options: _Options, path: Path) -> tuple[
         else:
             size = 10 ** (first / 20) if options.form == "DB" else first
             entries = size * np.exp(1j * np.deg2rad(second))
-    return numbers[:, 0] * options.hz, np.swapaxes(entries.reshape(-1, 2, 2), 1, 2)
+        entries = entries / options.ohm if options.parameter == "Y" else entries * options.ohm
+        return numbers[:, 0] * options.hz, np.swapaxes(entries.reshape(-1, 2, 2), 1, 2)

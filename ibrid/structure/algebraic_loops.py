@@ -1,7 +1,7 @@
 """Loops of direct terms: legal while I - F can be inverted, F being the direct terms round the loop.
 
-Singular means singular at every one of a few fixed draws of the parameters near their typical values, so that a loop that
-is singular at special values only stays legal; the fit keeps away from those.
+Singular means singular at every one of a few fixed draws of the parameters near their typical values: a loop that is
+singular at special values only stays legal, and the fit keeps away from those.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,9 @@ def algebraic_loops(wiring: Wiring) -> tuple[AlgebraicLoop, ...]:
         return ()
     draws = [terms] + [_direct_terms(wiring, table, rng) for _ in range(DRAWS - 1)]
     places = {name: index for index, name in enumerate(wiring.kinds)}
-    return tuple(AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops))
+    return tuple(
+        AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
+    )
 
 
 def _feeds_itself(graph: nx.DiGraph, group: set[Channel]) -> bool:

@@ -1,4 +1,4 @@
-"""The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV and appendix A.1)."""
+"""The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV, A.1)."""
 
 from collections.abc import Sequence
 
@@ -92,7 +92,9 @@ def _check_whole(
     if (order := sum(orders.values())) > HIGHEST_ORDER:
         largest = sorted(orders, key=lambda name: -orders[name])
         listed = some(f"{name} {orders[name]}" for name in largest)
-        message = f"the order is {order}, above {HIGHEST_ORDER}; remove modules with states, of which there are {listed}"
+        message = (
+            f"the order is {order}, above {HIGHEST_ORDER}; remove modules with states, of which there are {listed}"
+        )
         findings.add(None, "order", message)
 
 

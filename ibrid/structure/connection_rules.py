@@ -35,7 +35,8 @@ def _check_connection(connection: Connection, kinds: Kinds, findings: Findings) 
     target = _signal(connection.target, "target", connection.line, kinds, findings)
     if source is None or target is None or source is target:
         return
-    message = f"{connection.source} [{source}] cannot drive {connection.target} [{target}]; {_fitting(connection, source, kinds)}"
+    remedy = _fitting(connection, source, kinds)
+    message = f"{connection.source} [{source}] cannot drive {connection.target} [{target}]; {remedy}"
     findings.add(connection.line, "signal_kind", message)
 
 
@@ -44,7 +45,11 @@ def _signal(port: str, end: str, line: int | None, kinds: Kinds, findings: Findi
     if port in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
         if (port == TERMINAL_VOLTAGE) == (end == "source"):
             return Signal.DQ_VEC
-        rule = "comes from outside; it can only be a source" if end == "target" else "leaves the diagram; it can only be a target"
+        rule = (
+            "comes from outside; it can only be a source"
+            if end == "target"
+            else "leaves the diagram; it can only be a target"
+        )
         findings.add(line, "direction", f"{port} {rule}, so turn the connection round or name another port")
         return None
     name, inner = split_port(port)
@@ -109,7 +114,9 @@ def _check_driven(diagram: Diagram, kinds: Kinds, driven: set[str], findings: Fi
         for port, signal in kind.inputs.items():
             if f"{instance.name}.{port}" not in driven:
                 remedy = _drivers(diagram, kinds, instance, signal)
-                findings.add(instance.line, "undriven_input", f"nothing drives {instance.name}.{port} [{signal}]; {remedy}")
+                findings.add(
+                    instance.line, "undriven_input", f"nothing drives {instance.name}.{port} [{signal}]; {remedy}"
+                )
 
 
 def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal) -> str:

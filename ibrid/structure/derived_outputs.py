@@ -1,4 +1,4 @@
-"""Outputs of a plant that are fixed combinations of others, such as i_C = i_ti - i_g, or of its inputs, such as e = v_in."""
+"""Outputs of a plant that others determine, such as i_C = i_ti - i_g, or its inputs, such as e = v_in."""
 
 import numpy as np
 
@@ -13,7 +13,9 @@ def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
     if not kind.states or len(kind.outputs) < 2:
         return {}
     values = {name: box.typical for name, box in kind.parameters.items()}
-    a, _, c, d = (np.array(rows, dtype=float) for rows in kind.state_space(**values, **kind.context(377.0, (1.0, 0.0), {})))
+    a, _, c, d = (
+        np.array(rows, dtype=float) for rows in kind.state_space(**values, **kind.context(377.0, (1.0, 0.0), {}))
+    )
     rows = np.hstack([c.reshape(-1, len(a)), d])
     through = np.hstack([np.zeros((d.shape[1], len(a))), np.eye(d.shape[1])])
     basis: list[tuple[tuple[str, str], np.ndarray]] = []

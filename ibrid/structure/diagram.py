@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from keyword import iskeyword
 
 from ibrid.errors import DiagramError
 
@@ -43,6 +44,10 @@ class Diagram:
     """
 
     def __init__(self, name: str = "build") -> None:
+        if not isinstance(name, str) or not _NAME.fullmatch(name) or iskeyword(name):
+            raise DiagramError(
+                f"a diagram's name is a word of letters, digits and underscores, none of Python's, got {name!r:.80}"
+            )
         self.name = name
         self._instances: list[Instance] = []
         self._connections: list[Connection] = []
@@ -57,12 +62,13 @@ class Diagram:
         """Connections in the order in which they were made."""
         return tuple(self._connections)
 
-    def add(self, kind: str, name: str, *, line: int | None = None, **bindings: Binding) -> None:
-        """Add a module of `kind` called `name`; a binding is a shared name, a fixed number or a pair (a narrower box)."""
-        if not isinstance(kind, str) or not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise DiagramError(
-                f"a module needs a kind and a name of letters, digits and underscores (at most 64), got {name!r:.80}"
-            )
+    def add(self, kind: str, name: str, /, *, line: int | None = None, **bindings: Binding) -> None:
+        """Add a module of `kind` called `name`; a binding is a shared name, a number or a pair (a narrower box)."""
+        for what, word in (("kind", kind), ("name", name), *(("parameter", key) for key in bindings)):
+            if not isinstance(word, str) or not _NAME.fullmatch(word):
+                raise DiagramError(
+                    f"a module's {what} is a word of letters, digits and underscores (at most 64), got {word!r:.80}"
+                )
         if name in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
             raise DiagramError(f"{name} is an outer port; give the module another name")
         checked = {key: _binding(f"{name}.{key}", value) for key, value in bindings.items()}
@@ -72,8 +78,9 @@ class Diagram:
         """Let `source` drive `target`; several sources of one target add up."""
         for end in (source, target):
             if not isinstance(end, str) or not _PARAMETER_NAME.fullmatch(end):
-                raise DiagramError(f"a connection joins ports written NAME.port, {TERMINAL_VOLTAGE} or {TERMINAL_CURRENT}, "
-                                   f"got {end!r:.80}")  # fmt: skip
+                raise DiagramError(
+                    f"a connection joins NAME.port, {TERMINAL_VOLTAGE} or {TERMINAL_CURRENT}, got {end!r:.80}"
+                )
         self._connections.append(Connection(source, target, line))
 
     def copy(self) -> "Diagram":
@@ -96,7 +103,9 @@ class Diagram:
 def _binding(where: str, value: object) -> Binding:
     if isinstance(value, str):
         if not _PARAMETER_NAME.fullmatch(value):
-            raise DiagramError(f"{where} is bound to {value!r:.80}; a shared name is a word or two words joined by a dot")
+            raise DiagramError(
+                f"{where} is bound to {value!r:.80}; a shared name is a word or two words joined by a dot"
+            )
         return value
     if isinstance(value, tuple) and len(value) == 2:
         low, high = (_number(where, entry) for entry in value)
@@ -107,6 +116,16 @@ def _binding(where: str, value: object) -> Binding:
 
 
 def _number(where: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DiagramError(f"{where} is bound to {value!r:.80}; write a shared name, a finite number or a pair (low, high)")
-    return float(value)
+    number = math.nan
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            raise DiagramError(
+                f"{where} is bound to an integer too large for a number; write a finite number"
+            ) from None
+    if not math.isfinite(number):
+        raise DiagramError(
+            f"{where} is bound to {value!r:.80}; write a shared name, a finite number or a pair (low, high)"
+        )
+    return number

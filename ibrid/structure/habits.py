@@ -44,7 +44,9 @@ def _idle(wiring: Wiring, findings: Findings) -> None:
     useful = nx.ancestors(graph, TERMINAL_CURRENT)
     for name, kind in wiring.kinds.items():
         if name not in useful:
-            message = f"{name} ({kind.name}) has no path to {TERMINAL_CURRENT}, so it changes nothing; connect it or remove it"
+            message = (
+                f"{name} ({kind.name}) has no path to {TERMINAL_CURRENT} and changes nothing; connect it or remove it"
+            )
             findings.add(_line(wiring, name), "idle_module", message)
     if TERMINAL_VOLTAGE not in useful:
         message = (

@@ -19,8 +19,8 @@ MOST_CHOICES = 1000
 class CanonicalForm:
     """`order` : vertices in canonical order. `text` : equal for isomorphic graphs, whatever their vertex numbers.
 
-    `exact` : False when symmetry was given up; `text` then holds the refined colours alone, which still do not depend on
-    the numbering but may agree for graphs that differ.
+    `exact` : False when symmetry was given up; `text` then holds the refined colours alone, which do not depend on the
+    numbering either but may agree for graphs that differ.
     """
 
     order: tuple[int, ...]

@@ -73,15 +73,15 @@ def _binding_fault(where: str, value: Binding, box: Range, plant: bool) -> str |
     if not math.isfinite(value):
         return f"{where} is fixed to {value}; write a finite number"
     if plant and not box.low <= value <= box.high:
-        return f"{where} is fixed to {value:g}, but a plant parameter lies within {limits}; move it there or let it free"
+        return (
+            f"{where} is fixed to {value:g}, but a plant parameter lies within {limits}; move it there or let it free"
+        )
     if box.divides and value <= 0:
         return f"{where} is fixed to {value:g}, but its law needs a number above zero; it usually lies within {limits}"
     return None
 
 
-def _check_shared(
-    diagram: Diagram, kinds: dict[str, ModuleKind | None], equilibrium: str, findings: Findings
-) -> None:
+def _check_shared(diagram: Diagram, kinds: dict[str, ModuleKind | None], equilibrium: str, findings: Findings) -> None:
     members: dict[str, list[tuple[Instance, str, float, float]]] = {}
     for instance in diagram.instances:
         kind = kinds.get(instance.name)

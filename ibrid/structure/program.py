@@ -11,6 +11,7 @@ Nothing else is part of the language: no imports, loops, expressions or other ca
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from keyword import iskeyword
 from pathlib import Path
 
 from ibrid.errors import DiagramError, ProgramError
@@ -24,7 +25,7 @@ _TOKEN = re.compile(
   | (?P<newline>\r?\n)
   | (?P<space>[ \t\f]+|\\\r?\n)
   | (?P<string>\"\"\"(?:[^\\]|\\.)*?\"\"\" | '''(?:[^\\]|\\.)*?''' | "[^"\\\n]*" | '[^'\\\n]*')
-  | (?P<number>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?(?![A-Za-z0-9_]))
+  | (?P<number>(?:\d[\d_]*+\.?+[\d_]*+|\.\d[\d_]*+)(?:[eE][+-]?\d++)?+(?![A-Za-z0-9_]))
   | (?P<name>[A-Za-z_]\w*)
   | (?P<mark>[():,.=+-])
     """,
@@ -55,7 +56,7 @@ def read_program(path: str | Path) -> Diagram:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            raw = file.read(LONGEST_PROGRAM + 1)
+            raw = file.read(4 * LONGEST_PROGRAM + 4)  # UTF-8 has at most four bytes a character
         text = raw.decode("utf-8-sig")
     except OSError as error:
         raise ProgramError(f"{path}: cannot be read ({error.strerror}); give the path of a program file") from None
@@ -85,8 +86,11 @@ class _Parser:
 
     def __init__(self, text: str, source: str) -> None:
         self.source = source
+        text = text.removeprefix("\ufeff")
         if len(text) > LONGEST_PROGRAM:
-            raise ProgramError(f"{source}: longer than {LONGEST_PROGRAM} characters; a program lists modules and connections only")
+            raise ProgramError(
+                f"{source}: longer than {LONGEST_PROGRAM} characters; a program lists modules and connections only"
+            )
         self.tokens = list(self._scan(text))
         self.position = 0
 
@@ -98,7 +102,7 @@ class _Parser:
         while position < len(text):
             match = _TOKEN.match(text, position)
             if match is None:
-                raise self.fail(line, f"unexpected {text[position : position + 12].splitlines()[0]!r}; {_ALLOWED}")
+                raise self.fail(line, f"unexpected {_unread(text, position)}; {_ALLOWED}")
             kind, found, column = str(match.lastgroup), match.group(), position - start
             position = match.end()
             if kind == "mark" and found in "()":
@@ -141,13 +145,21 @@ class _Parser:
     def program(self) -> Diagram:
         self.skip_blank()
         self.expect("def")
-        name = self.expect_kind("name", "the name of the function").text
+        name = self.expect_kind("name", "the name of the function")
         self.expect("(")
         graph = self.expect_kind("name", "the name of the graph, usually g").text
+        if iskeyword(graph):
+            raise self.fail(name.line, f"{graph!r} is a word of Python; call the graph g")
         self.expect(")")
         self.expect(":")
-        diagram = Diagram(name)
-        self.expect_kind("newline", "the end of the line")
+        try:
+            diagram = Diagram(name.text)
+        except DiagramError as error:
+            raise self.fail(name.line, str(error)) from None
+        if self.next.kind != "newline":
+            raise self.fail(
+                self.next.line, f"found {_shown(self.next)} after the colon; begin the body on a line of its own"
+            )
         self.skip_blank()
         indent = self.next.column
         if indent == 0 and self.next.kind != "end":
@@ -158,10 +170,18 @@ class _Parser:
         self.skip_blank()
         while self.next.kind != "end":
             if self.next.column != indent:
-                raise self.fail(self.next.line, f"every line must be indented by {indent} spaces, found {self.next.column}")
+                raise self.fail(self.next.line, self._indentation(indent))
             self.statement(diagram, graph)
             self.skip_blank()
         return diagram
+
+    def _indentation(self, indent: int) -> str:
+        if self.next.text == "def":
+            return "found a second 'def'; put one function into a program"
+        found = self.next.column
+        return (
+            f"found {found} characters of indentation where the first line has {indent}; indent all alike, without tabs"
+        )
 
     def statement(self, diagram: Diagram, graph: str) -> None:
         first = self.take()
@@ -172,14 +192,18 @@ class _Parser:
         self.expect(".")
         method = self.expect_kind("name", "add or connect")
         if method.text not in ("add", "connect"):
-            raise self.fail(method.line, f"{graph}.{method.text} does not exist; only {graph}.add and {graph}.connect do")
+            raise self.fail(
+                method.line, f"{graph}.{method.text} does not exist; only {graph}.add and {graph}.connect do"
+            )
         self.expect("(")
         words, bindings = self.arguments()
         if self.next.kind != "newline":
             raise self.fail(self.next.line, f"expected the end of the line, found {_shown(self.next)}; {_ALLOWED}")
         if len(words) != 2:
             wanted = "a kind and a name" if method.text == "add" else "a source and a target"
-            raise self.fail(first.line, f"{graph}.{method.text} takes {wanted} before any bindings, found {len(words)} strings")
+            raise self.fail(
+                first.line, f"{graph}.{method.text} takes {wanted} before any bindings, found {len(words)} strings"
+            )
         try:
             if method.text == "add":
                 diagram.add(words[0], words[1], line=first.line, **bindings)
@@ -204,13 +228,18 @@ class _Parser:
                 self.expect("=")
                 bindings[key] = self.value()
             elif bindings:
-                raise self.fail(token.line, f"a positional argument after bindings, {_shown(token)}; bindings are written parameter=value")
+                raise self.fail(
+                    token.line,
+                    f"a positional argument after bindings, {_shown(token)}; bindings are written parameter=value",
+                )
             else:
                 words.append(self.word())
             if self.next.text != ",":
                 break
             self.take()
-        self.expect(")")
+        if self.next.text != ")":
+            raise self.fail(self.next.line, f"expected a comma or ')', found {_shown(self.next)}; {_ALLOWED}")
+        self.take()
         return words, bindings
 
     def word(self) -> str:
@@ -239,7 +268,19 @@ class _Parser:
         try:
             return float(sign + token.text)
         except ValueError:
-            raise self.fail(token.line, f"{token.text!r:.40} is not a number") from None
+            raise self.fail(token.line, f"{token.text[:40]!r} is not a number; write it like 0.15 or 1e-3") from None
+
+
+def _unread(text: str, position: int) -> str:
+    """What stands where no token begins, and why when that is plain."""
+    found = text[position]
+    if found in "\"'":
+        return f"{found} without the same mark at the end of a string on this line (a string has no backslashes)"
+    if found == "\r":
+        return "carriage return without a line feed (end lines with a line feed)"
+    if found.isprintable():
+        return repr(re.split(r"\s", text[position : position + 12])[0])
+    return f"character U+{ord(found):04X}"
 
 
 def _shown(token: _Token) -> str:

@@ -1,12 +1,13 @@
 """A diagram rewritten so that different drawings of one controller become the same blocks and links.
 
-Signs, fixed gains, axis selection, packing and zero sources become the weight of a link. Blocks that do nothing go; blocks
-that are drawn twice become one; equal blocks on the two axes become one block on the dq pair; linear blocks in a row are
-put in one order; a free gain beside a block with a gain of its own goes into that.
+Signs, fixed gains, axis selection, packing and zero sources become the weight of a link. Blocks that do nothing go;
+blocks that are drawn twice become one; equal blocks on the two axes become one block on the dq pair; linear blocks in a
+row are put in one order; a free gain beside a block with a gain of its own goes into that.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
@@ -88,7 +89,8 @@ class _Rewriter:
             self._sort_chains,
         )
         for _ in range(4 * len(self.blocks) + 4):
-            if not any([step() for step in steps]):
+            changes = [step() for step in steps]
+            if not any(changes):
                 return
 
     # --- reading the diagram ------------------------------------------------------------------------------------
@@ -191,14 +193,13 @@ class _Rewriter:
         return bool(idle)
 
     def _reach(self, start: int, here: int, there: int) -> set[int]:
-        step: dict[int, set[int]] = {}
-        for key in self.links:
-            step.setdefault(key[here], set()).add(key[there])
+        """Blocks reached along the links; `here`, `there` : places of the blocks in a link's key, 0 or 2."""
         reached, front = {start}, [start]
         for number in front:
-            fresh = step.get(number, set()) - reached
-            reached |= fresh
-            front += fresh
+            for key in self.links:
+                if key[here] == number and key[there] not in reached:
+                    reached.add(int(key[there]))
+                    front.append(int(key[there]))
         return reached
 
     def _join_duplicates(self) -> bool:
@@ -251,22 +252,22 @@ class _Rewriter:
 
     def _join_axes(self) -> bool:
         """Equal scalar blocks on the d and the q channel of the same signals are one block on the pair."""
-        scalars = [number for number, block in self.blocks.items() if block.siso and block.width == 1]
-        for d in scalars:
-            for q in scalars:
-                first, second = self.blocks[d], self.blocks[q]
-                if d == q or (first.kind, first.parameters) != (second.kind, second.parameters):
-                    continue
-                entering = [(key[:2], weight.T) for key, weight in self._into(d)], [
-                    (key[:2], weight.T) for key, weight in self._into(q)
-                ]
-                leaving = [(key[2:], weight) for key, weight in self._out_of(d)], [
-                    (key[2:], weight) for key, weight in self._out_of(q)
-                ]
-                if _opposite_axes(*leaving) or _opposite_axes(*entering):
+        scalars: dict[tuple, list[int]] = {}
+        for number, block in self.blocks.items():
+            if block.siso and block.width == 1:
+                scalars.setdefault((block.kind, block.parameters), []).append(number)
+        for alike in scalars.values():
+            ends = {one: self._ends(one) for one in alike} if len(alike) > 1 else {}
+            for d, q in permutations(ends, 2):
+                if _opposite_axes(ends[d][1], ends[q][1]) or _opposite_axes(ends[d][0], ends[q][0]):
                     self._pack(d, q)
                     return True
         return False
+
+    def _ends(self, number: int) -> tuple[list, list]:
+        """The far ports of a scalar block, each with the weight as a column on that port: upstream, downstream."""
+        entering = [(key[:2], weight.T) for key, weight in self._into(number)]
+        return entering, [(key[2:], weight) for key, weight in self._out_of(number)]
 
     def _pack(self, d: int, q: int) -> None:
         first, second = self.blocks[d], self.blocks[q]
@@ -331,12 +332,12 @@ class _Rewriter:
                 continue
             if "JMul" in (first.kind, second.kind) and not np.array_equal(weight, weight[0, 0] * np.eye(2)):
                 continue
-            # the blocks change places; their ports are called alike or renamed with them
             self._exchange(key[0], key[2])
             return True
         return False
 
     def _exchange(self, one: int, other: int) -> None:
+        """Let two blocks of one input and one output change places."""
         first, second = self.blocks[one], self.blocks[other]
         self.blocks[one], self.blocks[other] = second, first
         ports = {one: second, other: first}
@@ -353,17 +354,15 @@ def _rank(block: Block) -> tuple[bool, str]:
 
 
 def _opposite_axes(first: list, second: list) -> bool:
-    """True when the first's weights touch the d channel of the same dq ports of which the second's touch the q channel."""
+    """True when the first touches the d channel of those dq ports of which the second touches the q channel."""
     if not first or {port for port, _ in first} != {port for port, _ in second}:
         return False
     on_d = all(weight.shape[0] == 2 and not weight[1].any() for _, weight in first)
     return on_d and all(weight.shape[0] == 2 and not weight[0].any() for _, weight in second)
 
 
-def _wire_matrix(
-    kind: ModuleKind, parameters: dict[str, str | float]
-) -> dict[tuple[str, str], np.ndarray] | None:
-    """(output, input) -> matrix of a memoryless kind without free parameters or context, which is but a piece of wire."""
+def _wire_matrix(kind: ModuleKind, parameters: dict[str, str | float]) -> dict[tuple[str, str], np.ndarray] | None:
+    """(output, input) -> matrix of a memoryless kind without free parameters or context: a piece of wire."""
     fixed = {name: value for name, value in parameters.items() if isinstance(value, float)}
     if not kind.static or len(fixed) < len(parameters) or kind.context(1.0, (1.0, 0.0), {}):
         return None

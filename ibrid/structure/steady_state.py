@@ -1,7 +1,7 @@
 """Which signals of a diagram have an operating point that follows from the plant, whatever the controller contains.
 
-It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC gain
-of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either.
+It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC
+gain of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either.
 """
 
 from collections.abc import Iterator
@@ -68,7 +68,7 @@ def steady_order(wiring: Wiring) -> Steady:
 
 
 def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
-    """(instance, port) of each module that needs the operating point of a signal that does not follow from the plant."""
+    """(instance, port) wherever a module needs the operating point of a signal that does not follow from the plant."""
     known = (steady or steady_order(wiring)).known
     return tuple(
         (name, port)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
-from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram, Instance
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 
 PLANT = "physical plant"
 
@@ -37,12 +37,16 @@ class Wiring:
 def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
     """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""
     kinds = {instance.name: find_kind(instance.kind, vocabulary) for instance in diagram.instances}
-    sources: dict[str, tuple[str, ...]] = {
-        f"{name}.{port}": () for name, kind in kinds.items() for port in kind.inputs
-    } | {TERMINAL_CURRENT: ()}
+    sources: dict[str, tuple[str, ...]] = {TERMINAL_CURRENT: ()}
+    outputs = {TERMINAL_VOLTAGE}
+    for name, kind in kinds.items():
+        sources.update((f"{name}.{port}", ()) for port in kind.inputs)
+        outputs.update(f"{name}.{port}" for port in kind.outputs)
     for connection in diagram.connections:
         if connection.target not in sources:
             raise DiagramError(f"{connection.target} is no input of this diagram; run ibrid check on the program")
+        if connection.source not in outputs:
+            raise DiagramError(f"{connection.source} is no output of this diagram; run ibrid check on the program")
         sources[connection.target] += (connection.source,)
     return Wiring(diagram.instances, kinds, sources)
 

@@ -1,0 +1,43 @@
+# Each target sets up what it needs; a machine needs make and Python 3.11 or newer, nothing else. CPU only.
+#   make PYTHON=python3.12 ...   chooses another interpreter
+
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+RUN := $(VENV)/bin/python
+STAMP := $(VENV)/.ibrid-ready
+
+.PHONY: setup demo test bench lint clean
+.DEFAULT_GOAL := setup
+
+setup: $(STAMP)
+
+# the last step fits a small case once, so that compiling (about 10 s, kept on disk) is over before the first use
+$(STAMP): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "ibrid needs Python 3.11 or newer; found $$(python3 --version 2>&1 || echo none), \
+	install one or name it: make PYTHON=/path/to/python3.11" >&2; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "ibrid needs Python 3.11 or newer; \
+	$(PYTHON) is $$($(PYTHON) --version 2>&1), name another: make PYTHON=/path/to/python3.11" >&2; exit 2; }
+	@test -x $(RUN) || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "python -m venv failed; on Debian or Ubuntu \
+	install python3-venv" >&2; exit 2; }
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev,vectorfit]'
+	$(RUN) -m ibrid evaluate naive paper_like --restarts 0 > /dev/null
+	@touch $@
+
+demo: $(STAMP)
+	$(RUN) -m ibrid.demo
+
+bench: $(STAMP)
+	$(RUN) -m ibrid.bench
+
+lint: $(STAMP)
+	$(VENV)/bin/ruff format --check
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/pyright
+
+test: lint
+	$(RUN) -m pytest
+
+clean:
+	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

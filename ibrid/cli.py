@@ -1,0 +1,135 @@
+"""`ibrid ...`: parse, call one command, say what went wrong.
+
+Exit status 0: the answer was given; 2: the input was wrong; 1: anything else. With IBRID_DEBUG=1 an unforeseen error
+shows its traceback.
+"""
+
+import argparse
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NoReturn
+
+from ibrid import __version__
+from ibrid.commands import diagrams, fitting, results, sweeps, vocabulary
+from ibrid.commands.outputs import complain
+from ibrid.errors import IbridError, near
+
+WRONG_INPUT, ANYTHING_ELSE = 2, 1
+
+_EXAMPLES = """\
+for a start:
+  ibrid modules                                 the blocks that diagrams are made of
+  ibrid inspect paper_like                      a first look at the shipped benchmark
+  ibrid evaluate gfl_pll_filter_exact paper_like --json out.json --report out.html
+  ibrid export out.json --op p=1,q=0.3 --format control-json --out model.json
+
+`ibrid COMMAND --help` tells the options of a command.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse whose complaints are one sentence."""
+
+    def __init__(self, **options) -> None:
+        super().__init__(**{"allow_abbrev": False, **options})
+
+    def error(self, message: str) -> NoReturn:
+        raise IbridError(f"{message}; see {self.prog} --help")
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    whole = _Parser(
+        prog="ibrid",
+        description="Opens black-box inverters: from measured 2x2 dq admittance to a named, fitted block diagram "
+        "and a state-space model.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
+    commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+    for family in (vocabulary, diagrams, sweeps, fitting, results):
+        family.declare(commands)
+    whole.set_defaults(run=None, names=tuple(commands.choices))
+    return whole
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit status."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        with _keyboard() as interrupted:
+            status = _run(words)
+            sys.stdout.flush()
+    except IbridError as error:
+        complain(str(error))
+        return WRONG_INPUT
+    except KeyboardInterrupt:
+        return _stopped()
+    except BrokenPipeError:
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # the reader left; the last flush must not complain
+        return ANYTHING_ELSE
+    except Exception as error:
+        return _stopped() if interrupted else _unforeseen(error)
+    return status
+
+
+@contextmanager
+def _keyboard() -> Iterator[list[int]]:
+    """Collects Ctrl-C: compiled code turns the KeyboardInterrupt that it gets into errors of its own."""
+    seen: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield seen
+        return
+
+    def stop(number: int, _: object) -> NoReturn:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield seen
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _stopped() -> int:
+    complain("stopped by the keyboard before the answer was there; run the same command again")
+    return ANYTHING_ELSE
+
+
+def _run(words: list[str]) -> int:
+    whole = parser()
+    names = whole.get_default("names")
+    if words and not words[0].startswith("-") and words[0] not in names:
+        raise IbridError(f"there is no command {words[0][:80]!r}; {near(words[0][:80], names)}")
+    try:
+        arguments = whole.parse_args(words)
+    except SystemExit as finished:  # --help and --version
+        return int(finished.code or 0)
+    if arguments.run is None:
+        raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
+    return arguments.run(arguments)
+
+
+def _unforeseen(error: Exception) -> int:
+    if os.environ.get("IBRID_DEBUG") == "1":
+        traceback.print_exc()
+    what = str(error) or "no further word"
+    complain(f"{type(error).__name__}: {what}; run again with IBRID_DEBUG=1 for the traceback")
+    try:
+        sys.stdout.flush()
+    except OSError:  # standard output is full: what is buffered is lost, and Python must not try again at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return ANYTHING_ELSE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

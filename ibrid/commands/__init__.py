@@ -1,0 +1,1 @@
+"""The commands of `ibrid`, a file per family; each declares its options and calls one function of the package."""

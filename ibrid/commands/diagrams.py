@@ -1,0 +1,77 @@
+"""`ibrid check PROGRAM` and `ibrid compare PROGRAM PROGRAM`: diagrams without data."""
+
+from argparse import Namespace
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
+
+if TYPE_CHECKING:
+    from ibrid.structure.diagram import Diagram
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    check = commands.add_parser("check", help="grammar: every violation with its line and what would mend it")
+    check.add_argument("program", metavar="PROGRAM", help=inputs.PROGRAM_HELP)
+    check.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
+    check.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
+    check.set_defaults(run=run_check)
+    compare = commands.add_parser("compare", help="two diagrams matched up to naming: precision, recall, F1")
+    compare.add_argument("first", metavar="PROGRAM", help="the diagram that was found: " + inputs.PROGRAM_HELP)
+    compare.add_argument("second", metavar="PROGRAM", help="the one it is held against, likewise")
+    compare.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
+    add_json_option(compare)
+    compare.set_defaults(run=run_compare)
+
+
+def run_check(arguments: Namespace) -> int:
+    """Say what is wrong, or how large a legal diagram is and what looks like a mistake in it."""
+    from ibrid.structure.check import warnings
+    from ibrid.structure.parameters import parameter_table
+    from ibrid.structure.wiring import wire
+
+    diagram = inputs.program(arguments.program)
+    if _complain_of_violations(diagram, arguments.program, arguments.vocabulary, arguments.equilibrium):
+        return 2
+    from ibrid.modules.vocabulary import choose_vocabulary
+
+    wiring = wire(diagram, choose_vocabulary(arguments.vocabulary))
+    order = sum(kind.order for kind in wiring.kinds.values())
+    sums = sum(len(sources) > 1 for sources in wiring.sources.values())
+    free = len(parameter_table(wiring, arguments.equilibrium).free)
+    counts = (
+        (len(diagram.instances), "module"),
+        (len(diagram.connections), "connection"),
+        (sums, "sum"),
+        (free, "free parameter"),
+    )
+    modules, *others = (f"{number} {word}{'' if number == 1 else 's'}" for number, word in counts)
+    print(f"legal: {modules}, order {order}, {', '.join(others)}")
+    for warning in warnings(diagram, arguments.vocabulary, equilibrium=arguments.equilibrium):
+        print(f"warning: {warning}")
+    return 0
+
+
+def run_compare(arguments: Namespace) -> int:
+    """Print how far two diagrams agree; exit status 0 whatever the answer."""
+    from ibrid.structure.compare import compare, format_comparison
+
+    require_json_place(arguments.json)
+    first, second = inputs.program(arguments.first), inputs.program(arguments.second)
+    for diagram, source in ((first, arguments.first), (second, arguments.second)):
+        if _complain_of_violations(diagram, source, arguments.vocabulary, "paper"):  # the equilibrium plays no part
+            return 2
+    comparison = compare(first, second, arguments.vocabulary)
+    if not give_json(comparison.to_json(), arguments.json):
+        print(format_comparison(comparison))
+    return 0
+
+
+def _complain_of_violations(diagram: "Diagram", source: str, vocabulary: str, equilibrium: str) -> bool:
+    from ibrid.structure.check import violations
+
+    found = violations(diagram, vocabulary, equilibrium=equilibrium)
+    for violation in found:
+        complain(f"{source}: {violation}" if violation.line is None else f"{source}, {violation}")
+    return bool(found)

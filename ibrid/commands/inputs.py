@@ -1,0 +1,122 @@
+"""From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
+
+from argparse import ArgumentTypeError
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ibrid.errors import IbridError, ProgramError, SweepError, near
+
+if TYPE_CHECKING:
+    from ibrid.measurement.sweep import Sweep
+    from ibrid.structure.diagram import Diagram
+
+PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
+DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped one such as paper_like"
+
+
+def program(text: str) -> "Diagram":
+    """The diagram in a program file, else the textbook diagram of that name."""
+    from ibrid.structure.library import textbook, textbook_names
+    from ibrid.structure.program import read_program
+
+    if not _exists(text) and text in textbook_names():
+        return textbook(text)
+    _require_file(text, textbook_names(), "a program file or a textbook diagram", ProgramError)
+    return read_program(text)
+
+
+def data(text: str) -> "Sweep":
+    """The sweep in a file, else the shipped or hardware sweep of that name."""
+    from ibrid.measurement.read import read_sweep
+
+    if _exists(text):
+        return read_sweep(text)
+    known = _known_sweeps()
+    if text in known:
+        return read_sweep(known[text])
+    _require_file(text, known, "a sweep file or a shipped sweep", SweepError)
+    return read_sweep(text)
+
+
+def positive(text: str) -> float:
+    """A positive finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < float("inf"):
+        raise ArgumentTypeError(f"must be a positive number, found {text!r}")
+    return value
+
+
+def natural(text: str) -> int:
+    """A whole number from 0 on, for argparse."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise ArgumentTypeError(f"must be a whole number, 0 or more, found {text!r}")
+    return value
+
+
+def finite(text: str) -> float:
+    """A finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if value != value or abs(value) == float("inf"):
+        raise ArgumentTypeError(f"must be a finite number, found {text!r}")
+    return value
+
+
+def overrides(settings: Iterable[str]) -> dict[str, float | str]:
+    """name=value pairs; the value is a number where it reads as one."""
+    found: dict[str, float | str] = {}
+    for setting in settings:
+        name, mark, value = (part.strip() for part in setting.partition("="))
+        if not (name and mark and value):
+            raise IbridError(f"--set is written name=value, for instance plant.L_F=0.1; found {setting!r}")
+        if name in found:
+            raise IbridError(f"--set {name} is given twice; keep one")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+def _known_sweeps() -> Mapping[str, Path]:
+    from ibrid.measurement.hardware import hardware_sweeps
+    from ibrid.plants.benchmarks import benchmarks
+
+    return {**hardware_sweeps(), **benchmarks()}
+
+
+def _exists(text: str) -> bool:
+    try:
+        return bool(text) and Path(text).exists()
+    except (OSError, ValueError):  # a name that is too long or holds a zero byte
+        return False
+
+
+def _require_file(text: str, names: Iterable[str], wanted: str, error: type[IbridError]) -> None:
+    """Raise `error` unless there is something at the path `text`; names what lies near."""
+    if _exists(text):
+        return
+    path = Path(text)
+    try:
+        beside = [entry.name for entry in path.parent.iterdir()]
+    except (OSError, ValueError):
+        beside = []
+    if path.name != text:  # a path: only its neighbours are meant
+        raise error(f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}")
+    raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *beside])}")
+
+
+def _near_files(path: Path, beside: list[str]) -> str:
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    return near(path.name, beside) if beside else f"the folder {path.parent} is empty"

@@ -1,0 +1,69 @@
+"""`ibrid export RECORD` and `ibrid report RECORD|DIR`: what is made from a record."""
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import complain
+from ibrid.errors import IbridError
+from ibrid.writing import require_place
+
+#: The record in a folder that holds results, in the order in which they are looked for.
+RECORD_NAMES = ("best.json", "model.json", "record.json")
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    export = commands.add_parser("export", help="the state-space model at an operating point, for other tools")
+    export.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate --json")
+    export.add_argument("--op", metavar="OP", help="an operating point of the record, or p=..,q=..[,v=..] elsewhere")
+    export.add_argument("--format", required=True, help="control-json | mat | npz")
+    export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
+    export.set_defaults(run=run_export)
+    report = commands.add_parser("report", help="(re)write the HTML page of a record")
+    report.add_argument("record", metavar="RECORD|DIR", help="a record, or a folder with one")
+    report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
+    report.add_argument("--out", metavar="OUT.html", help="default: beside the record")
+    report.set_defaults(run=run_report)
+
+
+def run_export(arguments: Namespace) -> int:
+    """Write the linear model."""
+    from ibrid.evaluation.record import read_record
+    from ibrid.export.formats import export
+
+    model = export(read_record(arguments.record), arguments.out, arguments.format, arguments.op)
+    print(f"{arguments.out}: {len(model.states)} states at {model.op}")
+    return 0
+
+
+def run_report(arguments: Namespace) -> int:
+    """Write the page and say where it is; whether its data are those of the record is a remark."""
+    from ibrid.evaluation.record import read_record
+
+    source = _record_file(Path(arguments.record))
+    inside = Path(arguments.record).is_dir()
+    out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
+    require_place(out)
+    record = read_record(source)
+    sweep = inputs.data(arguments.data) if arguments.data is not None else None
+
+    from ibrid.report.measured_data import measured_data
+    from ibrid.report.page import write_report
+
+    sweep, remark = measured_data(record, sweep)
+    write_report(record, out, sweep=sweep)
+    print(out)
+    if remark:
+        complain(f"{source}: {remark} (--data DATA names it)")
+    return 0
+
+
+def _record_file(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    for name in RECORD_NAMES:
+        if (path / name).is_file():
+            return path / name
+    raise IbridError(f"{path}: must hold a record; found none of {', '.join(RECORD_NAMES)}")

@@ -1,0 +1,93 @@
+"""`ibrid sweep PLANT` and `ibrid inspect DATA`: measured data, made and looked at."""
+
+import shlex
+from argparse import Namespace
+from typing import Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import add_json_option, give_json, require_json_place
+from ibrid.errors import IbridError
+from ibrid.writing import require_place
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    sweep = commands.add_parser("sweep", help="measure a reference inverter: its dq admittance as a sweep file")
+    sweep.add_argument("plant", metavar="PLANT", help="name of a reference inverter such as paper_like")
+    sweep.add_argument(
+        "--op",
+        action="append",
+        metavar="p=..,q=..[,v=..]",
+        help="operating point, repeatable (default: the plant's own)",
+    )
+    sweep.add_argument("--freq", default="5:5000:16", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:16)")
+    sweep.add_argument("--method", default="linear", metavar="linear|time", help="linearise, or inject in a simulation")
+    sweep.add_argument(
+        "--noise-db", type=inputs.finite, metavar="DB", help="signal to noise of each run (default: clean)"
+    )
+    sweep.add_argument("--repeats", type=inputs.natural, default=1, metavar="N", help="runs; needs --noise-db")
+    sweep.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the noise (0)")
+    sweep.add_argument("--set", action="append", default=[], metavar="name=value", help="another value, repeatable")
+    sweep.add_argument("--out", required=True, metavar="DATA", help="the CSV file to write")
+    sweep.set_defaults(run=run_sweep)
+    inspect = commands.add_parser("inspect", help="first look at a sweep: noise, passivity, coverage, conventions")
+    inspect.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    inspect.add_argument("--sampling-hz", type=inputs.positive, metavar="HZ", help="sampling rate of the controller")
+    add_json_option(inspect)
+    inspect.set_defaults(run=run_inspect)
+
+
+def run_sweep(arguments: Namespace) -> int:
+    """Sweep a reference inverter and write the file."""
+    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.plants.sweeping import frequency_grid, operating_point, plant_named, sweep
+
+    _require_plain_file(arguments.out)
+    plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
+    measured = sweep(
+        plant,
+        [operating_point(text) for text in arguments.op] if arguments.op else None,
+        frequency_grid(arguments.freq),
+        method=arguments.method,
+        noise_db=arguments.noise_db,
+        repeats=arguments.repeats,
+        seed=arguments.seed,
+    )
+    values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
+    header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
+    write_sweep(measured, arguments.out, header=header)
+    frequency = measured.points[0].frequency
+    print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(measured.names)}")
+    return 0
+
+
+def run_inspect(arguments: Namespace) -> int:
+    """Print the first look."""
+    from ibrid.measurement.inspect import inspect
+    from ibrid.measurement.inspection_table import format_inspection
+
+    require_json_place(arguments.json)
+    inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
+    if not give_json(inspection.to_json(), arguments.json):
+        print(format_inspection(inspection), end="")
+    return 0
+
+
+def _require_plain_file(out: str) -> None:
+    from pathlib import Path
+
+    require_place(out)
+    if Path(out).exists() and not Path(out).is_file():
+        raise IbridError(f"{out}: is a device or a pipe; a sweep is written to a file")
+
+
+def _command(arguments: Namespace) -> str:
+    """The command line that makes the same numbers again."""
+    words = ["ibrid", "sweep", arguments.plant]
+    words += [word for op in arguments.op or () for word in ("--op", op)]
+    words += ["--freq", arguments.freq, "--method", arguments.method]
+    if arguments.noise_db is not None:
+        words += ["--noise-db", f"{arguments.noise_db:g}", "--repeats", str(arguments.repeats)]
+        words += ["--seed", str(arguments.seed)]
+    words += [word for setting in arguments.set for word in ("--set", setting)]
+    return shlex.join(words)

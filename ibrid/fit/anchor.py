@@ -1,0 +1,50 @@
+"""Among parameter values that no data can tell apart, those nearest to textbook values.
+
+Where a direction of x changes no response (the scale of an inner loop with unit feedforward, say) the optimum is a line, and
+which of its points a solver returns is chance. The point nearest to the typical values is reported instead.
+"""
+
+import numpy as np
+
+from ibrid.fit.problem import Problem
+
+#: Singular values of the scaled Jacobian below this part of the largest are zero.
+NULL = 1e-9
+#: Relative rise of the cost that still counts as no change.
+NO_CHANGE = 1e-6
+
+
+def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.ndarray:
+    """Move x (P,) along the null directions of the responses towards the typical values, inside the boxes."""
+    coordinates = problem.coordinates
+    typical = coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
+    for _ in range(3):
+        directions = null_directions(problem, x)
+        if not directions.shape[1]:
+            return x
+        step = directions @ np.linalg.lstsq(directions, typical - x, rcond=None)[0]
+        room = np.where(step > 0, coordinates.x_high - x, np.where(step < 0, x - coordinates.x_low, np.inf))
+        moving = np.abs(step) > 1e-12
+        if not moving.any():
+            return x
+        part = min(1.0, float((room[moving] / np.abs(step[moving])).min()))
+        trial = x + part * step
+        before, after = problem.costs(np.stack([x, trial]), objective).sum(axis=1)
+        if not np.isfinite(after) or after > before * (1 + NO_CHANGE) + 1e-20:
+            return x
+        x = trial
+    return x
+
+
+def null_directions(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Directions of x that change no response, as orthonormal columns (P, number)."""
+    rows = []
+    for slope, point in zip(problem.jacobians(x), problem.points, strict=True):
+        relative = slope / np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None, None]
+        rows += [relative.real.reshape(-1, problem.size), relative.imag.reshape(-1, problem.size)]
+    jacobian = np.concatenate(rows)
+    if not np.isfinite(jacobian).all() or not problem.size:
+        return np.zeros((problem.size, 0))
+    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
+    values = np.concatenate([values, np.zeros(problem.size - len(values))])
+    return right[values <= NULL * values[0]].T

@@ -1,0 +1,88 @@
+"""The block diagram as an inline SVG: signals flow from left to right; measurements return from the plant.
+
+Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add.
+"""
+
+from collections.abc import Sequence
+from html import escape
+
+from ibrid.modules.kind import ModuleKind
+from ibrid.report.block_graph import Node, block_graph
+from ibrid.report.drawing import Drawing, arrange
+from ibrid.report.layering import HEADER, shorten
+from ibrid.structure.diagram import Diagram
+
+#: Larger diagrams are not drawn: nobody could read them.
+LARGEST = 60
+#: Narrower drawings shrink on a telephone rather than scroll.
+SMALL = 800
+
+
+def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> str:
+    """Inline SVG of a diagram, or a paragraph that says why there is none."""
+    if not diagram.instances:
+        return "<p>The program adds no modules, so there is nothing to draw.</p>"
+    if len(diagram.instances) > LARGEST:
+        return f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most {LARGEST}.</p>"
+    graph = block_graph(diagram, vocabulary)
+    drawing = arrange(graph)
+    parts = [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
+    parts += [part for node in graph.nodes for part in _node(drawing, node)]
+    label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
+    return (
+        f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '
+        f'viewBox="0 0 {drawing.width:.0f} {drawing.height:.0f}" style="max-width:{drawing.width:.0f}px">'
+        f"{''.join(parts)}</svg>"
+    )
+
+
+def _net(drawing: Drawing, index: int) -> list[str]:
+    net = drawing.placement.graph.nets[index]
+    path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in drawing.pieces(index))
+    title = f"{'.'.join(dict.fromkeys(net.source))} to {', '.join('.'.join(dict.fromkeys(pin)) for pin in net.targets)}"
+    found = [f'<g class="net{" vector" if net.vector else ""}"><title>{escape(title)}</title><path d="{path}"/>']
+    found += [
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3.4 if net.vector else 2.8}"/>' for x, y in drawing.branches(index)
+    ]
+    for pin in net.targets:
+        x, y = drawing.end(pin, "inputs")
+        found.append(f'<path class="tip" d="M{x:.1f} {y:.1f}l-8 -3.6v7.2z"/>')
+    return [*found, "</g>"]
+
+
+def _node(drawing: Drawing, node: Node) -> list[str]:
+    left, top, width, height = drawing.boxes[node.name]
+    middle = left + width / 2
+    if node.shape == "sum":
+        found = [f'<circle cx="{middle:.1f}" cy="{top + height / 2:.1f}" r="{height / 2:.1f}"/>']
+        found.append(_text(middle, top + height / 2 + 5, "+", "name"))
+        return [f'<g class="node sum"><title>{escape(node.name)}</title>', *found, "</g>"]
+    box = f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"'
+    if node.shape == "terminal":
+        return [f'<g class="node terminal">{box} rx="13"/>', _text(middle, top + 17.5, node.name, "name"), "</g>"]
+    family = node.family.replace(" ", "-") if node.family in FAMILIES else "unknown"
+    found = [f'<g class="node family-{family}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
+    found.append(_text(middle, top + 17.5, shorten(node.name), "name"))
+    found.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
+    if drawing.placement.shapes[node.name].labelled:
+        found.append(f'<path class="rule" d="M{left:.1f} {top + HEADER + 2:.1f}h{width:.1f}"/>')
+        for pin_side, x, anchor in (("inputs", left + 6, "start"), ("outputs", left + width - 6, "end")):
+            for port in getattr(node, pin_side):
+                y = top + getattr(drawing.placement.shapes[node.name], pin_side)[port] + 4
+                found.append(_text(x, y, shorten(port), f"port {anchor}"))
+    return [*found, "</g>"]
+
+
+#: Families with a colour of their own, and words for the legend.
+FAMILIES = {
+    "physical plant": "plant",
+    "dynamic control": "dynamic control",
+    "synchronisation": "synchronisation",
+    "operating point": "frames and operating point",
+    "static": "static",
+    "residual": "residual",
+}
+
+
+def _text(x: float, y: float, words: str, style: str) -> str:
+    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'

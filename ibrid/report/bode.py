@@ -1,0 +1,145 @@
+"""Bode plots of one entry of the admittance: measured dots and model lines of every operating point."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.report.style import series
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
+#: Points of a model line; sharp resonances need a dense grid.
+DENSE = 500
+#: Error bars reach this many standard deviations.
+BARS = 2.0
+#: What lies this far below the largest value of its entry and of the matrix is rounding, not admittance.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Curves:
+    """One operating point, `index` choosing its colour. `frequency`, `model` : (N,) Hz and (N, 2, 2), or None."""
+
+    name: str
+    index: int
+    measured: PointSweep | None
+    frequency: np.ndarray | None
+    model: np.ndarray | None
+
+
+def curves(record: Record, sweep: Sweep | None, with_model: bool = True) -> tuple[Curves, ...]:
+    """Everything that Bode plots show, for the record's operating points in their order.
+
+    Raises IbridError where the record cannot answer (a module kind that is not in its vocabulary).
+    """
+    found = []
+    low, high = record.settings["frequency_hz"]
+    for index, name in enumerate(record.parameters):
+        point = sweep.point(name) if sweep is not None and name in sweep.names else None
+        frequency = np.geomspace(low, max(high, low * 1.001), DENSE)
+        if point is not None:  # the line meets the dots exactly
+            frequency = np.union1d(frequency, point.frequency)
+        model = record.response(name, frequency) if with_model else None
+        found.append(Curves(name, index, point, frequency, model))
+    return tuple(found)
+
+
+def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> None:
+    """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
+    magnitude, phase = axes
+    start = _phase_window(entry, shown)
+    floor = _floor(entry, shown)
+    drawn = False
+    for one in shown:
+        colour, marker, dashes = series(one.index)
+        if one.measured is not None:
+            measured = one.measured.admittance[(slice(None), *ENTRIES[entry])]
+            drawn |= _dots(magnitude, phase, one.measured, entry, measured, floor, start, colour, marker)
+        if one.model is not None and one.frequency is not None:
+            line = one.model[(slice(None), *ENTRIES[entry])]
+            size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
+            if np.isfinite(size).any():
+                drawn = True
+                magnitude.plot(one.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
+                angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
+                phase.plot(*_broken(one.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5)
+    if drawn:
+        magnitude.set_yscale("log")
+    else:
+        magnitude.text(0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes)
+    magnitude.set_ylabel(f"|Y_{entry}|  (pu)")
+    phase.set_ylabel("phase  (deg)")
+    phase.set_xlabel("frequency  (Hz)")
+    phase.set_xscale("log")
+    phase.set_yticks(np.arange(90 * np.ceil(start / 90), start + 361, 90))
+    phase.set_ylim(start - 8, start + 368)
+
+
+def _dots(
+    magnitude: "Axes",
+    phase: "Axes",
+    point: PointSweep,
+    entry: str,
+    value: np.ndarray,
+    floor: float,
+    start: float,
+    colour: str,
+    marker: str,
+) -> bool:
+    seen = np.abs(value) > floor
+    if not seen.any():
+        return False
+    frequency, size, angle = point.frequency[seen], np.abs(value[seen]), _wrapped(value[seen], start)
+    look = {"color": colour, "marker": marker, "linestyle": "none", "markersize": 4.5 if seen.sum() <= 60 else 2.6}
+    look |= {"markerfacecolor": "none" if seen.sum() <= 60 else colour, "markeredgewidth": 1.1}
+    if point.sigma is None:
+        magnitude.plot(frequency, size, **look)
+        phase.plot(frequency, angle, **look)
+        return True
+    bar = BARS * point.sigma[(seen, *ENTRIES[entry])]
+    look |= {"elinewidth": 0.9}
+    magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
+    phase.errorbar(frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look)
+    return True
+
+
+def _floor(entry: str, shown: Sequence[Curves]) -> float:
+    """Magnitude below which a value is rounding and is not drawn."""
+    arrays = [one.measured.admittance for one in shown if one.measured is not None]
+    arrays += [one.model for one in shown if one.model is not None]
+    return ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in arrays), default=0.0)
+
+
+def _phase_window(entry: str, shown: Sequence[Curves]) -> float:
+    """Lower end of a window of 360 degrees in which the curves jump least."""
+    place = (slice(None), *ENTRIES[entry])
+    lines = [one.model[place] for one in shown if one.model is not None]
+    lines += [one.measured.admittance[place] for one in shown if one.measured is not None]
+    jumps = {
+        start: sum(int((np.abs(np.diff(_wrapped(line, start))) > 180).sum()) for line in lines)
+        + sum(float((np.minimum(*_distances(line, start)) < 12).mean()) for line in lines)
+        for start in (-180.0, -90.0, -270.0, -360.0, -135.0, -225.0, -315.0, -45.0)
+    }
+    return min(jumps, key=lambda start: jumps[start])
+
+
+def _distances(value: np.ndarray, start: float) -> tuple[np.ndarray, np.ndarray]:
+    angle = _wrapped(value, start)
+    return angle - start, start + 360 - angle
+
+
+def _wrapped(value: np.ndarray, start: float) -> np.ndarray:
+    """Angle in degrees within [start, start + 360)."""
+    return (np.degrees(np.angle(value)) - start) % 360 + start
+
+
+def _broken(frequency: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same line, interrupted where it jumps from one edge of the window to the other."""
+    jumps = np.flatnonzero(np.abs(np.diff(angle)) > 180) + 1
+    return np.insert(frequency, jumps, frequency[jumps]), np.insert(angle, jumps, np.nan)

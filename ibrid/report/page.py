@@ -1,0 +1,184 @@
+"""One self-contained HTML page about a record: no network, no scripts, readable on paper and telephones."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
+from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
+from ibrid.report.bode import ENTRIES, Curves, curves, draw_bode
+from ibrid.report.error_table import error_tables
+from ibrid.report.figure import inline_svg
+from ibrid.report.legend import points_legend
+from ibrid.report.markup import bullets, data, escape, page, paragraph, scroll, table
+from ibrid.report.measured_data import measured_data
+from ibrid.report.numbers import error
+from ibrid.report.parameter_table import parameter_html, twins_table
+from ibrid.report.pole_table import pole_tables
+from ibrid.report.poles import draw_poles
+from ibrid.report.settings_table import settings_rows
+from ibrid.report.verdict import stability, verdict
+from ibrid.structure.diagram import Diagram
+
+Section = tuple[str, str, str]
+
+
+def write_report(record: Record, path: str | Path, *, sweep: Sweep | None = None, title: str | None = None) -> Path:
+    """Write the page of a record, replacing the file atomically.
+
+    Parameters
+    ----------
+    record : of any outcome; one without a fit gives the reasons, the program and, where it parses, its diagram.
+    sweep : the measured data; read again from where the record says when not given. Without data only model lines.
+    title : headline; the name of the program when not given.
+
+    Returns the path. Raises IbridError when it cannot be written.
+    """
+    path = Path(path)
+    text = report_html(record, sweep=sweep, title=title)
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.chmod(temporary, 0o644)  # a page is for others to read
+            os.replace(temporary, path)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as problem:
+        raise IbridError(f"{path}: cannot be written ({problem.strerror}); choose another place") from None
+    return path
+
+
+def report_html(record: Record, *, sweep: Sweep | None = None, title: str | None = None) -> str:
+    """The page as text."""
+    diagram = _diagram(record)
+    headline = title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model"
+    sections = list(_sections(record, sweep, diagram))
+    footer = (
+        f"Fitted by ibrid in {record.seconds:.2f} s. "
+        "Per unit on the inverter's base; current out of the inverter; q axis leads."
+    )
+    return page(f"{headline}: {record.outcome}", _header(record, headline), sections, escape(footer))
+
+
+def _diagram(record: Record) -> Diagram | None:
+    try:
+        return record.diagram
+    except IbridError:
+        return None
+
+
+def _header(record: Record, headline: str) -> str:
+    source = str(record.settings.get("data") or "")
+    facts = [("outcome", _outcome(record))]
+    if record.nrmse is not None:
+        facts.append(("NRMSE, mean over points", data(record.nrmse, error(record.nrmse))))
+        facts.append(("stability", _stability(record)))
+        facts.append(("order", str(record.order)))
+        facts.append(("free parameters", str(record.free_parameters)))
+    if record.modules:
+        facts.append(("modules and sums", f"{record.modules} + {record.sums}"))
+    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
+    measured = f" against {escape(source)}" if source else ""
+    return (
+        f'<p class="eyebrow">Identified inverter model{measured}</p><h1>{escape(headline)}</h1>'
+        f'<p class="verdict">{escape(verdict(record))}</p><dl class="facts">{shown}</dl>'
+    )
+
+
+def _outcome(record: Record) -> str:
+    return f'<span class="{"good" if record.outcome == "ok" else "bad"}">{escape(str(record.outcome))}</span>'
+
+
+def _stability(record: Record) -> str:
+    fine = bool(record.stable) and all(record.stable.values())
+    return f'<span class="{"good" if fine else "bad"}">{"stable" if fine else "UNSTABLE"}</span>'
+
+
+def _sections(record: Record, sweep: Sweep | None, diagram: Diagram | None) -> Iterator[Section]:
+    if record.reasons:
+        yield "reasons", "Why there is no fit", bullets(record.reasons)
+    if record.parameters:
+        yield "response", "Frequency response", _response(record, sweep)
+        yield "error", "Where the error lies", error_tables(record)
+        yield "poles", "Poles and stability", _poles(record)
+        yield "parameters", "Parameters", parameter_html(record)
+        yield "visible", "What the data can and cannot see", _visible(record)
+    if record.warnings:
+        yield "warnings", "Warnings", bullets(record.warnings)
+    yield "diagram", "Block diagram", _drawing(record, diagram)
+    yield "settings", "How it was made", table("Settings", "Enough to make the record again.", settings_rows(record))
+    yield "program", "Program", scroll("Program text", f"<pre><code>{escape(record.program)}</code></pre>")
+
+
+def _response(record: Record, sweep: Sweep | None) -> str:
+    measured, note = measured_data(record, sweep)
+    notes = [note] if note else []
+    try:
+        shown = curves(record, measured)
+    except IbridError as problem:
+        notes.append(f"No model lines: {problem}")
+        shown = curves(record, measured, with_model=False)
+    words = "Lines: model." if measured is None else "Dots: measured. Lines: model."
+    if any(one.measured is not None and one.measured.sigma is not None for one in shown):
+        words += " Bars: two standard deviations."
+    figures = "".join(_bode_figure(entry, shown) for entry in ENTRIES)
+    return (
+        "".join(paragraph(one, "bad") for one in notes)
+        + paragraph(f"{words} Admittance per unit, current out of the inverter.", "note")
+        + points_legend([one.name for one in shown], lines=True)
+        + f'<div class="four">{figures}</div>'
+    )
+
+
+def _bode_figure(entry: str, shown: tuple[Curves, ...]) -> str:
+    names = ", ".join(one.name for one in shown)
+    label = f"Bode plot of Y_{entry}, magnitude and phase over frequency, at {names}."
+    svg = inline_svg(
+        lambda axes: draw_bode(axes, entry, shown),
+        name=f"bode-{entry}",
+        label=label,
+        size=(5.2, 3.8),
+        rows=2,
+        heights=(1.25, 1.0),
+    )
+    return f"<figure><figcaption>Y<sub>{entry}</sub></figcaption>{svg}</figure>"
+
+
+def _poles(record: Record) -> str:
+    label = "Poles in the upper half plane, real part against frequency; the table below gives the least damped modes."
+    svg = inline_svg(lambda axes: draw_poles(axes, record), name="poles", label=label, size=(5.2, 3.8))
+    caption = (
+        "Upper half plane; scales are logarithmic away from zero. Dashed: constant damping ratio. Shaded: unstable."
+    )
+    return (
+        paragraph(f"The model on an ideal grid is {stability(record)}.")
+        + points_legend(list(record.poles), lines=False)
+        + f'<div class="beside"><figure>{svg}<figcaption>{caption}</figcaption></figure>'
+        + f"<div>{pole_tables(record)}</div></div>"
+    )
+
+
+def _visible(record: Record) -> str:
+    if not record.identifiability:
+        return "<p>The record says nothing about what the data can see.</p>"
+    return bullets(record.identifiability) + twins_table(record)
+
+
+def _drawing(record: Record, diagram: Diagram | None) -> str:
+    if diagram is None:
+        return "<p>The program cannot be read, so there is no diagram to draw.</p>"
+    svg = block_diagram_svg(diagram, record.vocabulary)
+    families = {kind.name: kind.family for kind in record.vocabulary}
+    used = dict.fromkeys(families.get(instance.kind, "unknown") for instance in diagram.instances)
+    words = "".join(
+        f'<li><span class="swatch {escape(name.replace(" ", "-"))}"></span>{escape(FAMILIES.get(name, name))}</li>'
+        for name in used
+    )
+    note = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
+    return paragraph(note, "note") + f'<ul class="legend">{words}</ul>' + scroll("Block diagram", svg)

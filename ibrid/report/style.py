@@ -1,0 +1,60 @@
+"""The look that all pages share: colours for light, dark and paper, and the style sheet."""
+
+import math
+from importlib.resources import files
+
+#: Light and dark colour per operating point; markers and dashes tell them apart on paper and for colour-blind readers.
+SERIES = (
+    ("#0064b4", "#6db3f2"),
+    ("#c2490c", "#f5935a"),
+    ("#0a7d5a", "#4fc79c"),
+    ("#8a3ea8", "#cf94ea"),
+    ("#8a6500", "#d9b445"),
+    ("#b5265e", "#f27fa8"),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P")
+DASHES = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
+
+#: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style sheet.
+INK, MUTED, RULE, DANGER = "#010203", "#020304", "#030405", "#040506"
+STAND_INS = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", DANGER: "var(--danger)"}
+SERIES_STAND_INS = tuple(f"#0506{index:02x}" for index in range(len(SERIES)))
+STAND_INS |= {stand_in: f"var(--series-{index})" for index, stand_in in enumerate(SERIES_STAND_INS)}
+
+
+def series(index: int) -> tuple[str, str, object]:
+    """Colour stand-in, marker and dash pattern of the operating point number `index`."""
+    turn = index % len(SERIES)
+    return SERIES_STAND_INS[turn], MARKERS[turn], DASHES[turn]
+
+
+def heat(error: float | None) -> str:
+    """Background for a relative error: none up to 1e-4, full at 1, in between on a logarithmic scale."""
+    if error is None or error <= 1e-4:
+        return ""
+    depth = min(1.0, math.log10(error / 1e-4) / 4)
+    return f"background:rgba(214,84,32,{0.06 + 0.54 * depth**1.5:.2f})"
+
+
+def _variables(which: int, rest: str) -> str:
+    return rest + "".join(f"--series-{index}:{pair[which]};" for index, pair in enumerate(SERIES))
+
+
+_LIGHT = _variables(
+    0,
+    "color-scheme:light;--page:#ffffff;--panel:#f5f7fa;--ink:#16202c;--muted:#56636f;--rule:#cfd6de;--danger:#b3261e;"
+    "--good:#0a7d5a;--link:#0058a8;--plant:#fbe3cf;--control:#dbe8f8;--sync:#eadcf5;--frame:#d9efe4;--static:#eceff2;"
+    "--residual:#f8dada;--unknown:#fff3c4;--edge:#3e4c5a;",
+)
+_DARK = _variables(
+    1,
+    "color-scheme:dark;--page:#12171d;--panel:#1b222a;--ink:#e6ebf0;--muted:#a3afba;--rule:#3b4651;--danger:#ff8a80;"
+    "--good:#4fc79c;--link:#7cbcf5;--plant:#5a3a1e;--control:#22405f;--sync:#46305c;--frame:#1f4a3a;--static:#2d353e;"
+    "--residual:#5e2c2c;--unknown:#5a4d17;--edge:#b9c4ce;",
+)
+
+
+def style_sheet() -> str:
+    """The whole style sheet: colours, then page.css."""
+    colours = f":root{{{_LIGHT}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}\n"
+    return colours + (files("ibrid.report") / "page.css").read_text(encoding="utf-8")

@@ -1,0 +1,133 @@
+"""A record as text for the terminal, at most 110 columns wide."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+
+from ibrid.evaluation.record import Record
+from ibrid.report.modes import measured_up_to, modes
+from ibrid.report.numbers import error, hertz, number, percent
+from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
+from ibrid.report.verdict import stability, verdict
+
+WIDTH = 110
+ENTRIES = ("dd", "dq", "qd", "qq")
+_LONGEST = 34
+
+
+def format_record(record: Record) -> str:
+    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
+    parts = [list(_head(record))]
+    if record.reasons:
+        parts.append(_list("why", record.reasons))
+    if record.nrmse_by_part:
+        parts += [_errors(record), *_parts(record)]
+    if record.parameters:
+        parts.append(_parameters(parameter_rows(record)))
+    if record.poles:
+        parts.append(_modes(record))
+    parts.append(_list("what the data say about the parameters", record.identifiability))
+    parts.append(_list("warnings", record.warnings))
+    return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
+
+
+def _head(record: Record) -> Iterator[str]:
+    yield from _wrapped(f"{record.outcome}: {verdict(record)}", "")
+    settings = record.settings
+    if settings.get("data"):
+        yield from _wrapped(f"data       {settings['data']}", " " * 11)
+    yield (
+        f"model      {record.modules} modules, {record.sums} sums, order {record.order}, "
+        f"{record.free_parameters} free parameters"
+    )
+    made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
+            ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip
+    yield from _wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)
+    if record.stable:
+        yield from _wrapped(f"stability  {stability(record)}", " " * 11)
+
+
+def _errors(record: Record) -> list[str]:
+    rows = [[_cut(op), error(value), ""] for op, value in record.nrmse_by_op.items()]
+    rows += [[_cut(op), error(value), "held out: predicted, not fitted"] for op, value in record.holdout.items()]
+    if len(record.nrmse_by_op) > 1:
+        rows.append(["mean of the fitted", error(record.nrmse), ""])
+    return table(["operating point", "NRMSE", ""], rows, right=(1,))
+
+
+def _parts(record: Record) -> Iterator[list[str]]:
+    """Error by band and entry, two operating points beside each other."""
+    names = list(record.nrmse_by_part)
+    for left, right in zip_longest(names[::2], names[1::2]):
+        blocks = [_part(record, name) for name in (left, right) if name is not None]
+        if len(blocks) == 1:
+            yield blocks[0]
+            continue
+        width = max(map(len, blocks[0]))
+        yield [f"{one:<{width}}    {other}".rstrip() for one, other in zip(*blocks, strict=True)]
+
+
+def _part(record: Record, op: str) -> list[str]:
+    rows = [
+        [f"{band} Hz", *(error(found.get(entry)) for entry in ENTRIES)]
+        for band, found in record.nrmse_by_part[op].items()
+    ]
+    return [_cut(f"error at {op}", 48), *table(["band", *ENTRIES], rows, right=(1, 2, 3, 4))]
+
+
+def _parameters(rows: Sequence[ParameterRow]) -> list[str]:
+    head = ["parameter", "value", "unit", "", "95 % interval", "", "at"]
+    cells = [
+        [
+            _cut(row.name),
+            number(row.value),
+            row.unit,
+            f"({row.readable})" if row.readable else "",
+            row.interval,
+            f"AT BOUND of {row.box_words}" if row.at_bound else "",
+            _cut(row.where, 18),
+        ]
+        for row in rows
+    ]
+    if all(row.where == SHARED for row in rows):
+        head, cells = head[:-1], [line[:-1] for line in cells]
+    return table(head, cells, right=(1,))
+
+
+def _modes(record: Record) -> list[str]:
+    highest = measured_up_to(record)
+    rows = []
+    for op, poles in record.poles.items():
+        least = modes(poles, highest)[:3]
+        words = (
+            "; ".join(f"{hertz(mode.frequency)} at {percent(mode.damping)}" for mode in least) or "no oscillating mode"
+        )
+        rows.append([_cut(op), "stable" if record.stable.get(op) else "UNSTABLE", words])
+    return table(["operating point", "", "least damped modes (frequency at damping ratio)"], rows)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+    """Aligned columns two spaces apart under a ruled head."""
+    widths = [max(len(line[index]) for line in [head, *rows]) for index in range(len(head))]
+    kept = [index for index, width in enumerate(widths) if width]
+
+    def line(cells: Sequence[str]) -> str:
+        return "  ".join(
+            cells[index].rjust(widths[index]) if index in right else cells[index].ljust(widths[index]) for index in kept
+        ).rstrip()
+
+    return [line(head), "  ".join("-" * widths[index] for index in kept), *map(line, rows)]
+
+
+def _list(title: str, sentences: Sequence[str]) -> list[str]:
+    if not sentences:
+        return []
+    return [f"{title}:", *(line for one in sentences for line in _wrapped(f"  - {one}", "    "))]
+
+
+def _wrapped(text: str, indent: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+
+
+def _cut(text: str, longest: int = _LONGEST) -> str:
+    return text if len(text) <= longest else text[: longest - 3] + "..."

@@ -1,0 +1,73 @@
+"""A result file appears whole or not at all, and what can go wrong on disk is one sentence."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from ibrid.errors import IbridError
+
+
+def require_place(path: str | Path) -> None:
+    """Raise IbridError unless a file can be written at `path`; ask before long work, nothing is left behind."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise IbridError(f"{path}: is a folder; add a file name")
+        if path.exists() and not path.is_file():
+            return
+        folder = _target(path).parent
+        if not folder.exists():
+            raise IbridError(f"{path}: there is no folder {folder}; make it first or choose another place")
+        if not folder.is_dir():
+            raise IbridError(f"{path}: {folder} is not a folder; choose another place")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise IbridError(f"{path}: the folder {folder} is not writable; choose another place")
+    except (OSError, ValueError) as error:
+        raise _refused(path, error) from None
+
+
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write UTF-8 text or bytes, replacing a file atomically; a device or pipe such as /dev/null is written to.
+
+    A symbolic link keeps pointing where it points. Raises IbridError when the place cannot be written.
+    """
+    path = Path(path)
+    require_place(path)
+    data = content.encode("utf-8") if isinstance(content, str) else content
+    try:
+        if path.exists() and not path.is_file():
+            with path.open("wb", buffering=0) as stream:
+                stream.write(data)
+            return
+        _replace(_target(path), data)
+    except (OSError, ValueError) as error:
+        raise _refused(path, error) from None
+
+
+def _target(path: Path) -> Path:
+    return Path(os.path.realpath(path))
+
+
+def _replace(path: Path, data: bytes) -> None:
+    mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".ibrid-", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        os.chmod(temporary, mode)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _umask() -> int:
+    """The process's mask; mkstemp makes private files, a result should be as readable as any other."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _refused(path: Path, error: Exception) -> IbridError:
+    why = getattr(error, "strerror", None) or str(error)
+    return IbridError(f"{str(path)[:200]}: cannot be written ({why}); choose another place")
