@@ -11,7 +11,7 @@ from importlib import import_module
 
 _HOME = {
     "Diagram": "ibrid.structure.diagram",
-    "FitSettings": "ibrid.fit.multistart",
+    "FitSettings": "ibrid.fit.settings",
     "IbridError": "ibrid.errors",
     "ModuleKind": "ibrid.modules.kind",
     "PAPER_VOCABULARY": "ibrid.modules.vocabulary",

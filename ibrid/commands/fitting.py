@@ -5,14 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
-from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
-
-#: What `--seeds` may be.
-SEEDS = ("textbook", "vector-fitting")
 
 
 def declare(commands: Any) -> None:
@@ -41,14 +37,12 @@ def run(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     if arguments.report is not None:
         require_place(arguments.report)
-    if arguments.seeds not in SEEDS:
-        raise IbridError(f"--seeds must be one of {', '.join(SEEDS)}; found {arguments.seeds!r}")
     diagram, sweep = inputs.program(arguments.program), inputs.data(arguments.data)
 
     from dataclasses import replace
 
     from ibrid.evaluation.evaluate import evaluate
-    from ibrid.fit.multistart import FitSettings
+    from ibrid.fit.settings import FitSettings
 
     settings = FitSettings(seeds=arguments.seeds)
     if arguments.seconds is not None:
@@ -75,7 +69,7 @@ def run(arguments: Namespace) -> int:
     if not printed:
         from ibrid.report.text import format_record
 
-        print(format_record(record).rstrip("\n"))
+        print(format_record(record, sweep).rstrip("\n"))
     return 0
 
 

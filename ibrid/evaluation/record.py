@@ -2,8 +2,6 @@
 
 import dataclasses
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +21,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import Wiring, wire
+from ibrid.writing import write_whole
 
 if TYPE_CHECKING:
     import control
@@ -36,6 +35,7 @@ class Record:
 
     `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
     `intervals` : the same names -> 95 % interval, or None where the data leave the value open.
+    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model.
@@ -67,6 +67,7 @@ class Record:
     twins: tuple[Mapping[str, float], ...] = ()
     starts: Mapping[str, Any] = field(default_factory=dict)
     covariance: Mapping[str, Any] = field(default_factory=dict)
+    noise_floor: float | None = None
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = 0.0
@@ -89,30 +90,30 @@ class Record:
         """Rebuild a record; IbridError when `data` is not one."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
             found = data.get("schema") if isinstance(data, Mapping) else type(data).__name__
-            raise IbridError(f"a record has the schema {SCHEMA!r}, found {found!r}; make one with ibrid evaluate --json")
+            raise IbridError(
+                f"a record has the schema {SCHEMA!r}, found {found!r}; make one with ibrid evaluate --json"
+            )
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
         values = {name: value for name, value in data.items() if name in names}
         if "outcome" not in values or "program" not in values:
             raise IbridError("the record has no outcome or no program; make it again with ibrid evaluate --json")
-        for name in ("reasons", "warnings", "at_bound", "identifiability", "twins"):
+        for name, value in values.items():
+            wanted = _JSON_TYPES[name]
+            if not isinstance(value, wanted) or isinstance(value, bool):
+                raise IbridError(f"the record's {name} has the wrong type; make it again with ibrid evaluate --json")
+        if values["outcome"] == Outcome.OK:
+            lacking = [name for name in _NEEDED_TO_REBUILD if name not in values.get("settings", {})]
+            if lacking or not values.get("parameters"):
+                raise IbridError(
+                    f"the record lacks {', '.join(lacking) or 'parameters'}; make it again with ibrid evaluate --json"
+                )
+        for name in _TUPLES:
             values[name] = tuple(values.get(name, ()))
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
-        path = Path(path)
-        text = json.dumps(self.to_json(), indent=1, allow_nan=False)
-        try:
-            handle, temporary = tempfile.mkstemp(dir=path.parent or ".", prefix=f".{path.name}.")
-            try:
-                with os.fdopen(handle, "w", encoding="utf-8") as file:
-                    file.write(text + "\n")
-                os.replace(temporary, path)
-            except BaseException:
-                os.unlink(temporary)
-                raise
-        except OSError as error:
-            raise IbridError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        write_whole(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
 
     def state_space(self, op: str) -> "control.StateSpace":
         """The full (A, B, C, D) at an operating point by python-control; states "instance.state".
@@ -152,7 +153,9 @@ class Record:
 
     def _require(self, op: str) -> None:
         if self.outcome != Outcome.OK:
-            raise IbridError(f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); evaluate again")
+            raise IbridError(
+                f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); evaluate again"
+            )
         if op not in self.parameters:
             raise OperatingPointError(f"the record has no operating point {op!r}; {near(op, self.parameters)}")
 
@@ -169,6 +172,25 @@ class Record:
             pade_orders=orders,
             **self._physics,
         )
+
+
+_TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins")
+_NUMBERS = (
+    "nrmse",
+    "reward",
+    "modules",
+    "sums",
+    "order",
+    "residual_modules",
+    "free_parameters",
+    "seconds",
+    "noise_floor",
+)
+_JSON_TYPES: dict[str, Any] = {
+    one.name: list if one.name in _TUPLES else (int, float, type(None)) if one.name in _NUMBERS else dict
+    for one in dataclasses.fields(Record)
+} | {"outcome": str, "program": str}
+_NEEDED_TO_REBUILD = ("equilibrium", "power_node", "f0_hz", "operating_points", "pade_orders")
 
 
 def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:

@@ -18,13 +18,23 @@ def time_limit(seconds: float) -> Iterator[None]:
         yield
         return
 
+    over = False
+
     def stop(*_: object) -> None:
+        nonlocal over
+        over = True
         raise TimeoutError(f"stopped after {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, stop)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
+    except TimeoutError:
+        raise
+    except BaseException as error:  # compiled code wraps what is raised inside it
+        if not over:
+            raise
+        raise TimeoutError(f"stopped after {seconds:g} s") from error
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

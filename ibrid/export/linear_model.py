@@ -85,7 +85,9 @@ def _with_point(record: Record, op: str | None) -> tuple[Record, str]:
     """The record, with `op` among its operating points, and the name of that point."""
     known = record.parameters
     if record.outcome != "ok" or not known:
-        raise IbridError(f"the record has no fit (outcome {record.outcome}: {'; '.join(record.reasons)}); evaluate again")
+        raise IbridError(
+            f"the record has no fit (outcome {record.outcome}: {'; '.join(record.reasons)}); evaluate again"
+        )
     if op is None and len(known) == 1:
         return record, next(iter(known))
     if op is None:

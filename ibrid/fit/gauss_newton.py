@@ -29,7 +29,12 @@ class Batch:
         """The `number` starts of least cost."""
         order = np.argsort(self.cost, kind="stable")[:number]
         return Batch(
-            self.x[order], self.cost[order], self.damping[order], self.gradient[order], self.hessian[order], self.done[order]
+            self.x[order],
+            self.cost[order],
+            self.damping[order],
+            self.gradient[order],
+            self.hessian[order],
+            self.done[order],
         )
 
 
@@ -60,7 +65,9 @@ def descend(problem: Problem, batch: Batch, objective: str, iterations: int, *, 
         batch.gradient[taken], batch.hessian[taken] = trial_gradient[better], trial_hessian[better]
         batch.damping[taken] = np.maximum(batch.damping[taken] / 5.0, LEAST_DAMPING)
         batch.damping[kept] *= 6.0
-        stalled[active] = np.where(better & (gain < 1e-7 * cost), stalled[active] + 1, np.where(better, 0, stalled[active]))
+        stalled[active] = np.where(
+            better & (gain < 1e-7 * cost), stalled[active] + 1, np.where(better, 0, stalled[active])
+        )
         size = np.abs(trial - x).max(axis=1) if x.shape[1] else np.zeros(len(active))
         batch.done[active] = (
             (batch.cost[active] < floor)

@@ -90,7 +90,9 @@ def _noise(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
     """Standard deviation of each real number, and where it comes from."""
     if all(point.sigma is not None for point in problem.points):
         floors = [MODEL_FLOOR * _frobenius(point)[:, None, None] for point in problem.points]
-        deviations = [np.hypot(point.sigma, floor) for point, floor in zip(problem.points, floors, strict=True)]
+        deviations = [
+            np.hypot(np.asarray(point.sigma), floor) for point, floor in zip(problem.points, floors, strict=True)
+        ]
         return deviations, "the sigma of the data"
     misfit, count = 0.0, 0
     for response, point in zip(problem.responses(x), problem.points, strict=True):

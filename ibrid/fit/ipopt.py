@@ -82,11 +82,7 @@ class _Memory:
             factor = 1.0 / (root * len(root) * self.scale)
             value = float(root.mean() / self.scale)
             total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(self.problem.size)
-            curvature = (
-                np.einsum("m,mpq->pq", factor, hessian[0])
-                if np.isfinite(value)
-                else np.eye(self.problem.size)
-            )
+            curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(self.problem.size)
             self._key, self._costs, self._result = key, cost[0], (value, total, curvature)
         return self._result
 

@@ -7,7 +7,26 @@ Y = M_yv + M_yx R and dY = [L I] dM [R; I], so a derivative costs one outer prod
 import numpy as np
 from numba import njit
 
-_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}, "nogil": True}
+
+def _nothing() -> None:
+    return None
+
+
+def _can_keep_compiled() -> bool:
+    """True when compiled code can be kept on disk; a read-only installation compiles anew in every process."""
+    try:
+        njit(cache=True)(_nothing)
+    except RuntimeError:
+        return False
+    return True
+
+
+_OPTIONS = {
+    "cache": _can_keep_compiled(),
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+    "nogil": True,
+}
 
 
 @njit(**_OPTIONS)

@@ -12,39 +12,11 @@ from ibrid.fit import ipopt
 from ibrid.fit.anchor import nearest_to_typical
 from ibrid.fit.gauss_newton import Batch, begin, descend
 from ibrid.fit.problem import Problem
+from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
+from ibrid.fit.vector_fitting import fitted_poles, pole_distances
 from ibrid.structure.wiring import Wiring
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How much effort a fit makes.
-
-    `objective` : what is minimised in the end. `starts` : screened per wave. `kept` : of them, those that descend.
-    `halving` : (iterations, kept) per stage on the logarithmic residual. `restarts` : further waves at most.
-    `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
-    `solved` : root-mean-square relative error below which the fit is finished. `misfit` : above this the structure
-    probably cannot fit, and more starts are carried to the end. `hops` : rounds without gain, in which `kicked` copies of
-    the best answer get some coordinates moved or redrawn, that end a fit. `seconds` : hard limit, a safety net.
-    """
-
-    objective: str = "nrmse"
-    starts: int = 96
-    kept: int = 8
-    halving: tuple[tuple[int, int], ...] = ((8, 6), (8, 4))
-    kept_misfit: int = 12
-    restarts: int = 5
-    agreeing: int = 3
-    agreement: float = 1e-3
-    solved: float = 1e-7
-    misfit: float = 0.03
-    hops: int = 3
-    kicked: int = 24
-    iterations: int = 80
-    ipopt_iterations: int = 40
-    seconds: float = 60.0
-    seeds: str = "textbook"
 
 
 @dataclass(frozen=True)
@@ -75,6 +47,8 @@ class Solution:
     ipopt_iterations: int
 
 
+#: Part of the hard limit after which no further wave begins.
+SOFT_LIMIT = 0.6
 #: Two answers whose squared errors differ by less than this part are twins.
 TWIN_TOLERANCE = 1e-6
 
@@ -92,7 +66,7 @@ def fit(
 
     warm : x (P,) to try before anything else, such as the answer at the previous operating point.
 
-    Raises TimeoutError when `settings.seconds` are over before any start has ended.
+    After most of `settings.seconds` no further wave begins; what has ended by then is the answer.
     """
     started = time.monotonic()
     search = _Search(problem, wiring, rng, settings, omega_0)
@@ -101,9 +75,7 @@ def fit(
     wave = 0
     hops = 0
     while wave <= settings.restarts and not (search.settled(wave) and (hops := search.hop(hops)) >= settings.hops):
-        if time.monotonic() - started > settings.seconds:
-            if not search.finished:
-                raise TimeoutError(f"no start ended within {settings.seconds:g} s")
+        if time.monotonic() - started > SOFT_LIMIT * settings.seconds:
             break
         search.wave(wave)
         wave += 1
@@ -133,6 +105,7 @@ class _Search:
         self.problem, self.rng, self.settings = problem, rng, settings
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.swaps = find_swaps(problem, wiring)
+        self.measured_poles = fitted_poles(problem) if settings.seeds == "vector-fitting" else None
         self.finished: list[Finished] = []
 
     def best(self) -> Finished:
@@ -151,7 +124,10 @@ class _Search:
             return best.x, []
         settings = self.settings
         batch = descend(
-            self.problem, begin(self.problem, np.array(starts), settings.objective), settings.objective, settings.iterations
+            self.problem,
+            begin(self.problem, np.array(starts), settings.objective),
+            settings.objective,
+            settings.iterations,
         )
         bound = max(best.cost * (1 + TWIN_TOLERANCE), settings.solved**2)
         equal = [best.x, *(x for x, cost in zip(batch.x, batch.cost, strict=True) if cost <= bound)]
@@ -178,7 +154,10 @@ class _Search:
         if self.finished:  # a quarter of the starts are perturbations of the best answer
             near = settings.starts // 4
             x[:near] = self.best().x + self.rng.normal(0.0, 0.7, (near, problem.size))
-        costs = problem.costs(np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high), "log").sum(axis=1)
+        x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
+        costs = problem.costs(x, "log").sum(axis=1)
+        if self.measured_poles is not None:
+            costs = np.where(np.isfinite(costs), pole_distances(problem, x, self.measured_poles), np.inf)
         usable = np.flatnonzero(np.isfinite(costs))
         if not usable.size:
             return
@@ -223,11 +202,10 @@ class _Search:
         kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
         if self.swaps:
             group = list(self.swaps[0].entries)
-            rows = np.arange(0, number, 2)
-            moved = x[group] + self.rng.normal(0.0, 3.0, (len(rows), len(group)))
-            redrawn = np.arange(len(rows))[:, None] % 2 == 1
-            kicked[rows] = x
-            kicked[np.ix_(rows, group)] = np.where(redrawn, anywhere[np.ix_(rows, group)], moved)
+            near = x[group] + self.rng.normal(0.0, 3.0, (number, len(group)))
+            spread = np.where(np.arange(number)[:, None] % 4 == 2, anywhere[:, group], near)
+            kicked[::2] = x
+            kicked[::2, group] = spread[::2]
         return kicked
 
     def finish(self, batch: Batch, wave: int) -> None:

@@ -49,7 +49,9 @@ def residual(point: PointSweep, objective: str) -> Residual:
         return Residual(magnitude / per_frequency[:, None, None] / np.sqrt(count), logarithmic=True)
     if objective == "sigma":
         if point.sigma is None:
-            raise SweepError(f"the noise of {point.op.name} is not known; give sigma or repeats, or choose another objective")
+            raise SweepError(
+                f"the noise of {point.op.name} is not known; give sigma or repeats, or choose another objective"
+            )
         return Residual(1.0 / point.sigma / np.sqrt(magnitude.size * 2))
     if objective == "band":
         weight = np.zeros_like(magnitude)

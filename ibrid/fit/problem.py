@@ -7,6 +7,7 @@ the operating points, of which each takes its own part.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -178,6 +179,16 @@ class Problem:
             found.append(whole)
         return found
 
+    def state_matrices(self, x: np.ndarray, point: int) -> np.ndarray:
+        """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S, n, n)."""
+        model, states = self.model, len(self.model.states)
+        theta = np.ascontiguousarray(self.coordinates.to_theta(x)[:, self.index[point]])
+        (values,) = self._values(theta, self._fields[point])
+        inside = (model.rows < states) & (model.columns < states)
+        matrices = np.zeros((len(x), states, states))
+        matrices[:, model.rows[inside], model.columns[inside]] = np.nan_to_num(values[:, inside])
+        return matrices
+
     def values_at(self, x: np.ndarray, point: int) -> dict[str, float]:
         """Free name -> physical value at one operating point."""
         theta = self.coordinates.to_theta(x)[self.index[point]]
@@ -188,7 +199,8 @@ class _Caller:
     """A CasADi function called row by row through fixed buffers, without the cost of its Python interface."""
 
     def __init__(self, function: ca.Function, parameters: int, outputs: tuple[int, ...]) -> None:
-        self._buffer, self._run = function.buffer()
+        buffer, self._run = function.buffer()
+        self._buffer: Any = buffer
         self._theta, self._point = np.zeros(parameters), np.zeros(3)
         self._outputs = [np.zeros(size) for size in outputs]
         if parameters:

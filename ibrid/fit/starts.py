@@ -32,9 +32,8 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
     if not rows:
         return {}
     matrix, target = np.concatenate(rows), np.concatenate(right)
-    r_g, l_g, inverse_c = np.linalg.lstsq(
-        np.concatenate([matrix.real, matrix.imag]), np.concatenate([target.real, target.imag]), rcond=None
-    )[0]
+    stacked = np.concatenate([np.real(matrix), np.imag(matrix)])
+    r_g, l_g, inverse_c = np.linalg.lstsq(stacked, np.concatenate([np.real(target), np.imag(target)]), rcond=None)[0]
     seed = {"R_g": r_g, "L_g": l_g, "C_F": 1.0 / inverse_c if inverse_c > 0 else -1.0}
     return {name: float(value) for name, value in seed.items() if value > 0}
 

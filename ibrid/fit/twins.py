@@ -48,7 +48,8 @@ def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
         packs = [
             split_port(source)[0]
             for source in wiring.sources[f"{inner}.in_"]
-            if wiring.kinds.get(split_port(source)[0]) is not None and wiring.kinds[split_port(source)[0]].name == "PackDQ"
+            if wiring.kinds.get(split_port(source)[0]) is not None
+            and wiring.kinds[split_port(source)[0]].name == "PackDQ"
         ]
         outer = {
             (entry.get((name, "kP"), -1), entry.get((name, "kI"), -1))
@@ -68,4 +69,6 @@ def twins_of(problem: Problem, swaps: tuple[Swap, ...], x: np.ndarray) -> list[n
     coordinates = problem.coordinates
     theta = coordinates.to_theta(x)
     found = [swap.apply(theta) for swap in swaps]
-    return [coordinates.to_x(one) for one in found if np.all(one >= coordinates.low) and np.all(one <= coordinates.high)]
+    return [
+        coordinates.to_x(one) for one in found if np.all(one >= coordinates.low) and np.all(one <= coordinates.high)
+    ]

@@ -1,10 +1,9 @@
 """Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
 
-import os
-import tempfile
 from pathlib import Path
 
-from ibrid.errors import SweepError
+from ibrid.errors import IbridError, SweepError
+from ibrid.writing import write_whole
 
 MAX_BYTES = 200_000_000
 
@@ -56,24 +55,7 @@ def write_atomically(path: Path, text: str) -> None:
 
     Raises SweepError when the folder does not exist or cannot be written.
     """
-    if path.is_dir():
-        raise SweepError(f"{path} must name a file; it is a folder, add a file name.")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.", suffix=".part")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, path)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except (OSError, ValueError) as reason:
-        raise SweepError(f"{path} must be writable; {getattr(reason, 'strerror', None) or reason}.") from reason
-
-
-def _umask() -> int:
-    """The process's mask; mkstemp makes private files, a result should be as readable as any other."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        write_whole(path, text)
+    except IbridError as error:
+        raise SweepError(str(error)) from None

@@ -135,7 +135,7 @@ def _heights(
         for direction in (-1, 1):
             _straighten(layer, direction, wishes, shapes, top)
     lowest = min(top.values())
-    return {name: value - lowest for name, value in top.items()}
+    return {name: float(round(value - lowest)) for name, value in top.items()}  # whole units: no invisible steps
 
 
 class _Wishes:

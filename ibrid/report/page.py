@@ -1,7 +1,5 @@
 """One self-contained HTML page about a record: no network, no scripts, readable on paper and telephones."""
 
-import os
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from ibrid.report.poles import draw_poles
 from ibrid.report.settings_table import settings_rows
 from ibrid.report.verdict import stability, verdict
 from ibrid.structure.diagram import Diagram
+from ibrid.writing import write_whole
 
 Section = tuple[str, str, str]
 
@@ -38,19 +37,7 @@ def write_report(record: Record, path: str | Path, *, sweep: Sweep | None = None
     Returns the path. Raises IbridError when it cannot be written.
     """
     path = Path(path)
-    text = report_html(record, sweep=sweep, title=title)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.chmod(temporary, 0o644)  # a page is for others to read
-            os.replace(temporary, path)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except OSError as problem:
-        raise IbridError(f"{path}: cannot be written ({problem.strerror}); choose another place") from None
+    write_whole(path, report_html(record, sweep=sweep, title=title))
     return path
 
 
@@ -58,12 +45,13 @@ def report_html(record: Record, *, sweep: Sweep | None = None, title: str | None
     """The page as text."""
     diagram = _diagram(record)
     headline = title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model"
-    sections = list(_sections(record, sweep, diagram))
+    measured, note = measured_data(record, sweep) if record.parameters else (None, "")
+    sections = list(_sections(record, measured, note, diagram))
     footer = (
         f"Fitted by ibrid in {record.seconds:.2f} s. "
         "Per unit on the inverter's base; current out of the inverter; q axis leads."
     )
-    return page(f"{headline}: {record.outcome}", _header(record, headline), sections, escape(footer))
+    return page(f"{headline}: {record.outcome}", _header(record, headline, measured), sections, escape(footer))
 
 
 def _diagram(record: Record) -> Diagram | None:
@@ -73,7 +61,7 @@ def _diagram(record: Record) -> Diagram | None:
         return None
 
 
-def _header(record: Record, headline: str) -> str:
+def _header(record: Record, headline: str, measured: Sweep | None) -> str:
     source = str(record.settings.get("data") or "")
     facts = [("outcome", _outcome(record))]
     if record.nrmse is not None:
@@ -84,10 +72,10 @@ def _header(record: Record, headline: str) -> str:
     if record.modules:
         facts.append(("modules and sums", f"{record.modules} + {record.sums}"))
     shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
-    measured = f" against {escape(source)}" if source else ""
+    against = f" against {escape(source)}" if source else ""
     return (
-        f'<p class="eyebrow">Identified inverter model{measured}</p><h1>{escape(headline)}</h1>'
-        f'<p class="verdict">{escape(verdict(record))}</p><dl class="facts">{shown}</dl>'
+        f'<p class="eyebrow">Identified inverter model{against}</p><h1>{escape(headline)}</h1>'
+        f'<p class="verdict">{escape(verdict(record, measured))}</p><dl class="facts">{shown}</dl>'
     )
 
 
@@ -100,11 +88,11 @@ def _stability(record: Record) -> str:
     return f'<span class="{"good" if fine else "bad"}">{"stable" if fine else "UNSTABLE"}</span>'
 
 
-def _sections(record: Record, sweep: Sweep | None, diagram: Diagram | None) -> Iterator[Section]:
+def _sections(record: Record, measured: Sweep | None, note: str, diagram: Diagram | None) -> Iterator[Section]:
     if record.reasons:
         yield "reasons", "Why there is no fit", bullets(record.reasons)
     if record.parameters:
-        yield "response", "Frequency response", _response(record, sweep)
+        yield "response", "Frequency response", _response(record, measured, note)
         yield "error", "Where the error lies", error_tables(record)
         yield "poles", "Poles and stability", _poles(record)
         yield "parameters", "Parameters", parameter_html(record)
@@ -116,8 +104,7 @@ def _sections(record: Record, sweep: Sweep | None, diagram: Diagram | None) -> I
     yield "program", "Program", scroll("Program text", f"<pre><code>{escape(record.program)}</code></pre>")
 
 
-def _response(record: Record, sweep: Sweep | None) -> str:
-    measured, note = measured_data(record, sweep)
+def _response(record: Record, measured: Sweep | None, note: str) -> str:
     notes = [note] if note else []
     try:
         shown = curves(record, measured)

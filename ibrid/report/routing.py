@@ -34,7 +34,7 @@ class Crossbar:
     @property
     def straight(self) -> bool:
         """One height only, so that no vertical piece is needed."""
-        return self.high - self.low < 0.5
+        return self.high - self.low < 0.25
 
 
 @dataclass(frozen=True)

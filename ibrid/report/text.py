@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
 from ibrid.report.modes import measured_up_to, modes
 from ibrid.report.numbers import error, hertz, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
@@ -15,9 +16,12 @@ ENTRIES = ("dd", "dq", "qd", "qq")
 _LONGEST = 34
 
 
-def format_record(record: Record) -> str:
-    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
-    parts = [list(_head(record))]
+def format_record(record: Record, sweep: Sweep | None = None) -> str:
+    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings.
+
+    With the sweep, the verdict says how much of the error is noise.
+    """
+    parts = [list(_head(record, sweep))]
     if record.reasons:
         parts.append(_list("why", record.reasons))
     if record.nrmse_by_part:
@@ -31,15 +35,16 @@ def format_record(record: Record) -> str:
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
 
-def _head(record: Record) -> Iterator[str]:
-    yield from _wrapped(f"{record.outcome}: {verdict(record)}", "")
+def _head(record: Record, sweep: Sweep | None) -> Iterator[str]:
+    yield from _wrapped(f"{record.outcome}: {verdict(record, sweep)}", "")
     settings = record.settings
     if settings.get("data"):
         yield from _wrapped(f"data       {settings['data']}", " " * 11)
-    yield (
-        f"model      {record.modules} modules, {record.sums} sums, order {record.order}, "
-        f"{record.free_parameters} free parameters"
-    )
+    if record.modules:
+        yield (
+            f"model      {record.modules} modules, {record.sums} sums, order {record.order}, "
+            f"{record.free_parameters} free parameters"
+        )
     made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
             ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip
     yield from _wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)

@@ -1,7 +1,10 @@
 """One sentence in plain words: how well the model describes the measurement, where the error lies, what is open."""
 
+import numpy as np
+
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
 from ibrid.report.modes import slowest, unstable_points
 from ibrid.report.numbers import error, percent
 
@@ -20,6 +23,8 @@ BANDS_HZ = {
     "500-2000": "from 500 Hz to 2 kHz",
     "2000-5000": "above 2 kHz",
 }
+#: An error up to this multiple of what noise alone gives is noise (a few of its standard deviations for short sweeps).
+NOISE_MARGIN = 1.2
 #: Real part (1/s) above which a stable pole is in effect an integrator.
 NEARLY_INTEGRATING = -1e-3
 
@@ -30,14 +35,23 @@ NO_FIT = {
 }
 
 
-def verdict(record: Record) -> str:
-    """The sentence, with the largest share of the error and the number of parameters that stay open."""
+def verdict(record: Record, sweep: Sweep | None = None) -> str:
+    """The sentence, with the largest share of the error and the number of parameters that stay open.
+
+    A sweep with known noise tells an error that is noise from one that is not.
+    """
     if record.nrmse is None:
         return f"{NO_FIT.get(Outcome(record.outcome), 'Nothing was fitted')}; the reasons are below."
     words = next(text for limit, text in LEVELS if record.nrmse <= limit)
-    clauses = [f"{words} (NRMSE {error(record.nrmse)})"]
-    if record.nrmse > 1e-6 and (where := largest_share(record)):
-        clauses.append(where)
+    noise = noise_floor(record, sweep) if sweep is not None else None
+    if noise is not None and record.nrmse <= NOISE_MARGIN * noise:
+        clauses = [
+            f"The model explains the measurement down to its noise (NRMSE {error(record.nrmse)}, noise {error(noise)})"
+        ]
+    else:
+        clauses = [f"{words} (NRMSE {error(record.nrmse)})"]
+        clauses += [f"noise alone would give {error(noise)}"] if noise is not None else []
+        clauses += [where] if record.nrmse > 1e-6 and (where := largest_share(record)) else []
     if record.holdout:
         worst = max(record.holdout, key=lambda name: record.holdout[name])
         clauses.append(f"it predicts {worst}, which was held out, with {error(record.holdout[worst])}")
@@ -46,6 +60,17 @@ def verdict(record: Record) -> str:
         count = len(record.boxes) or len(next(iter(record.parameters.values())))
         clauses.append(f"the data leave {len(open_names)} of {count} parameters open")
     return "; ".join(clauses) + "."
+
+
+def noise_floor(record: Record, sweep: Sweep) -> float | None:
+    """NRMSE that the true model is expected to have, mean over the fitted points; None where sigma is not known."""
+    floors = []
+    for name in record.nrmse_by_op:
+        point = sweep.point(name) if name in sweep.names else None
+        if point is None or point.sigma is None:
+            return None
+        floors.append(np.sqrt(2 * (point.sigma**2).sum()) / np.linalg.norm(point.admittance))
+    return float(np.mean(floors)) if floors else None
 
 
 def largest_share(record: Record) -> str:

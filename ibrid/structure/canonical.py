@@ -32,6 +32,26 @@ def canonical_order(
     return tuple(names[vertex - 2] for vertex in form.order if 2 <= vertex < len(names) + 2)
 
 
+def canonical_wiring(
+    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+) -> Wiring:
+    """The wiring in an order that depends on the structure alone, so that renaming or reordering changes no number."""
+    wiring = wire(diagram, choose_vocabulary(vocabulary))
+    order = canonical_order(diagram, vocabulary, equilibrium=equilibrium)
+    rank = {name: index for index, name in enumerate(order)}
+    instances = tuple(sorted(wiring.instances, key=lambda one: rank[one.name]))
+
+    def place(port: str) -> tuple[int, str]:
+        name, inner = split_port(port)
+        return rank.get(name, -1), inner
+
+    return Wiring(
+        instances,
+        {one.name: wiring.kinds[one.name] for one in instances},
+        {target: tuple(sorted(wiring.sources[target], key=place)) for target in sorted(wiring.sources, key=place)},
+    )
+
+
 def _graph(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind], equilibrium: str
 ) -> tuple[list[str], list[tuple[int, int, str]]]:

@@ -1,18 +1,18 @@
 def build_gfl_l_filter_delay(g):
-    """Grid-following inverter behind an L filter with a delayed voltage command, as digital controllers have."""
+    """Digitally controlled grid-following inverter behind an L filter: delayed command, no voltage feedforward."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")
     g.add("Rot_i", "park_i")
     # synchronisation
     g.add("SRF_PLL", "pll")
-    # power control: one pair of gains for p and q
+    # power control
     g.add("PQ_calc", "power")
     g.add("Negate", "minus_p")
-    g.add("PI", "p_loop", kP="power.kP", kI="power.kI")
-    g.add("PI", "q_loop", kP="power.kP", kI="power.kI")
+    g.add("PI", "p_loop")
+    g.add("PI", "q_loop")
     g.add("PackDQ", "i_ref")
-    # current control with decoupling and unit voltage feedforward
+    # current control with decoupling, without voltage feedforward
     g.add("Negate_dq", "minus_i")
     g.add("PI_dq", "current")
     g.add("JMul_omega", "decoupling")
@@ -37,7 +37,6 @@ def build_gfl_l_filter_delay(g):
     g.connect("pll.delta_omega", "decoupling.delta_omega")
     g.connect("current.out", "delay.in_")
     g.connect("decoupling.out", "delay.in_")
-    g.connect("plant.e", "delay.in_")
     g.connect("delay.out", "plant.u_r")
     g.connect("plant.i_g", "park_i.i_dq")
     g.connect("pll.delta", "park_i.delta")

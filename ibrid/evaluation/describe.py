@@ -1,0 +1,234 @@
+"""From a fit to its record: errors, parameters with intervals, poles, and what the data cannot see, in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.assembly.interconnection import interconnect_rows
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.evaluation.errors_by_part import error_parts, nrmse
+from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.plan import Plan
+from ibrid.evaluation.record import Record, pade_orders
+from ibrid.evaluation.reward import reward
+from ibrid.fit.identifiability import Visibility, visibility
+from ibrid.fit.multistart import Solution
+from ibrid.fit.problem import Problem
+from ibrid.measurement.sweep import PointSweep
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import Wiring, wire
+
+#: Part of a box's width within which a value counts as at the bound.
+AT_BOUND = 1e-6
+#: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.
+STABLE_BELOW = 1e-6
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A problem and its solution: all operating points when parameters are shared, one when they are not."""
+
+    problem: Problem
+    solution: Solution
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the free numbers, with the operating point of those that belong to one of several."""
+        points = self.problem.points
+        return [
+            one.name if one.point is None or len(points) == 1 else f"{one.name} at {points[one.point].op.name}"
+            for one in self.problem.numbers
+        ]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of its operating points."""
+        return [point.op.name for point in self.problem.points]
+
+
+def describe(diagram: Diagram, wiring: Wiring, plan: Plan, base: Record, fitted: Sequence[Fitted]) -> Record:
+    """The record of fits that together cover all fitted operating points."""
+    return _Description(diagram, wiring, plan, fitted).record(base)
+
+
+class _Description:
+    def __init__(self, diagram: Diagram, wiring: Wiring, plan: Plan, fitted: Sequence[Fitted]) -> None:
+        self.wiring, self.plan, self.fitted = wiring, plan, fitted
+        self.table = parameter_table(wire(diagram, plan.kinds), plan.equilibrium)  # names in the program's order
+        self.seen = [visibility(one.problem, one.solution.x, one.labels) for one in fitted]
+        self.values = {
+            name: self._ordered(one.problem.values_at(one.solution.x, index))
+            for one in fitted
+            for index, name in enumerate(one.names)
+        }
+        for point in plan.held_out:
+            self.values[point.op.name] = next(iter(self.values.values()))
+
+    def record(self, base: Record) -> Record:
+        plan = self.plan
+        responses = [response for one in self.fitted for response in one.problem.responses(one.solution.x)]
+        parts = error_parts(responses, plan.fitted.points)
+        mean = float(np.mean(list(parts.by_op.values())))
+        orders = pade_orders(self.wiring, self.table, list(self.values.values()), base.settings["frequency_hz"][1])
+        poles = {point.op.name: self._poles(point, orders) for point in plan.sweep.points}
+        base = replace(
+            base,
+            sums=sum(len(sources) > 1 for sources in self.wiring.sources.values()),
+            residual_modules=sum(kind.residual for kind in self.wiring.kinds.values()),
+            free_parameters=sum(one.problem.size for one in self.fitted),
+            boxes={
+                one.name: {"low": one.low, "high": one.high, "unit": one.unit, "meaning": one.meaning}
+                for one in self.table.free
+            },
+            settings={**base.settings, "pade_orders": orders},
+        )
+        lost = [name for name, found in poles.items() if found.size and not np.isfinite(found).all()]
+        if lost:
+            reason = f"the best parameters have no real operating point at {', '.join(lost)}; check p, q and v"
+            return replace(base, outcome=Outcome.FAILED, reasons=(reason,))
+        return replace(
+            base,
+            outcome=Outcome.OK,
+            nrmse=mean,
+            reward=reward(mean),
+            nrmse_by_op=parts.by_op,
+            nrmse_by_band=parts.by_band,
+            nrmse_by_entry=parts.by_entry,
+            share_by_band=parts.share_by_band,
+            nrmse_by_part=parts.table,
+            holdout=self._holdout(),
+            order=max(len(found) for found in poles.values()),
+            parameters=self.values,
+            intervals=self._intervals(),
+            at_bound=self._at_bound(),
+            stable={name: bool(np.real(found).max(initial=-np.inf) < STABLE_BELOW) for name, found in poles.items()},
+            poles={name: _sorted_poles(found) for name, found in poles.items()},
+            identifiability=self._sentences(),
+            twins=tuple(
+                self._ordered(one.problem.values_at(twin, 0)) for one in self.fitted for twin in one.solution.twins
+            ),
+            starts=self._starts(),
+            covariance=self._covariance(),
+            noise_floor=_noise_floor(plan.fitted.points),
+        )
+
+    def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
+        return {name: values[name] for name in self.table.names}
+
+    def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
+        """Poles with Pade forms of the delays; not a number where there is no operating point."""
+        matrices = module_matrices(
+            self.wiring,
+            self.table,
+            self.values[point.op.name],
+            (point.op.p, point.op.q, point.op.v),
+            equilibrium=self.plan.equilibrium,
+            power_node=self.plan.sweep.power_node,
+            omega_0=self.plan.sweep.omega_0,
+            pade_orders=orders,
+        )
+        joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
+        a = np.zeros((joined.size, joined.size))
+        for i, row in enumerate(joined.rows[: joined.size]):
+            for j, value in row.items():
+                if j < joined.size:
+                    a[i, j] = value
+        return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
+
+    def _holdout(self) -> dict[str, float]:
+        if not self.plan.held_out:
+            return {}
+        problem = Problem(self.fitted[0].problem.model, self.plan.held_out)
+        found = next(iter(self.values.values()))
+        x = problem.coordinates.to_x(np.array([found[one.name] for one in problem.numbers]))
+        return {
+            point.op.name: nrmse(response, point)
+            for response, point in zip(problem.responses(x), self.plan.held_out, strict=True)
+        }
+
+    def _intervals(self) -> dict[str, dict[str, Any]]:
+        intervals: dict[str, dict[str, Any]] = {}
+        for one, answer in zip(self.fitted, self.seen, strict=True):
+            for index, name in enumerate(one.names):
+                found = {
+                    parameter.name: answer.intervals.get(one.labels[one.problem.index[index, local]])
+                    for local, parameter in enumerate(one.problem.model.parameters)
+                }
+                intervals[name] = {parameter: found[parameter] for parameter in self.table.names}
+        for point in self.plan.held_out:
+            intervals[point.op.name] = next(iter(intervals.values()))
+        return intervals
+
+    def _at_bound(self) -> tuple[str, ...]:
+        touched: list[str] = []
+        for one in self.fitted:
+            low, high, x = one.problem.coordinates.x_low, one.problem.coordinates.x_high, one.solution.x
+            near_edge = np.minimum(x - low, high - x) <= AT_BOUND * (high - low)
+            where = "" if len(self.fitted) == 1 else f" at {one.names[0]}"
+            touched += [label + where for label, edge in zip(one.labels, near_edge, strict=True) if edge]
+        return tuple(touched)
+
+    def _sentences(self) -> tuple[str, ...]:
+        sentences: list[str] = []
+        for one, answer in zip(self.fitted, self.seen, strict=True):
+            where = "" if len(self.fitted) == 1 else f"at {one.names[0]}: "
+            sentences += [where + sentence for sentence in answer.sentences]
+            sentences += [where + _twin_sentence(one, twin) for twin in one.solution.twins]
+            sentences.append(where + _support_sentence(one.solution, answer))
+        return tuple(sentences)
+
+    def _starts(self) -> dict[str, Any]:
+        solutions = [one.solution for one in self.fitted]
+        return {
+            "finished": sum(len(one.finished) for one in solutions),
+            "agreeing": sum(one.agreeing for one in solutions),
+            "waves": sum(one.waves for one in solutions),
+            "evaluations": sum(one.evaluations for one in solutions),
+            "ipopt": [one.ipopt_status for one in solutions],
+        }
+
+    def _covariance(self) -> dict[str, Any]:
+        if len(self.fitted) != 1:
+            return {}
+        return {
+            "of": "search coordinates (logarithms of positive parameters)",
+            "names": self.fitted[0].labels,
+            "matrix": self.seen[0].covariance.tolist(),
+        }
+
+
+def _noise_floor(points: Sequence[PointSweep]) -> float | None:
+    """NRMSE that noise of the given sigma leaves on average, mean over operating points."""
+    levels = [
+        float(np.sqrt(2.0) * np.linalg.norm(point.sigma) / np.linalg.norm(point.admittance))
+        for point in points
+        if point.sigma is not None
+    ]
+    return float(np.mean(levels)) if len(levels) == len(points) else None
+
+
+def _sorted_poles(poles: np.ndarray) -> list[list[float]]:
+    ordered = sorted(poles, key=lambda one: (abs(one), one.real, one.imag))
+    return [[float(one.real), float(one.imag)] for one in ordered]
+
+
+def _twin_sentence(one: Fitted, twin: np.ndarray) -> str:
+    here = one.problem.coordinates.to_theta(one.solution.x)
+    there = one.problem.coordinates.to_theta(twin)
+    moved = [
+        f"{label} {after:.4g} instead of {before:.4g}"
+        for label, before, after in zip(one.labels, here, there, strict=True)
+        if abs(after - before) > 1e-3 * abs(before)
+    ]
+    return f"a twin fits as well: {', '.join(moved)}; the one with the smaller R_F is reported"
+
+
+def _support_sentence(solution: Solution, answer: Visibility) -> str:
+    waves = "1 wave" if solution.waves == 1 else f"{solution.waves} waves"
+    return (
+        f"{solution.agreeing} of {len(solution.finished)} finished starts agree with the best, in {waves}; "
+        f"intervals assume {answer.noise}"
+    )

@@ -1,0 +1,51 @@
+"""How much effort a fit makes, and what it minimises."""
+
+from dataclasses import dataclass
+
+from ibrid.errors import IbridError, near
+from ibrid.fit.objective import OBJECTIVES
+
+#: How starts are ranked: by the misfit of textbook values, or by their poles' distance from vector-fitted ones.
+SEEDS = ("textbook", "vector-fitting")
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How much effort a fit makes.
+
+    `objective` : what is minimised in the end. `starts` : screened per wave. `kept` : of them, those that descend.
+    `halving` : (iterations, kept) per stage on the logarithmic residual. `restarts` : further waves at most.
+    `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
+    `solved` : root-mean-square relative error below which the fit is finished. `misfit` : above this the structure
+    probably cannot fit, and more starts are carried to the end. `hops` : rounds without gain, in which `kicked` copies of
+    the best answer get some coordinates moved or redrawn, that end a fit. `seconds` : hard limit, a safety net.
+    """
+
+    objective: str = "nrmse"
+    starts: int = 96
+    kept: int = 8
+    halving: tuple[tuple[int, int], ...] = ((8, 6), (8, 4))
+    kept_misfit: int = 12
+    restarts: int = 5
+    agreeing: int = 3
+    agreement: float = 1e-3
+    solved: float = 1e-7
+    misfit: float = 0.03
+    hops: int = 3
+    kicked: int = 24
+    iterations: int = 80
+    ipopt_iterations: int = 40
+    seconds: float = 60.0
+    seeds: str = "textbook"
+
+    def __post_init__(self) -> None:
+        for value, known, what in ((self.seeds, SEEDS, "seeds"), (self.objective, OBJECTIVES, "objective")):
+            if value not in known:
+                raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}; {near(value, known)}")
+        if self.restarts < 0 or self.starts < 1 or self.kept < 1:
+            raise IbridError(
+                "restarts must be 0 or more, starts and kept 1 or more; "
+                f"found {self.restarts}, {self.starts} and {self.kept}"
+            )
+        if not self.seconds > 0:
+            raise IbridError(f"seconds must be above 0, found {self.seconds}")
