@@ -28,7 +28,7 @@ demo: $(STAMP)
 	$(RUN) -m ibrid.demo
 
 bench: $(STAMP)
-	$(RUN) -m ibrid.bench
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff format --check

@@ -4,7 +4,7 @@ Every signal is a row over the columns [states | delayed signals | v_D v_Q]. Row
 feedthrough; a loop of direct terms is solved as a small linear system of its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +12,14 @@ import casadi as ca
 import networkx as nx
 import numpy as np
 
+from ibrid.assembly.direct_loops import inverse_of_loop
 from ibrid.assembly.numbers import is_zero
-from ibrid.errors import DiagramError
+from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import Wiring, split_port
 
 Row = dict[int, Any]
-Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class _Joiner:
         for index, (name, axis) in enumerate(self.delayed):
             (port,) = wiring.kinds[name].outputs
             self.rows[f"{name}.{port}", axis] = {len(self.states) + index: 1.0}
-        self.inputs = {name: _channels(name, kind.inputs) for name, kind in wiring.kinds.items()}
-        self.outputs = {name: _channels(name, kind.outputs) for name, kind in wiring.kinds.items()}
+        self.inputs = {name: channels_of(name, kind.inputs) for name, kind in wiring.kinds.items()}
+        self.outputs = {name: channels_of(name, kind.outputs) for name, kind in wiring.kinds.items()}
 
     def join(self) -> Interconnected:
         for loop in self._feedthrough_order():
@@ -84,12 +84,9 @@ class _Joiner:
         rows += [self._input_row((TERMINAL_CURRENT, axis)) for axis in (0, 1)]
         return Interconnected(tuple(rows), tuple(self.states), tuple(self.delayed))
 
-    def _sources(self, channel: Channel) -> list[Channel]:
-        return [(source, channel[1]) for source in self.wiring.sources[channel[0]]]
-
     def _input_row(self, channel: Channel) -> Row:
         row: Row = {}
-        for source in self._sources(channel):
+        for source in sources_of(self.wiring, channel):
             _accumulate(row, 1.0, self.rows[source])
         return row
 
@@ -105,20 +102,22 @@ class _Joiner:
         first = self.first_state[name]
         row = {first + index: value for index, value in enumerate(c_row) if not is_zero(value)}
         for gain, target in self._direct(channel):
-            for source in self._sources(target):
+            for source in sources_of(self.wiring, target):
                 if source not in without:
                     _accumulate(row, gain, self.rows[source])
         return row
 
     def _feeds_itself(self, channel: Channel) -> bool:
-        return any(channel in self._sources(target) for _, target in self._direct(channel))
+        return any(channel in sources_of(self.wiring, target) for _, target in self._direct(channel))
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         graph: dict[Channel, list[Channel]] = {}
         for name in self.wiring.kinds:
             for channel in self.outputs[name]:
                 if channel not in self.rows:
-                    graph[channel] = [one for _, target in self._direct(channel) for one in self._sources(target)]
+                    graph[channel] = [
+                        one for _, target in self._direct(channel) for one in sources_of(self.wiring, target)
+                    ]
         known = set(self.rows)
         order: list[list[Channel]] = []
         pending = dict(graph)
@@ -148,11 +147,11 @@ class _Joiner:
         matrix: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
         for i, channel in enumerate(loop):
             for gain, target in self._direct(channel):
-                for source in self._sources(target):
+                for source in sources_of(self.wiring, target):
                     if source in inside:
                         matrix[i][loop.index(source)] = matrix[i][loop.index(source)] - gain
         known = [self._output_row(channel, inside) for channel in loop]
-        inverse = _inverse(matrix, lambda: self._loop_names(loop))
+        inverse = self._inverse(loop, matrix)
         for i, channel in enumerate(loop):
             row: Row = {}
             for j in range(size):
@@ -160,8 +159,13 @@ class _Joiner:
                     _accumulate(row, inverse[i][j], known[j])
             self.rows[channel] = row
 
-    def _loop_names(self, loop: Sequence[Channel]) -> str:
-        return " -> ".join(dict.fromkeys(split_port(port)[0] for port, _ in loop))
+    def _inverse(self, loop: Sequence[Channel], matrix: list[list[Any]]) -> list[list[Any]]:
+        size = len(loop)
+        if any(isinstance(entry, ca.SX) for row in matrix for entry in row):
+            symbolic = ca.vertcat(*[ca.horzcat(*row) for row in matrix])
+            inverse = ca.solve(ca.sparsify(symbolic), ca.SX.eye(size))
+            return [[inverse[i, j] for j in range(size)] for i in range(size)]
+        return inverse_of_loop(self.wiring, loop, np.array(matrix, dtype=float)).tolist()
 
 
 def state_names(kind: ModuleKind, number: int) -> list[str]:
@@ -171,10 +175,6 @@ def state_names(kind: ModuleKind, number: int) -> list[str]:
     return [f"pade{index}_{axis}" for axis in "dq" for index in range(1, number // 2 + 1)]
 
 
-def _channels(name: str, ports: Mapping[str, Any]) -> list[Channel]:
-    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
-
-
 def _accumulate(row: Row, gain: Any, source: Row) -> None:
     if is_zero(gain):
         return
@@ -182,17 +182,3 @@ def _accumulate(row: Row, gain: Any, source: Row) -> None:
     for column, value in source.items():
         term = value if unit else gain * value
         row[column] = row[column] + term if column in row else term
-
-
-def _inverse(matrix: list[list[Any]], loop_names: Callable[[], str]) -> list[list[Any]]:
-    size = len(matrix)
-    if any(isinstance(entry, ca.SX) for row in matrix for entry in row):
-        symbolic = ca.vertcat(*[ca.horzcat(*row) for row in matrix])
-        inverse = ca.solve(ca.sparsify(symbolic), ca.SX.eye(size))
-        return [[inverse[i, j] for j in range(size)] for i in range(size)]
-    numeric = np.array(matrix, dtype=float)
-    if np.linalg.cond(numeric) > 1e12:
-        raise DiagramError(
-            f"the loop of direct terms through {loop_names()} is singular (its gain is 1); put a filter or a delay in it"
-        )
-    return np.linalg.inv(numeric).tolist()

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.assembly.equilibrium import equilibria, matrices_of, paper_equilibria
+from ibrid.assembly.equilibrium import equilibria, paper_equilibria
+from ibrid.assembly.signals_at_rest import matrices_of
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
 from ibrid.structure.parameters import ParameterTable, kind_parameters

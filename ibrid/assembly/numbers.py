@@ -1,5 +1,6 @@
 """The few operations that floats and CasADi symbols spell differently."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import casadi as ca
@@ -8,6 +9,18 @@ import casadi as ca
 def is_zero(value: Any) -> bool:
     """True for a number that is zero and a symbol that is structurally zero."""
     return bool(value.is_zero()) if isinstance(value, ca.SX) else value == 0
+
+
+def weighted_sum(terms: Iterable[tuple[Any, Any]]) -> Any:
+    """Sum of gain times value, without the operations that change nothing; 0.0 of no terms."""
+    total = None
+    for gain, value in terms:
+        if is_zero(gain) or is_zero(value):
+            continue
+        unit = not isinstance(gain, ca.SX) and gain == 1
+        term = value if unit else gain * value
+        total = term if total is None else total + term
+    return 0.0 if total is None else total
 
 
 def square_root(value: Any) -> Any:

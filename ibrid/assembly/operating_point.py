@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ibrid.assembly.numbers import square_root
+from ibrid.errors import DiagramError
 
 Pair = tuple[Any, Any]
 
@@ -40,7 +41,14 @@ def plant_equilibrium(
     ----------
     kind : "LCL" or "LFilter". parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
     power_node : "capacitor" or "pcc", where p and q are measured; the same for an L filter.
+
+    Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
+    if kind not in ("LCL", "LFilter"):
+        raise DiagramError(
+            f"the operating point is known for an LCL or an LFilter, found {kind}; use one of these, "
+            'or equilibrium="paper", where it is fitted'
+        )
     v_in = (v, 0.0)
     i_terminal = (p / v, -q / v)
     if kind == "LFilter":

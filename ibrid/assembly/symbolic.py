@@ -106,7 +106,7 @@ def symbolic_matrices(
 
 
 def _non_zeros(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+    return ca.densify(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)
 
 
 def _delays(

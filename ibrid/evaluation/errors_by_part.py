@@ -42,9 +42,9 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
         table[point.op.name] = {}
         for index, name in enumerate(BAND_NAMES):
             here = bands == index
+            shares[name].append(float(squared[here].sum() / total) if total > 0 else 0.0)
             if here.any():
                 by_band[name].append(_ratio(squared[here].sum(), norm[here].sum()))
-                shares[name].append(float(squared[here].sum() / total) if total > 0 else 0.0)
             table[point.op.name][name] = {
                 entry: _ratio(squared[here, i, j].sum(), norm[here, i, j].sum()) if here.any() else None
                 for entry, (i, j) in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True)
@@ -55,7 +55,7 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
         by_op={point.op.name: nrmse(response, point) for response, point in zip(responses, points, strict=True)},
         by_band={name: _mean(values) for name, values in by_band.items()},
         by_entry={name: _mean(values) for name, values in by_entry.items()},
-        share_by_band={name: _mean(values) for name, values in shares.items()},
+        share_by_band={name: _mean(values) if by_band[name] else None for name, values in shares.items()},
         table=table,
     )
 

@@ -21,7 +21,7 @@ from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.canonical import canonical_wiring, structure_hash
-from ibrid.structure.check import violations, warnings
+from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 
@@ -33,7 +33,7 @@ def evaluate(
     parameters: str = "shared",
     equilibrium: str = "exact",
     vocabulary: str | Sequence[ModuleKind] = "extended",
-    objective: str = "nrmse",
+    objective: str | None = None,
     restarts: int | None = None,
     seed: int = 0,
     holdout_op: str | Sequence[str] = (),
@@ -46,7 +46,8 @@ def evaluate(
     ----------
     diagram : candidate structure. sweep : measured operating points.
     parameters : "shared" or "per-op". equilibrium : "exact" (computed) or "paper" (fitted numbers).
-    vocabulary : "extended", "paper" or kinds of one's own. objective : see `ibrid.fit.objective`.
+    vocabulary : "extended", "paper" or kinds of one's own.
+    objective : see `ibrid.fit.objective`; None: that of `settings`, by default nrmse.
     restarts : further waves of starts at most. seed : of the random starts, mixed with structure and data.
     holdout_op : names of operating points kept out of the fit and predicted; needs shared parameters and "exact".
     settings : effort of the fit. warm_start_below : per-op, an error below this passes its parameters to the next point.
@@ -70,9 +71,10 @@ def evaluate(
         settings=plan.described(),
         vocabulary=plan.kinds,
     )
-    found = violations(diagram, plan.kinds, equilibrium=equilibrium)
+    found, habits = examine(diagram, plan.kinds, equilibrium=equilibrium)
     if found:
         return replace(base, reasons=tuple(map(str, found)), seconds=time.perf_counter() - started)
+    base = replace(base, warnings=tuple(map(str, habits)))
     try:
         with time_limit(plan.fit.seconds):
             record = _evaluate(diagram, plan, base, warm_start_below)
@@ -89,7 +91,6 @@ def _evaluate(diagram: Diagram, plan: Plan, base: Record, warm_start_below: floa
     model = symbolic_model(wiring, equilibrium=plan.equilibrium, power_node=plan.sweep.power_node, omega_0=omega_0)
     points = plan.fitted.points
     groups = [points] if plan.parameters == "shared" else [(point,) for point in points]
-    base = replace(base, warnings=tuple(map(str, warnings(diagram, plan.kinds, equilibrium=plan.equilibrium))))
     fitted: list[Fitted] = []
     warm = None
     for group in groups:

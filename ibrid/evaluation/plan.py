@@ -61,16 +61,18 @@ def make_plan(
     parameters: str,
     equilibrium: str,
     vocabulary: str | Sequence[ModuleKind],
-    objective: str,
+    objective: str | None,
     restarts: int | None,
     seed: int,
     holdout_op: str | Sequence[str],
     settings: FitSettings | None,
 ) -> Plan:
+    fit_settings = settings or FitSettings()
+    wanted = fit_settings.objective if objective is None else objective
     for value, allowed, what in (
         (parameters, PARAMETER_MODES, "parameters"),
         (equilibrium, EQUILIBRIA, "equilibrium"),
-        (objective, OBJECTIVES[:-1], "objective"),
+        (wanted, OBJECTIVES[:-1], "objective"),
     ):
         if value not in allowed:
             raise IbridError(
@@ -89,10 +91,7 @@ def make_plan(
         )
     if len(set(held)) >= len(sweep.points):
         raise IbridError("every operating point is held out; leave at least one to fit")
-    fit_settings = settings or FitSettings()
     if restarts is not None:
-        if restarts < 0:
-            raise IbridError(f"restarts must be 0 or more, found {restarts}")
         fit_settings = replace(fit_settings, restarts=restarts)
     return Plan(
         sweep=sweep,
@@ -102,7 +101,7 @@ def make_plan(
         equilibrium=equilibrium,
         vocabulary=vocabulary if isinstance(vocabulary, str) else _vocabulary_name(vocabulary),
         kinds=choose_vocabulary(vocabulary),
-        fit=replace(fit_settings, objective=objective),
+        fit=replace(fit_settings, objective=wanted),
         seed=seed,
     )
 

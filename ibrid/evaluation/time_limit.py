@@ -5,6 +5,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+#: A longer limit (s) is none: timers of the operating system do not count so far.
+LONGEST = 1e8
+#: The alarm comes back after so many seconds, where compiled code has swallowed the first.
+AGAIN = 0.1
+
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
@@ -14,21 +19,23 @@ def time_limit(seconds: float) -> Iterator[None]:
     only the limits that the fit checks between its own steps hold.
     """
     usable = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    if not usable or seconds <= 0 or seconds == float("inf"):
+    if not usable or not 0 < seconds <= LONGEST:
         yield
         return
 
-    over = False
+    over = finished = False
 
     def stop(*_: object) -> None:
         nonlocal over
         over = True
-        raise TimeoutError(f"stopped after {seconds:g} s")
+        if not finished:
+            raise TimeoutError(f"stopped after {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
     try:
         yield
+        finished = True
     except TimeoutError:
         raise
     except BaseException as error:  # compiled code wraps what is raised inside it
@@ -36,5 +43,8 @@ def time_limit(seconds: float) -> Iterator[None]:
             raise
         raise TimeoutError(f"stopped after {seconds:g} s") from error
     finally:
+        finished = True
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+    if over:
+        raise TimeoutError(f"stopped after {seconds:g} s")

@@ -38,13 +38,21 @@ def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.nd
 
 def null_directions(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Directions of x that change no response, as orthonormal columns (P, number)."""
+    if not problem.size:
+        return np.zeros((0, 0))
     rows = []
     for slope, point in zip(problem.jacobians(x), problem.points, strict=True):
         relative = slope / np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None, None]
         rows += [relative.real.reshape(-1, problem.size), relative.imag.reshape(-1, problem.size)]
     jacobian = np.concatenate(rows)
-    if not np.isfinite(jacobian).all() or not problem.size:
+    if not np.isfinite(jacobian).all():
         return np.zeros((problem.size, 0))
-    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-    values = np.concatenate([values, np.zeros(problem.size - len(values))])
+    values, right = right_singular_vectors(jacobian)
     return right[values <= NULL * values[0]].T
+
+
+def right_singular_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All P singular values, zeros included, and right singular vectors as rows (P, P) of a tall matrix (n, P)."""
+    size = matrix.shape[1]
+    _, values, right = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)
+    return np.concatenate([values, np.zeros(size - len(values))]), right

@@ -1,13 +1,15 @@
 """What the data can and cannot see: intervals of the parameters and the directions along which nothing changes.
 
 The Jacobian of the whitened residual in logarithms of the parameters is decomposed; singular values at rounding level are
-null directions, and the covariance is that of the rest.
+null directions, and the covariance is that of the rest: of the estimator that minimises the fit's own objective, which
+need not weigh the data by their noise (J+ Sigma J+', the "sandwich" of weighted least squares).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.fit.anchor import right_singular_vectors
 from ibrid.fit.problem import Problem
 from ibrid.measurement.sweep import PointSweep
 
@@ -39,25 +41,35 @@ class Visibility:
     sentences: tuple[str, ...]
 
 
-def visibility(problem: Problem, x: np.ndarray, labels: list[str]) -> Visibility:
-    """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in the sentences."""
+def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: str | None = None) -> Visibility:
+    """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in the sentences.
+
+    objective : that x minimises; None: one that weighs the data by their noise.
+    """
     size = problem.size
     deviations, source = _noise(problem, x)
+    nothing = Visibility(source, {}, {}, (), np.zeros((size, size)), ())
+    if not size:
+        return nothing
     rows = []
     for slope, deviation in zip(problem.jacobians(x), deviations, strict=True):
         white = slope / deviation[..., None]
         rows += [white.real.reshape(-1, size), white.imag.reshape(-1, size)]
-    jacobian = np.concatenate(rows) if size else np.zeros((1, 0))
-    if not size or not np.isfinite(jacobian).all():
-        return Visibility(source, {}, {}, (), np.zeros((size, size)), ())
+    jacobian = np.concatenate(rows)
+    if not np.isfinite(jacobian).all():
+        return nothing
     scale = np.linalg.norm(jacobian, axis=0)
-    blind = scale <= RANK_TOLERANCE * scale.max()
-    unit = np.where(blind, 1.0, scale)
-    _, values, right = np.linalg.svd(jacobian / unit, full_matrices=True)
-    values = np.concatenate([values, np.zeros(size - len(values))])
+    largest = scale.max() or 1.0
+    unit = np.where(scale <= RANK_TOLERANCE * largest, largest, scale)  # so that a blind column stays small
+    values, right = right_singular_vectors(jacobian / unit)
     null = values <= RANK_TOLERANCE * values[0]
-    inverse = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
-    root = (right.T * inverse) / unit[:, None]
+    root = right[~null].T / values[~null]
+    if objective is not None:
+        white = (jacobian / unit) @ root  # orthonormal columns
+        factor = _weight_times_noise(problem, x, deviations, objective)
+        q, r = np.linalg.qr(factor[:, None] * white)
+        root = root @ np.linalg.solve(r, q.T * factor)
+    root = root / unit[:, None]
     covariance = root @ root.T
     directions = (right[null] / unit).T  # columns in x
     moved = np.zeros(size, dtype=bool)
@@ -104,6 +116,20 @@ def _noise(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
         [np.broadcast_to(level * _frobenius(point)[:, None, None], point.admittance.shape) for point in problem.points],
         f"the misfit itself ({level:.1e} of |Y| in each real number)",
     )
+
+
+def _weight_times_noise(problem: Problem, x: np.ndarray, deviations: list[np.ndarray], objective: str) -> np.ndarray:
+    """Weight of each real number in the fit times its standard deviation, in the order of the Jacobian's rows.
+
+    The fit minimises the mean over operating points of a root of squares, so a point with the error e weighs 1/e.
+    """
+    costs = problem.costs(x[None], objective)[0]
+    costs = np.maximum(costs, MODEL_FLOOR**2)
+    factors = []
+    for residual, deviation, cost in zip(problem.residuals(objective), deviations, costs, strict=True):
+        factor = (residual.weight * deviation).ravel() / cost**0.25
+        factors += [factor, factor]
+    return np.concatenate(factors)
 
 
 def _frobenius(point: PointSweep) -> np.ndarray:

@@ -57,6 +57,8 @@ def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, s
         },
     )
     answer = solver(x0=start, lbx=coordinates.x_low, ubx=coordinates.x_high)
+    if memory.interruption is not None:
+        raise memory.interruption
     statistics = solver.stats()
     found = np.clip(np.asarray(answer["x"]).ravel(), coordinates.x_low, coordinates.x_high)
     if not memory.value(found) <= memory.value(start):
@@ -69,9 +71,10 @@ class _Memory:
 
     def __init__(self, problem: Problem, objective: str, start: np.ndarray) -> None:
         self.problem, self.objective = problem, objective
-        self._key = b""
+        self._key: bytes | None = None
         self._result: tuple[float, np.ndarray, np.ndarray] = (np.inf, np.zeros(0), np.zeros(0))
         self._costs = np.zeros(0)
+        self.interruption: TimeoutError | KeyboardInterrupt | None = None
         self.scale = 1.0
         self.scale = max(self.value(start), _ROUNDING)
 
@@ -129,6 +132,21 @@ class _Callback(ca.Callback):
             return ca.Sparsity.dense(self.size, 1)
         return ca.Sparsity.dense(1, 1) if name == "lam_f" else ca.Sparsity(0, 0)
 
+    def eval(self, arguments):
+        """CasADi would print what is raised in here and go on; not a number makes Ipopt stop instead."""
+        if self.memory.interruption is None:
+            try:
+                return self.evaluated(arguments)
+            except (TimeoutError, KeyboardInterrupt) as interruption:
+                self.memory.interruption = interruption
+        return [ca.DM(self.get_sparsity_out(index), np.nan) for index in range(self.get_n_out())]
+
+    def evaluated(self, arguments):
+        raise NotImplementedError
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        raise NotImplementedError
+
     @staticmethod
     def vector(argument: ca.DM) -> np.ndarray:
         return np.asarray(argument, dtype=float).ravel()
@@ -138,7 +156,7 @@ class _Value(_Callback):
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
         return ca.Sparsity.dense(1, 1)
 
-    def eval(self, arguments):
+    def evaluated(self, arguments):
         return [self.memory.value(self.vector(arguments[0]))]
 
 
@@ -150,7 +168,7 @@ class _Gradient(_Callback):
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
         return ca.Sparsity.dense(1, 1) if index == 0 else ca.Sparsity.dense(self.size, 1)
 
-    def eval(self, arguments):
+    def evaluated(self, arguments):
         x = self.vector(arguments[0])
         return [self.memory.value(x), ca.DM(self.memory.gradient(x))]
 
@@ -163,6 +181,6 @@ class _Hessian(_Callback):
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
         return ca.Sparsity.upper(self.size)
 
-    def eval(self, arguments):
+    def evaluated(self, arguments):
         hessian = self.memory.hessian(self.vector(arguments[0])) * float(arguments[2])
         return [ca.project(ca.DM(hessian), ca.Sparsity.upper(self.size))]

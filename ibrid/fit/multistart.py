@@ -66,7 +66,8 @@ def fit(
 
     warm : x (P,) to try before anything else, such as the answer at the previous operating point.
 
-    After most of `settings.seconds` no further wave begins; what has ended by then is the answer.
+    After most of `settings.seconds` no further wave begins; what has ended by then is the answer. TimeoutError when
+    nothing has begun by then.
     """
     started = time.monotonic()
     search = _Search(problem, wiring, rng, settings, omega_0)
@@ -80,6 +81,8 @@ def fit(
         search.wave(wave)
         wave += 1
     if not search.finished:
+        if not wave:
+            raise TimeoutError(f"stopped after {settings.seconds:g} s, before the first start")
         return None
     best, twins = search.most_plausible()
     left = settings.seconds - (time.monotonic() - started)
@@ -187,8 +190,8 @@ class _Search:
         while done < settings.hops:
             before = self.best().cost
             x = self._kicked(self.best().x)
-            batch = descend(problem, begin(problem, x, settings.objective), settings.objective, 16)
-            self._keep(descend(problem, batch.best(4), settings.objective, settings.iterations), -1)
+            batch = descend(problem, begin(problem, x, settings.objective), settings.objective, 12)
+            self._keep(descend(problem, batch.best(settings.kept), settings.objective, settings.iterations), -1)
             done = 0 if self.best().cost < before * (1 - settings.agreement) else done + 1
         return done
 
@@ -202,10 +205,8 @@ class _Search:
         kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
         if self.swaps:
             group = list(self.swaps[0].entries)
-            near = x[group] + self.rng.normal(0.0, 3.0, (number, len(group)))
-            spread = np.where(np.arange(number)[:, None] % 4 == 2, anywhere[:, group], near)
             kicked[::2] = x
-            kicked[::2, group] = spread[::2]
+            kicked[::2, group] = anywhere[::2, group]
         return kicked
 
     def finish(self, batch: Batch, wave: int) -> None:

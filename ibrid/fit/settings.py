@@ -1,12 +1,17 @@
 """How much effort a fit makes, and what it minimises."""
 
 from dataclasses import dataclass
+from numbers import Integral
 
 from ibrid.errors import IbridError, near
 from ibrid.fit.objective import OBJECTIVES
 
 #: How starts are ranked: by the misfit of textbook values, or by their poles' distance from vector-fitted ones.
 SEEDS = ("textbook", "vector-fitting")
+
+#: Least value of each count.
+_LEAST = {"restarts": 0, "starts": 1, "kept": 1, "kept_misfit": 1, "agreeing": 1, "hops": 0, "kicked": 1}
+_LEAST |= {"iterations": 0, "ipopt_iterations": 0}
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,8 @@ class FitSettings:
     agreement: float = 1e-3
     solved: float = 1e-7
     misfit: float = 0.03
-    hops: int = 3
-    kicked: int = 24
+    hops: int = 2
+    kicked: int = 48
     iterations: int = 80
     ipopt_iterations: int = 40
     seconds: float = 60.0
@@ -42,10 +47,9 @@ class FitSettings:
         for value, known, what in ((self.seeds, SEEDS, "seeds"), (self.objective, OBJECTIVES, "objective")):
             if value not in known:
                 raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}; {near(value, known)}")
-        if self.restarts < 0 or self.starts < 1 or self.kept < 1:
-            raise IbridError(
-                "restarts must be 0 or more, starts and kept 1 or more; "
-                f"found {self.restarts}, {self.starts} and {self.kept}"
-            )
+        for name, least in _LEAST.items():
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < least:
+                raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
         if not self.seconds > 0:
             raise IbridError(f"seconds must be above 0, found {self.seconds}")

@@ -23,6 +23,8 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
         for k in range(len(omega) - max(2, len(omega) // 3), len(omega)):
             if k < 0 or abs(np.linalg.det(data[k])) < 1e-14 * np.abs(data[k]).max() ** 2:
                 continue
+            if abs(omega[k] - omega_0) < 1e-6 * omega_0:  # S is singular: the capacitor's sequence resonance at f0
+                continue
             impedance = -np.linalg.inv(data[k])
             s = 1j * omega[k] * np.eye(2) + omega_0 * j
             columns = np.stack([np.eye(2).ravel(), (s / omega_0).ravel(), (omega_0 * np.linalg.inv(s)).ravel()], axis=1)
@@ -43,7 +45,10 @@ class StartDrawer:
 
     def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
         self.problem = problem
-        seed = high_frequency_seed(problem, omega_0) if wiring.kinds[wiring.plant].name == "LCL" else {}
+        plant = wiring.kinds[wiring.plant]
+        seed = high_frequency_seed(problem, omega_0) if plant.name == "LCL" else {}
+        if not all(plant.parameters[name].low <= value <= plant.parameters[name].high for name, value in seed.items()):
+            seed = {}  # read from too low a band, or in wrong units: it would exclude every operating point
         members = [one.parameter.members[0] for one in problem.numbers]
         kinds = [wiring.kinds[instance] for instance, _ in members]
         self._seed = [

@@ -22,7 +22,9 @@ def _unit_delay(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
 
     Coefficients c_k = (2n-k)!/(k!(n-k)!) of z^k, the numerator with alternating signs.
     """
-    coefficients = np.array([factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)])
+    coefficients = np.array(
+        [factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)]
+    )
     scale = float(coefficients[0] / coefficients[-1]) ** (1.0 / order)  # z = scale * z' keeps the companion form small
     denominator = coefficients * scale ** np.arange(order + 1.0)
     numerator = denominator * (-1.0) ** np.arange(order + 1)

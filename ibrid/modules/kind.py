@@ -7,9 +7,11 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ibrid.errors import ModuleError
+from ibrid.modules.declaration import check_declaration
 from ibrid.signals import Signal
 
 Rows = Sequence[Sequence[Any]]
@@ -38,8 +40,8 @@ class Range:
     divides: bool = False
 
     def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ModuleError(f"a range needs low < high, got low={self.low}, high={self.high}")
+        if not self.low < self.high or not math.isfinite(self.high - self.low):
+            raise ModuleError(f"a range needs finite numbers low < high, got low={self.low}, high={self.high}")
         if not self.low <= self.typical <= self.high:
             raise ModuleError(f"typical={self.typical} must lie within [{self.low}, {self.high}]")
 
@@ -47,6 +49,14 @@ class Range:
     def logarithmic(self) -> bool:
         """True when the box is positive, so that factors rather than differences are natural."""
         return self.low > 0
+
+
+#: The equilibrium numbers that `equilibrium="paper"` fits at every operating point (appendix of the paper).
+PAPER_RANGES: Mapping[str, Range] = {
+    "E0d": Range(0.5, 1.5, 1.0, "pu", "d component of the capacitor voltage at equilibrium"),
+    "I0d": Range(0.5, 1.5, 1.0, "pu", "d component of the current at equilibrium"),
+    "delta_eq": Range(-0.5, 0.5, 0.05, "rad", "angle of the controller frame at equilibrium"),
+}
 
 
 @dataclass(frozen=True)
@@ -63,11 +73,15 @@ class ModuleKind:
     parameters : name -> Range, in the order of the law.
     state_space : returns nested lists (A, B, C, D), using + - * / alone so that floats and CasADi symbols both work.
         Its arguments are the parameters and, where the law needs them, `omega_0`, `frame` and `PORT_eq`.
-    dc_gain : gain at zero frequency of a dynamic kind; None when it has an integrator. Static kinds need none.
+    dc_gain : gain at zero frequency of a dynamic kind with one input; None when it integrates, or when its outputs at
+        rest are not a fixed multiple of its input. Static kinds need none.
     equilibrium : port -> "E0d", "I0d" or "V0", the value taken under `equilibrium="paper"`.
     delay : parameter that is a transport delay exp(-s T); the port then carries it exactly in frequency responses.
+    bilinear : True for a product of its inputs, whose operating point is not that of its linearisation.
     reference : where the law comes from.
     extended : True for kinds beyond the 23 of the paper.
+
+    Raises ModuleError where the declaration contradicts itself; `ibrid.modules.contract.check_kind` asks more.
     """
 
     name: str
@@ -86,37 +100,7 @@ class ModuleKind:
     extended: bool = False
 
     def __post_init__(self) -> None:
-        arguments = tuple(inspect.signature(self.state_space).parameters)
-        if missing := [name for name in self.parameters if name not in arguments]:
-            raise ModuleError(f"{self.name}: state_space lacks the argument {missing[0]}; it takes every parameter")
-        ports = {**self.inputs, **self.outputs}
-        for name in arguments:
-            port = name.removesuffix(EQUILIBRIUM)
-            if name in self.parameters or name in CONTEXT or (name.endswith(EQUILIBRIUM) and port in ports):
-                continue
-            raise ModuleError(
-                f"{self.name}: state_space asks for {name}, which is no parameter, none of {', '.join(CONTEXT)} "
-                f"and no PORT{EQUILIBRIUM} of the ports {', '.join(ports)}"
-            )
-        if self.delay is not None and self.delay not in self.parameters:
-            raise ModuleError(f"{self.name}: the delay {self.delay} is not among its parameters")
-        self._check_shapes()
-
-    def _check_shapes(self) -> None:
-        order, width_in, width_out = len(self.states), _width(self.inputs), _width(self.outputs)
-        trial = {name: box.typical for name, box in self.parameters.items()}
-        a, b, c, d = self.state_space(**trial, **self.context(377.0, (0.8, 0.6), {}))
-        shapes = {"A": (a, order, order), "B": (b, order, width_in), "C": (c, width_out, order)}
-        shapes["D"] = (d, width_out, width_in)
-        for label, (rows, height, width) in shapes.items():
-            found = [len(row) for row in rows]
-            if len(rows) != height or any(length != width for length in found):
-                raise ModuleError(
-                    f"{self.name}: {order} states, {width_in} input and {width_out} output channels need {label} of "
-                    f"{height} x {width}, got rows of length {found}"
-                )
-            if not all(math.isfinite(float(entry)) for row in rows for entry in row):
-                raise ModuleError(f"{self.name}: {label} has an entry that is not finite at typical values")
+        check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
 
     @property
     def order(self) -> int:
@@ -133,16 +117,20 @@ class ModuleKind:
         """True for memoryless kinds."""
         return not self.states and self.delay is None
 
-    @property
+    @cached_property
+    def arguments(self) -> tuple[str, ...]:
+        """What `state_space` asks for, by name."""
+        return tuple(inspect.signature(self.state_space).parameters)
+
+    @cached_property
     def equilibrium_ports(self) -> tuple[str, ...]:
         """Ports whose operating point enters the matrices."""
-        names = inspect.signature(self.state_space).parameters
-        return tuple(name.removesuffix(EQUILIBRIUM) for name in names if name.endswith(EQUILIBRIUM))
+        return tuple(name.removesuffix(EQUILIBRIUM) for name in self.arguments if name.endswith(EQUILIBRIUM))
 
     @property
     def uses_frame(self) -> bool:
         """True when the matrices depend on the angle of the controller frame."""
-        return "frame" in inspect.signature(self.state_space).parameters
+        return "frame" in self.arguments
 
     @property
     def paper_parameters(self) -> tuple[str, ...]:
@@ -155,18 +143,5 @@ class ModuleKind:
     ) -> dict[str, Any]:
         """The arguments of `state_space` besides its parameters; ports that are not given get (1, 0)."""
         given = {"omega_0": omega_0, "frame": frame}
-        wanted = inspect.signature(self.state_space).parameters
-        chosen = {name: value for name, value in given.items() if name in wanted}
+        chosen = {name: value for name, value in given.items() if name in self.arguments}
         return chosen | {port + EQUILIBRIUM: equilibria.get(port, (1.0, 0.0)) for port in self.equilibrium_ports}
-
-
-def _width(ports: Mapping[str, Signal]) -> int:
-    return sum(signal.width for signal in ports.values())
-
-
-#: The equilibrium numbers that `equilibrium="paper"` fits at every operating point (appendix of the paper).
-PAPER_RANGES: Mapping[str, Range] = {
-    "E0d": Range(0.5, 1.5, 1.0, "pu", "d component of the capacitor voltage at equilibrium"),
-    "I0d": Range(0.5, 1.5, 1.0, "pu", "d component of the current at equilibrium"),
-    "delta_eq": Range(-0.5, 0.5, 0.05, "rad", "angle of the controller frame at equilibrium"),
-}

@@ -4,8 +4,7 @@ R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilib
 these are the printed matrices of the paper; with the full operating point they are the exact linearisation.
 """
 
-from ibrid.modules.kind import ModuleKind
-from ibrid.modules.plant import INDUCTANCE
+from ibrid.modules.kind import ModuleKind, Range
 from ibrid.signals import Signal
 
 APPENDIX = "paper, appendix A.5"
@@ -81,7 +80,7 @@ J_MUL_OMEGA = ModuleKind(
     inputs={"in_": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
     outputs={"out": Signal.DQ_VEC},
     states=(),
-    parameters={"L": INDUCTANCE},
+    parameters={"L": Range(1e-4, 1.0, 0.1, "pu", "coupling inductance")},
     state_space=_j_mul_omega,
     equilibrium={"in_": "I0d"},
     extended=True,

@@ -78,8 +78,6 @@ NEGATE = _memoryless("Negate", "out = -in_", {"in_": SCALAR}, {"out": SCALAR}, _
 NEGATE_DQ = _memoryless("Negate_dq", "out = -in_ on each axis", {"in_": DQ}, {"out": DQ}, _negate_dq, {})
 SLICE_D = _memoryless("SliceD", "out = d component of in_", {"in_": DQ}, {"out": SCALAR}, _slice_d, {})
 SLICE_Q = _memoryless("SliceQ", "out = q component of in_", {"in_": DQ}, {"out": SCALAR}, _slice_q, {})
-PACK_DQ = _memoryless(
-    "PackDQ", "out = [in_d, in_q]", {"in_d": SCALAR, "in_q": SCALAR}, {"out": DQ}, _pack_dq, {}
-)
+PACK_DQ = _memoryless("PackDQ", "out = [in_d, in_q]", {"in_d": SCALAR, "in_q": SCALAR}, {"out": DQ}, _pack_dq, {})
 J_MUL = _memoryless("JMul", "out = omega_0 L J in_, L in seconds", {"in_": DQ}, {"out": DQ}, _j_mul, _L)
 CONST_ZERO = _memoryless("ConstZero", "out = 0", {}, {"out": SCALAR}, _const_zero, {})

@@ -51,11 +51,18 @@ def warnings(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> tuple[Violation, ...]:
     """What is legal but probably a mistake, by line; empty for a diagram that is not legal."""
-    if violations(diagram, vocabulary, equilibrium=equilibrium):
-        return ()
+    return examine(diagram, vocabulary, equilibrium=equilibrium)[1]
+
+
+def examine(
+    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
+    """Violations and warnings at the cost of one check."""
+    found = violations(diagram, vocabulary, equilibrium=equilibrium)
     findings = Findings()
-    check_habits(diagram, wire(diagram, choose_vocabulary(vocabulary)), equilibrium, findings)
-    return findings.sorted
+    if not found:
+        check_habits(diagram, wire(diagram, choose_vocabulary(vocabulary)), equilibrium, findings)
+    return found, findings.sorted
 
 
 def require_legal(

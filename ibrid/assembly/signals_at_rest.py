@@ -1,0 +1,189 @@
+"""The operating point of every signal that follows from the plant, channel by channel.
+
+It is carried from the terminal voltage and the plant's outputs through sums, memoryless modules and the DC gain of
+filters and delays. Which channels follow is a question of structure alone, so that it never depends on values.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ibrid.assembly.numbers import weighted_sum
+from ibrid.modules.declaration import trial_arguments
+from ibrid.modules.kind import Matrices, ModuleKind
+from ibrid.signals import Signal
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.steady_state import carries, steady_inputs
+from ibrid.structure.wiring import PLANT, Wiring, split_port
+
+Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
+Pair = tuple[Any, Any]
+Frame = tuple[Any, Any]  # cosine and sine of delta_eq
+Parameters = Mapping[str, Mapping[str, Any]]  # instance -> parameter -> float or symbol
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Output channels that follow from the plant, each after those it needs.
+
+    `needs` : channel -> the input channels of its module that set it. `known` : these and those of the plant.
+    `reached` : the known ones that carry more than a ConstZero.
+    """
+
+    needs: Mapping[Channel, tuple[Channel, ...]]
+    known: frozenset[Channel]
+    reached: frozenset[Channel]
+
+    def follows(self, wiring: Wiring, channel: Channel) -> bool:
+        """True when the operating point of a channel is known."""
+        return self.known.issuperset(sources_of(wiring, channel))
+
+
+def carried(wiring: Wiring) -> Carried:
+    """Which channels follow from the plant, and in which order."""
+    known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
+    for name, kind in wiring.kinds.items():
+        if kind.family == PLANT:
+            known.update(channels_of(name, kind.outputs))
+    reached = set(known)
+    waiting: dict[Channel, set[Channel]] = {}
+    needs: dict[Channel, tuple[Channel, ...]] = {}
+    for name, kind in wiring.kinds.items():
+        if carries(kind):
+            for channel, inputs in _dependence(name, kind).items():
+                needs[channel] = inputs
+                waiting[channel] = {source for one in inputs for source in sources_of(wiring, one)}
+    users: dict[Channel, list[Channel]] = {}
+    for channel, sources in waiting.items():
+        for source in sources:
+            users.setdefault(source, []).append(channel)
+    found = {channel: len(sources - known) for channel, sources in waiting.items()}
+    order = [channel for channel, missing in found.items() if not missing]
+    for channel in order:  # grows while it is walked
+        known.add(channel)
+        if not reached.isdisjoint(waiting[channel]):
+            reached.add(channel)
+        for user in users.get(channel, ()):
+            found[user] -= 1
+            if not found[user]:
+                order.append(user)
+    return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached))
+
+
+def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...]]:
+    """Output channel -> the input channels that set it at rest."""
+    inputs, outputs = channels_of(name, kind.inputs), channels_of(name, kind.outputs)
+    if not kind.static:  # one input and a DC gain that acts on each axis
+        return {(port, axis): (inputs[axis],) for port, axis in outputs}
+    steady = [f"{name}.{port}" for port in steady_inputs(kind)]
+    point = [f"{name}.{port}" for port in kind.equilibrium_ports]
+    d = kind.state_space(**trial_arguments(kind))[3]
+    return {
+        output: tuple(
+            one for one, gain in zip(inputs, row, strict=True) if one[0] in steady and (gain != 0 or one[0] in point)
+        )
+        for output, row in zip(outputs, d, strict=True)
+    }
+
+
+def signals_at_rest(
+    wiring: Wiring,
+    flow: Carried,
+    parameters: Parameters,
+    in_grid: Mapping[str, Pair],
+    omega_0: float,
+    frame: Frame,
+    wanted: Iterable[Channel],
+) -> dict[Channel, Any]:
+    """Operating point of the wanted channels, each in the frame that it has.
+
+    Parameters
+    ----------
+    flow : of the same wiring. parameters : per unit. in_grid : the plant's ports in the grid frame, with `v_in` the
+    terminal voltage. frame : of the controller, in which the plant's signals are. wanted : input or output channels that
+    follow from the plant (`flow.follows`).
+    """
+    wanted = tuple(wanted)
+    upstream = _upstream(wiring, flow, wanted)
+    found = _given(wiring, in_grid, frame, upstream)
+    direct: dict[str, Matrices] = {}
+    for channel, inputs in flow.needs.items():
+        if channel not in upstream:
+            continue
+        name, port = split_port(channel[0])
+        kind = wiring.kinds[name]
+        entering = {one: _arriving(wiring, found, one) for one in inputs}
+        if not kind.static:
+            gains: Mapping[Channel, Any] = dict.fromkeys(inputs, kind.dc_gain)
+        else:
+            if name not in direct:
+                direct[name] = matrices_of(kind, parameters[name], omega_0, frame, _at_ports(name, kind, entering))
+            gains = dict(
+                zip(channels_of(name, kind.inputs), direct[name][3][_row(kind, port, channel[1])], strict=True)
+            )
+        found[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
+    return {channel: _arriving(wiring, found, channel) for channel in wanted}
+
+
+def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
+    """The channels of a module's ports, in order."""
+    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
+
+
+def sources_of(wiring: Wiring, channel: Channel) -> list[Channel]:
+    """The output channels that add up in an input channel; an output channel itself."""
+    return [(source, channel[1]) for source in wiring.sources.get(channel[0], (channel[0],))]
+
+
+def to_frame(frame: Frame, z: Pair) -> Pair:
+    """R(delta_eq) z."""
+    cosine, sine = frame
+    return weighted_sum(((cosine, z[0]), (sine, z[1]))), weighted_sum(((cosine, z[1]), (-sine, z[0])))
+
+
+def matrices_of(
+    kind: ModuleKind, parameters: Mapping[str, Any], omega_0: float, frame: Frame, ports: Mapping[str, Pair]
+) -> Matrices:
+    """State-space matrices of a kind at given parameters and equilibrium."""
+    own = {name: parameters[name] for name in kind.parameters}
+    return kind.state_space(**own, **kind.context(omega_0, frame, ports))
+
+
+def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
+    """The output channels on which the wanted ones depend."""
+    front = [source for channel in wanted for source in sources_of(wiring, channel)]
+    found: set[Channel] = set()
+    for channel in front:  # grows while it is walked
+        if channel not in found:
+            found.add(channel)
+            front += [source for one in flow.needs.get(channel, ()) for source in sources_of(wiring, one)]
+    return found
+
+
+def _given(wiring: Wiring, in_grid: Mapping[str, Pair], frame: Frame, upstream: set[Channel]) -> dict[Channel, Any]:
+    """Where the operating point comes from: the terminal voltage and the plant's outputs."""
+    found: dict[Channel, Any] = {(TERMINAL_VOLTAGE, axis): in_grid["v_in"][axis] for axis in (0, 1)}
+    for port, signal in wiring.kinds[wiring.plant].outputs.items():
+        name = f"{wiring.plant}.{port}"
+        if (name, 0) in upstream or (name, 1) in upstream:
+            z = to_frame(frame, in_grid["e" if port == "e_q" else port])
+            found |= {(name, axis): z[axis + 2 - signal.width] for axis in range(signal.width)}
+    return found
+
+
+def _arriving(wiring: Wiring, found: Mapping[Channel, Any], channel: Channel) -> Any:
+    return weighted_sum((1.0, found[source]) for source in sources_of(wiring, channel))
+
+
+def _at_ports(name: str, kind: ModuleKind, entering: Mapping[Channel, Any]) -> dict[str, Pair]:
+    """The equilibria that a memoryless law asks for, all of inputs."""
+    return {
+        port: (entering[f"{name}.{port}", 0], entering.get((f"{name}.{port}", 1), 0.0))
+        for port in kind.equilibrium_ports
+        if port in kind.inputs
+    }
+
+
+def _row(kind: ModuleKind, port: str, axis: int) -> int:
+    names = list(kind.outputs)
+    return sum(kind.outputs[name].width for name in names[: names.index(port)]) + axis
