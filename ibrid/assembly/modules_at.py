@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ibrid.assembly.equilibrium import equilibria, paper_equilibria
-from ibrid.assembly.signals_at_rest import matrices_of
+from ibrid.assembly.numbers import zero_of
+from ibrid.assembly.signals_at_rest import Pair, matrices_of
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
 from ibrid.structure.parameters import ParameterTable, kind_parameters
@@ -28,6 +29,8 @@ def module_matrices(
     ----------
     values : free name -> value. point : (p, q, v) per unit, unused under `equilibrium="paper"`.
     pade_orders : instance -> order of the Pade form of each delay; without it a delay passes its input through.
+
+    Where no real operating point exists the matrices of the plant are not numbers.
     """
     parameters = {
         name: {parameter: _value(table.of(name, parameter), values) for parameter in kind_parameters(kind, equilibrium)}
@@ -38,13 +41,24 @@ def module_matrices(
     else:
         frame, ports = equilibria(wiring, parameters, point, power_node, omega_0)
         at = {name: (frame, ports[name]) for name in wiring.kinds}
-    found = {}
+    found: dict[str, Matrices] = {}
     for name, kind in wiring.kinds.items():
         if kind.delay is not None and pade_orders is not None:
             found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
             found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
+    if equilibrium != "paper":
+        found[wiring.plant] = _where_it_exists(found[wiring.plant], at[wiring.plant][1])
     return found
+
+
+def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:
+    """The plant, not a number without a real operating point, also where no signal asks for that point."""
+    if "e" not in ports:  # only a capacitor behind an impedance has a limit
+        return matrices
+    a, b, c, d = matrices
+    mark = zero_of(ports["e"][0])
+    return [[a[0][0] + mark, *a[0][1:]], *a[1:]], b, c, d
 
 
 def _value(bound: str | float, values: Mapping[str, Any]) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ibrid.assembly.direct_loops import joined_by_direct_terms
 from ibrid.assembly.interconnection import state_names
-from ibrid.assembly.signals_at_rest import Channel, channels_of
+from ibrid.assembly.signals_at_rest import channels_of
 from ibrid.errors import OperatingPointError
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
@@ -39,27 +39,24 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
     OperatingPointError : the matrices are not finite, as where no real operating point exists.
     """
     _require_finite(matrices)
-    blocks = {label: _block(label, kind, matrices[label]) for label, kind in wiring.kinds.items() if kind.inputs}
+    blocks = {outer: _terminal(outer) for outer in (TERMINAL_VOLTAGE, TERMINAL_CURRENT)}
+    blocks |= {label: _block(label, kind, matrices[label]) for label, kind in wiring.kinds.items() if kind.inputs}
     owner = {label: label for label in blocks}
     for number, members in enumerate(joined_by_direct_terms(wiring, matrices), start=1):
         whole = f"loop:{number}"
         blocks[whole] = _close(wiring, [blocks.pop(member) for member in members], members, whole)
         owner |= dict.fromkeys(members, whole)
-    entering, leaving = _entering(wiring, owner), _leaving(wiring, owner)
-    placeholder = [f"{owner[wiring.plant]}.{_signal(wiring, (f'{wiring.plant}.{port}', 0))}" for port in ("u_r", "i_g")]
     joined = control.interconnect(
         list(blocks.values()),
         connections=_connections(wiring, owner),
-        inplist=entering or [[placeholder[0]]] * 2,  # python-control wants something to drive and to read
+        inplist=[f"{TERMINAL_VOLTAGE}.in:{axis}" for axis in _AXES],
         inputs=list(INPUTS),
-        outlist=leaving or [[placeholder[1]]] * 2,
+        outlist=[f"{TERMINAL_CURRENT}.{_name(TERMINAL_CURRENT, axis)}" for axis in (0, 1)],
         outputs=list(OUTPUTS),
         check_unused=False,
         warn_duplicate=False,
     )
     a, b, c, d = (np.asarray(part, dtype=float) for part in (joined.A, joined.B, joined.C, joined.D))
-    direct = sum(source == TERMINAL_VOLTAGE for source in wiring.sources[TERMINAL_CURRENT])
-    b, c, d = b * bool(entering), c * bool(leaving), d * bool(entering and leaving) + direct * np.eye(2)
     within = [state for block in blocks.values() for state in block.state_labels]
     states = [(label, one) for label, kind in wiring.kinds.items() for one in _states(kind, matrices[label])]
     order = [within.index(f"{label}:{one}") for label, one in states]
@@ -92,58 +89,56 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
     """[input, outputs that add up there], those within a closed loop left out."""
     found = []
     for target, sources in wiring.sources.items():
-        label, port = split_port(target)
-        if label not in owner:
-            continue
-        for axis in range(wiring.kinds[label].inputs[port].width):
+        within = owner[_module(target)]
+        for axis in range(_width(wiring, target)):
             outer = [
-                f"{owner[one]}.{_signal(wiring, (source, axis))}"
+                f"{owner[_module(source)]}.{_name(source, axis, _width(wiring, source))}"
                 for source in sources
-                if (one := split_port(source)[0]) in owner
-                and not (owner[label] != label and owner[one] == owner[label])
+                if owner.get(_module(source)) not in (None, within if ":" in within else None)
             ]
             if outer:
-                found.append([f"{owner[label]}.{_signal(wiring, (target, axis))}", *outer])
+                name = (
+                    f"in:{_AXES[axis]}" if target == TERMINAL_CURRENT else _name(target, axis, _width(wiring, target))
+                )
+                found.append([f"{within}.{name}", *outer])
     return found
 
 
-def _entering(wiring: Wiring, owner: Mapping[str, str], axis: int) -> list[str]:
-    """The inputs that the terminal voltage drives."""
-    return [
-        f"{owner[split_port(target)[0]]}.{_signal(wiring, (target, axis))}"
-        for target, sources in wiring.sources.items()
-        if target != TERMINAL_CURRENT
-        for source in sources
-        if source == TERMINAL_VOLTAGE
-    ]
+def _module(port: str) -> str:
+    """The module of a port; an outer port is a module of its own."""
+    return split_port(port)[0] or port
 
 
-def _leaving(wiring: Wiring, owner: Mapping[str, str], axis: int) -> list[str]:
-    """The outputs that add up in the terminal current."""
-    return [
-        f"{owner[split_port(source)[0]]}.{_signal(wiring, (source, axis))}"
-        for source in wiring.sources[TERMINAL_CURRENT]
-        if split_port(source)[0] in owner
-    ]
+def _width(wiring: Wiring, port: str) -> int:
+    label, inner = split_port(port)
+    if not label:
+        return 2
+    kind = wiring.kinds[label]
+    return {**kind.inputs, **kind.outputs}[inner].width
 
 
 def _states(kind: ModuleKind, matrices: Matrices) -> list[str]:
     return state_names(kind, len(matrices[0]))
 
 
-def _signal(wiring: Wiring, channel: Channel) -> str:
-    """Name of a channel; unique even after modules are merged, since it carries the module's name and a colon."""
-    label, port = split_port(channel[0])
-    kind = wiring.kinds[label]
-    return _name(label, port, {**kind.inputs, **kind.outputs}[port], channel[1])
-
-
-def _name(label: str, port: str, signal: Signal, axis: int) -> str:
-    return f"{label}:{port}" if signal.width == 1 else f"{label}:{port}:{_AXES[axis]}"
+def _name(port: str, axis: int, width: int = 2) -> str:
+    """Name of a channel; unique even after modules are merged, since it carries the module's name and colons."""
+    whole = port.replace(".", ":")
+    return whole if width == 1 else f"{whole}:{_AXES[axis]}"
 
 
 def _names(label: str, ports: Mapping[str, Signal]) -> list[str]:
-    return [_name(label, port, signal, axis) for port, signal in ports.items() for axis in range(signal.width)]
+    return [_name(port, axis, ports[split_port(port)[1]].width) for port, axis in channels_of(label, ports)]
+
+
+def _terminal(port: str) -> control.StateSpace:
+    """An outer port as a block that passes both axes through, so that it has a name inside."""
+    return control.StateSpace(
+        *(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2)),
+        name=port,
+        inputs=[f"in:{axis}" for axis in _AXES],
+        outputs=[_name(port, axis) for axis in (0, 1)],
+    )
 
 
 def _block(label: str, kind: ModuleKind, matrices: Matrices) -> control.StateSpace:
@@ -173,7 +168,7 @@ def _close(
     return control.StateSpace(
         *(closed.A, closed.B, closed.C, closed.D),
         name=name,
-        inputs=[_signal(wiring, channel) for channel in entering],
-        outputs=[_signal(wiring, channel) for channel in leaving],
+        inputs=[label for system in systems for label in system.input_labels],
+        outputs=[label for system in systems for label in system.output_labels],
         states=states or None,
     )

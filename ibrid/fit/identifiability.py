@@ -68,7 +68,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
         white = (jacobian / unit) @ root  # orthonormal columns
         factor = _weight_times_noise(problem, x, deviations, objective)
         q, r = np.linalg.qr(factor[:, None] * white)
-        root = root @ np.linalg.solve(r, q.T * factor)
+        root = root @ (np.linalg.pinv(r) @ q.T * factor)
     root = root / unit[:, None]
     covariance = root @ root.T
     directions = (right[null] / unit).T  # columns in x

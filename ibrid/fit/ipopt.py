@@ -9,6 +9,8 @@ from ibrid.fit.problem import Problem
 
 #: The root is smoothed below this relative error, so that an exact fit ends without line searches in rounding errors.
 _ROUNDING = 1e-7
+#: Added to the Hessian of the scaled objective, so that a direction which changes no response is not stepped along.
+_DAMPING = 1e-5
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ class _Memory:
         self.interruption: TimeoutError | KeyboardInterrupt | None = None
         self.scale = 1.0
         self.scale = max(self.value(start), _ROUNDING)
+        self._key = None  # what is kept of the start is not scaled
 
     def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if (key := x.tobytes()) != self._key:
@@ -182,5 +185,6 @@ class _Hessian(_Callback):
         return ca.Sparsity.upper(self.size)
 
     def evaluated(self, arguments):
-        hessian = self.memory.hessian(self.vector(arguments[0])) * float(arguments[2])
+        hessian = self.memory.hessian(self.vector(arguments[0])) + _DAMPING * np.eye(self.size)
+        hessian = hessian * float(arguments[2])
         return [ca.project(ca.DM(hessian), ca.Sparsity.upper(self.size))]

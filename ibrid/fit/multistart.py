@@ -189,13 +189,13 @@ class _Search:
             return settings.hops
         while done < settings.hops:
             before = self.best().cost
-            x = self._kicked(self.best().x)
+            x = self._kicked(self.best().x, redistribute=done % 2 == 1)
             batch = descend(problem, begin(problem, x, settings.objective), settings.objective, 12)
             self._keep(descend(problem, batch.best(settings.kept), settings.objective, settings.iterations), -1)
             done = 0 if self.best().cost < before * (1 - settings.agreement) else done + 1
         return done
 
-    def _kicked(self, x: np.ndarray) -> np.ndarray:
+    def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
         """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a cascade redistributed."""
         number, size = self.settings.kicked, self.problem.size
         low, high = self.problem.coordinates.x_low, self.problem.coordinates.x_high
@@ -203,10 +203,10 @@ class _Search:
         moved = x + self.rng.normal(0.0, 1.5, (number, size))
         anywhere = low + (high - low) * self.rng.uniform(size=(number, size))
         kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
-        if self.swaps:
+        if redistribute and self.swaps:
             group = list(self.swaps[0].entries)
-            kicked[::2] = x
-            kicked[::2, group] = anywhere[::2, group]
+            kicked = np.tile(x, (number, 1))
+            kicked[:, group] = anywhere[:, group]
         return kicked
 
     def finish(self, batch: Batch, wave: int) -> None:

@@ -36,8 +36,8 @@ class FitSettings:
     agreement: float = 1e-3
     solved: float = 1e-7
     misfit: float = 0.03
-    hops: int = 2
-    kicked: int = 48
+    hops: int = 4
+    kicked: int = 32
     iterations: int = 80
     ipopt_iterations: int = 40
     seconds: float = 60.0

@@ -78,22 +78,22 @@ def _check_arguments(kind: "ModuleKind", context: Sequence[str], suffix: str) ->
 
 def _trial_matrices(kind: "ModuleKind") -> list[np.ndarray]:
     """A, B, C, D at typical parameters, with the shapes that ports and states ask for."""
-    order, width_in, width_out = len(kind.states), _width(kind.inputs), _width(kind.outputs)
+    order, width_in, width_out = len(kind.states), width(kind.inputs), width(kind.outputs)
     shapes = {"A": (order, order), "B": (order, width_in), "C": (width_out, order), "D": (width_out, width_in)}
     found = kind.state_space(**trial_arguments(kind))
     if not isinstance(found, Sequence) or len(found) != 4:
         number = len(found) if isinstance(found, Sequence) else type(found).__name__
         raise ModuleError(f"{kind.name}: state_space returns four nested lists (A, B, C, D), got {number}")
     matrices = []
-    for (label, (height, width)), rows in zip(shapes.items(), found, strict=True):
+    for (label, (height, columns)), rows in zip(shapes.items(), found, strict=True):
         nested = isinstance(rows, Sequence) and all(isinstance(row, Sequence) for row in rows)
         lengths = [len(row) for row in rows] if nested else None
-        if lengths != [width] * height:
+        if lengths != [columns] * height:
             raise ModuleError(
                 f"{kind.name}: {order} states, {width_in} input and {width_out} output channels need {label} of "
-                f"{height} x {width}, got {f'rows of length {lengths}' if nested else 'no nested list'}"
+                f"{height} x {columns}, got {f'rows of length {lengths}' if nested else 'no nested list'}"
             )
-        matrix = np.array(rows, dtype=float).reshape(height, width)
+        matrix = np.array(rows, dtype=float).reshape(height, columns)
         if not np.isfinite(matrix).all():
             raise ModuleError(f"{kind.name}: {label} has an entry that is not finite at typical values")
         matrices.append(matrix)
@@ -138,5 +138,6 @@ def _check_dc_gain(kind: "ModuleKind", a: np.ndarray, b: np.ndarray, c: np.ndarr
         )
 
 
-def _width(ports: Mapping[str, Signal]) -> int:
+def width(ports: Mapping[str, Signal]) -> int:
+    """Number of channels of a module's inputs or outputs."""
     return sum(signal.width for signal in ports.values())

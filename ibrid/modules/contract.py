@@ -1,0 +1,136 @@
+"""What every kind of the vocabulary keeps to, measured at random points; for the test of a kind of one's own."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ibrid.errors import ModuleError
+from ibrid.modules.declaration import width
+from ibrid.modules.kind import ModuleKind, Range
+
+#: Two orders of the same operations differ by a few roundings.
+ROUNDING = 1e-15
+#: Relative change of the response below which an argument counts as without effect.
+NO_EFFECT = 1e-9
+#: Smallest singular value of [s I - A, B] over its norm, below which a state counts as not moved (or not seen).
+IDLE = 1e-9
+OMEGA = np.geomspace(1.0, 1e5, 11)
+
+
+def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> None:
+    """Check that a kind works as those that ship do.
+
+    At random parameters and operating points its law gives the same matrices for floats and CasADi symbols, every
+    argument of `state_space` changes the response, and every state is moved by the inputs and seen by the outputs.
+
+    Parameters
+    ----------
+    kind : one's own. rng : for the draws; by default the same ones every time. points : number of draws.
+
+    Raises
+    ------
+    ModuleError : one sentence with what was found.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    symbolic = _symbolic(kind)
+    for _ in range(points):
+        arguments = _draw(kind, rng)
+        _check_symbols(kind, symbolic, arguments)
+        _check_effects(kind, arguments)
+        _check_states(kind, arguments)
+
+
+def _draw(kind: ModuleKind, rng: np.random.Generator) -> dict[str, Any]:
+    """Arguments of `state_space` within a factor of ten of the typical ones."""
+    values = {name: _draw_within(box, rng) for name, box in kind.parameters.items()}
+    angle = rng.uniform(-0.5, 0.5)
+    equilibria = {
+        port: (float(rng.uniform(0.5, 1.5)), float(rng.choice([-1, 1]) * rng.uniform(0.1, 0.5)))
+        for port in kind.equilibrium_ports
+    }
+    frame = (float(np.cos(angle)), float(np.sin(angle)))
+    return values | kind.context(float(2 * np.pi * rng.uniform(50, 60)), frame, equilibria)
+
+
+def _draw_within(box: Range, rng: np.random.Generator) -> float:
+    if box.logarithmic:
+        return float(np.clip(box.typical * 10 ** rng.uniform(-1, 1), box.low, box.high))
+    return float(rng.uniform(box.low, box.high))
+
+
+def _numbers(kind: ModuleKind, arguments: dict[str, Any]) -> list[np.ndarray]:
+    n, inputs, outputs = len(kind.states), width(kind.inputs), width(kind.outputs)
+    shapes = (n, n), (n, inputs), (outputs, n), (outputs, inputs)
+    parts = zip(kind.state_space(**arguments), shapes, strict=True)
+    return [np.array(rows, dtype=float).reshape(shape) for rows, shape in parts]
+
+
+def _symbolic(kind: ModuleKind) -> ca.Function:
+    """All arguments, pairs laid flat, -> all entries of A, B, C, D."""
+    symbols: dict[str, Any] = {}
+    flat = []
+    for name, value in _draw(kind, np.random.default_rng(0)).items():
+        some = [ca.SX.sym(f"{name}_{index}") for index in range(np.size(value))]  # type: ignore[arg-type]
+        symbols[name] = tuple(some) if isinstance(value, tuple) else some[0]
+        flat += some
+    try:
+        entries = [entry for rows in kind.state_space(**symbols) for row in rows for entry in row]
+        return ca.Function("entries", flat, [ca.vertcat(*[ca.SX(entry) for entry in entries])])
+    except (TypeError, RuntimeError, NotImplementedError) as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ModuleError(
+            f"{kind.name}: state_space must work with CasADi symbols as with numbers, so with + - * / alone; "
+            f"found {type(error).__name__}: {reason}"
+        ) from error
+
+
+def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
+    flat = [one for value in arguments.values() for one in (value if isinstance(value, tuple) else (value,))]
+    numbers = np.concatenate([part.ravel() for part in _numbers(kind, arguments)])
+    found = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
+    wrong = ~(np.abs(found - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
+    if wrong.any():
+        raise ModuleError(
+            f"{kind.name}: the matrices must be the same for symbols and numbers; an entry is {found[wrong][0]:.17g} with "
+            f"symbols and {numbers[wrong][0]:.17g} with numbers, is there a comparison or a conversion in state_space?"
+        )
+
+
+def _check_effects(kind: ModuleKind, arguments: dict[str, Any]) -> None:
+    before = _response(kind, arguments)
+    for name, value in arguments.items():
+        if name == kind.delay:
+            continue  # outside the matrices
+        after = _response(kind, arguments | {name: _changed(value)})
+        if np.abs(after - before).max() <= NO_EFFECT * np.abs(before).max():
+            raise ModuleError(f"{kind.name}: {name} must change the response; it does not, leave it out of state_space")
+
+
+def _changed(value: Any) -> Any:
+    if isinstance(value, tuple):  # turned by 0.1 rad and longer
+        c, s = np.cos(0.1), np.sin(0.1)
+        return (1.1 * (c * value[0] - s * value[1]), 1.1 * (s * value[0] + c * value[1]))
+    return 1.1 * value
+
+
+def _response(kind: ModuleKind, arguments: dict[str, Any]) -> np.ndarray:
+    a, b, c, d = _numbers(kind, arguments)
+    return np.array([c @ np.linalg.solve(1j * omega * np.eye(len(a)) - a, b) + d for omega in OMEGA])
+
+
+def _check_states(kind: ModuleKind, arguments: dict[str, Any]) -> None:
+    """Popov, Belevitch and Hautus: [s I - A, B] and [s I - A; C] keep their rank at every pole."""
+    a, b, c, _ = _numbers(kind, arguments)
+    for pole in np.linalg.eigvals(a):
+        shifted = pole * np.eye(len(a)) - a
+        for whole, what in (
+            (np.hstack([shifted, b]), "moved by an input"),
+            (np.vstack([shifted, c]), "seen by an output"),
+        ):
+            size = np.linalg.svd(whole, compute_uv=False)
+            if size[-1] <= IDLE * size[0]:
+                raise ModuleError(
+                    f"{kind.name}: each of its {len(a)} states must be {what}; that with the pole {pole:.6g} rad/s is "
+                    "not, leave it out"
+                )

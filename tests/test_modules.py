@@ -1,0 +1,454 @@
+"""The vocabulary against the formulas of the paper's appendix, written out here a second time, and the contract of a kind."""
+
+import dataclasses
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.errors import ModuleError
+from ibrid.modules import PAPER_VOCABULARY, VOCABULARY, ModuleKind, Range, find_kind
+from ibrid.modules.contract import check_kind
+from ibrid.modules.delay import HIGHEST_PADE_ORDER, pade_order, pade_state_space
+from ibrid.modules.kind import PAPER_RANGES
+from ibrid.signals import Signal
+from ibrid.structure import Diagram, wire
+from ibrid.structure.parameters import parameter_table
+
+OMEGA_0 = 2 * pi * 60
+I2, J, ZERO = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]]), np.zeros((2, 2))
+S = 1j * 2 * pi * np.geomspace(0.3, 3e4, 9)
+NAMES = [kind.name for kind in VOCABULARY]
+#: Values for all parameters; those of the operating point as in the paper, q components zero.
+P = {
+    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.12, "R_g": 0.01, "kP": 0.4, "kI": 15.0, "omega_c": 3000.0,
+    "kP_pll": 60.0, "kI_pll": 1400.0, "k": -1.7, "L": 3e-4, "T_d": 2e-4, "omega_n": 900.0, "Q": 3.0,
+    "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
+}  # fmt: skip
+
+
+def closed_form(name: str, s: complex) -> np.ndarray:
+    """M_kind(p, s) as the appendix prints it (section A), outputs by inputs."""
+    w, d, e0, i0 = OMEGA_0, P["delta_eq"], P["E0d"], P["I0d"]
+    lf, rf, cf, lg, rg = (P[one] for one in ("L_F", "R_F", "C_F", "L_g", "R_g"))
+    pi_, low = P["kP"] + P["kI"] / s, P["omega_c"] / (s + P["omega_c"])
+    pll = P["kP_pll"] + P["kI_pll"] / s
+    pade = (1 - P["T_d"] * s / 2) / (1 + P["T_d"] * s / 2)
+    i_eq, e_eq = np.array([[i0], [0.0]]), np.array([[e0], [0.0]])
+
+    def lcl() -> np.ndarray:
+        a = np.block(
+            [
+                [-w * rf / lf * I2 - w * J, -w / lf * I2, ZERO],
+                [w / cf * I2, -w * J, -w / cf * I2],
+                [ZERO, w / lg * I2, -w * rg / lg * I2 - w * J],
+            ]
+        )
+        b = np.block(
+            [[w / lf * I2, ZERO, -J @ i_eq], [ZERO, ZERO, -J @ e_eq], [ZERO, -w / lg * I2, -J @ i_eq]],
+        )
+        x = np.linalg.solve(s * np.eye(6) - a, b)
+        i_ti, e, i_g = x[:2], x[2:4], x[4:]
+        return np.vstack([i_ti, e, i_g, e[1:], i_ti - i_g])
+
+    def l_filter() -> np.ndarray:
+        a = -w * rf / lf * I2 - w * J
+        current = np.linalg.solve(s * I2 - a, np.hstack([w / lf * I2, -w / lf * I2, -J @ i_eq]))
+        voltage = np.hstack([ZERO, I2, np.zeros((2, 1))])
+        return np.vstack([current, voltage, voltage[1:]])
+
+    notch = (s**2 + P["omega_n"] ** 2) / (s**2 + P["omega_n"] / P["Q"] * s + P["omega_n"] ** 2)
+    forms: dict[str, Callable[[], object]] = {
+        "LCL": lcl,
+        "LFilter": l_filter,
+        "PI": lambda: [[pi_]],
+        "PI_dq": lambda: pi_ * I2,
+        "LPF1": lambda: [[low]],
+        "LPF1_dq": lambda: low * I2,
+        "Integrator": lambda: [[1 / s]],
+        "SRF_PLL": lambda: [[pll], [pll / s]],
+        "Rot_v": lambda: [[cos(d), sin(d), -sin(d)], [-sin(d), cos(d), -cos(d)]],
+        "Rot_i": lambda: [[cos(d), -sin(d), -i0 * sin(d)], [sin(d), cos(d), i0 * cos(d)]],
+        "PQ_calc": lambda: [[i0, 0, e0, 0], [0, i0, 0, -e0]],
+        "Gain": lambda: [[P["k"]]],
+        "Gain_dq": lambda: P["k"] * I2,
+        "Negate": lambda: [[-1]],
+        "Negate_dq": lambda: -I2,
+        "SliceD": lambda: [[1, 0]],
+        "SliceQ": lambda: [[0, 1]],
+        "PackDQ": lambda: I2,
+        "JMul": lambda: w * P["L"] * J,
+        "ConstZero": lambda: np.zeros((1, 0)),
+        "Pade1": lambda: [[pade]],
+        "Pade1_dq": lambda: pade * I2,
+        "Notch": lambda: [[notch]],
+        # beyond the appendix: equation (6b) linearised about [I0d, 0], and a delay, whose matrices are those without it
+        "JMul_omega": lambda: np.hstack([P["L"] * J, P["L"] / w * (J @ i_eq)]),
+        "Delay": lambda: I2,
+    }
+    return np.array(forms[name](), dtype=complex)
+
+
+#: Boxes as the appendix prints them; those of the extended kinds as `design`: L per unit, T_d up to 500 us.
+PLANT_BOXES = {"L_F": (1e-4, 1), "R_F": (1e-5, 1), "C_F": (1e-5, 1), "L_g": (1e-4, 1), "R_g": (1e-5, 1)}
+PI_BOXES = {"kP": (1e-6, 1e5), "kI": (1e-6, 1e7)}
+CUTOFF = {"omega_c": (2 * pi * 0.1, 2 * pi * 5e4)}
+BOXES = {
+    "LCL": PLANT_BOXES,
+    "LFilter": {"L_F": (1e-4, 1), "R_F": (1e-5, 1)},
+    "PI": PI_BOXES,
+    "PI_dq": PI_BOXES,
+    "LPF1": CUTOFF,
+    "LPF1_dq": CUTOFF,
+    "SRF_PLL": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7)},
+    "Gain": {"k": (-100, 100)},
+    "Gain_dq": {"k": (-100, 100)},
+    "JMul": {"L": (1e-5, 5)},
+    "Pade1": {"T_d": (1e-6, 5e-3)},
+    "Pade1_dq": {"T_d": (1e-6, 5e-3)},
+    "Notch": {"omega_n": (2 * pi * 5, 2 * pi * 1e4), "Q": (0.5, 100)},
+    "JMul_omega": {"L": (1e-4, 1)},
+    "Delay": {"T_d": (1e-6, 5e-4)},
+}
+ORDERS = {
+    "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
+    "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
+}  # fmt: skip
+#: Equilibrium numbers that a kind has under `equilibrium="paper"`.
+PAPER_NUMBERS = {
+    "LCL": {"E0d", "I0d"},
+    "LFilter": {"I0d"},
+    "Rot_v": {"delta_eq"},
+    "Rot_i": {"delta_eq", "I0d"},
+    "PQ_calc": {"E0d", "I0d"},
+    "JMul_omega": {"I0d"},
+}
+
+
+def kind_named(name: str) -> ModuleKind:
+    return find_kind(name, VOCABULARY)
+
+
+def matrices_at(kind: ModuleKind, **given) -> list[np.ndarray]:
+    """A, B, C, D at the values P."""
+    values = {name: P[name] for name in kind.parameters}
+    defaults = kind.context(OMEGA_0, (1.0, 0.0), {})
+    return as_arrays(kind, kind.state_space(**(defaults | values | given)))
+
+
+def as_arrays(kind: ModuleKind, matrices) -> list[np.ndarray]:
+    n, inputs = len(matrices[0]), sum(signal.width for signal in kind.inputs.values())
+    a, b, c, d = (np.array(rows, dtype=float) for rows in matrices)
+    return [a.reshape(n, n), b.reshape(n, inputs), c.reshape(len(c), n), d.reshape(len(d), inputs)]
+
+
+def response(matrices: list[np.ndarray], s: complex) -> np.ndarray:
+    a, b, c, d = matrices
+    return c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
+
+
+def paper_matrices(name: str) -> list[np.ndarray]:
+    """Those that assembly makes under `equilibrium="paper"`, in a diagram of that kind and a plant."""
+    diagram = Diagram()
+    if kind_named(name).family != "physical plant":
+        diagram.add("LCL", "plant")
+    diagram.add(name, "it")
+    wiring = wire(diagram, VOCABULARY)
+    table = parameter_table(wiring, "paper")
+    values = {one.name: P[one.name.rpartition(".")[2]] for one in table.free}
+    found = module_matrices(
+        wiring, table, values, (0.0, 0.0, 1.0), equilibrium="paper", power_node="capacitor", omega_0=OMEGA_0
+    )
+    return as_arrays(kind_named(name), found["it"])
+
+
+def test_the_paper_has_23_kinds_and_the_default_vocabulary_two_more():
+    assert len(PAPER_VOCABULARY) == 23
+    assert [kind.name for kind in VOCABULARY if kind.extended] == ["JMul_omega", "Delay"]
+    assert VOCABULARY[:23] == PAPER_VOCABULARY
+    assert len(set(NAMES)) == 25
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_kind_is_the_papers_in_paper_mode(name):
+    matrices = paper_matrices(name)
+    for s in S:
+        wanted = closed_form(name, s)
+        # 1e-12: two ways to one rational function, conditioned like the LCL's resonance
+        assert response(matrices, s) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * np.abs(wanted).max(initial=0.0))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_direct_term_is_the_limit_at_high_frequency(name):
+    matrices = paper_matrices(name)
+    far = response(matrices, 1e13j)  # the fastest pole is near 1e5 rad/s, its residue near 1e7
+    assert far == pytest.approx(matrices[3], abs=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_kind_keeps_the_contract(name):
+    check_kind(kind_named(name), np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_kind_has_the_papers_boxes(name):
+    found = {key: (box.low, box.high) for key, box in kind_named(name).parameters.items()}
+    assert found == BOXES.get(name, {})
+
+
+def test_the_equilibrium_numbers_have_the_papers_boxes():
+    assert {name: (box.low, box.high) for name, box in PAPER_RANGES.items()} == {
+        "E0d": (0.5, 1.5),
+        "I0d": (0.5, 1.5),
+        "delta_eq": (-0.5, 0.5),
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
+    kind = kind_named(name)
+    assert kind.order == ORDERS.get(name, 0)
+    assert set(kind.paper_parameters) == PAPER_NUMBERS.get(name, set())
+    assert kind.delay is not None or kind.order == len(kind.states)
+
+
+@pytest.mark.parametrize("name", [kind.name for kind in VOCABULARY if kind.order and kind.delay is None])
+def test_the_order_is_the_rank_of_the_hankel_matrix(name):
+    kind = kind_named(name)
+    n, matrices = len(kind.states), paper_matrices(name)
+    scale = max(1.0, np.abs(np.linalg.eigvals(matrices[0])).max())
+    a, b, c = matrices[0] / scale, matrices[1], matrices[2]
+    moments = [c @ np.linalg.matrix_power(a, k) @ b for k in range(2 * n)]
+    hankel = np.block([[moments[i + j] for j in range(n)] for i in range(n)])
+    rows = np.abs(hankel).max(axis=1, keepdims=True)
+    scaled = hankel / np.where(rows > 0, rows, 1.0)
+    assert np.linalg.matrix_rank(scaled, tol=1e-9) == n
+
+
+def turned(delta: complex) -> np.ndarray:
+    return np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]])
+
+
+def derivative(law: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    """Jacobian by complex steps, exact to rounding."""
+    step = 1e-30
+    columns = [law(at + 1j * step * np.eye(len(at))[k]).imag / step for k in range(len(at))]
+    return np.array(columns).T
+
+
+def test_the_operating_point_kinds_are_derivatives_of_the_nonlinear_laws():
+    delta, e, i, v = 0.3, np.array([1.03, -0.2]), np.array([0.7, 0.4]), np.array([0.98, 0.11])
+    frame = (cos(delta), sin(delta))
+    product = np.concatenate([e, i])
+    cases = {
+        "Rot_v": (lambda x: turned(x[2]) @ x[:2], [*v, delta], {"frame": frame, "v_DQ_eq": tuple(v)}),
+        "Rot_i": (lambda x: turned(-x[2]) @ x[:2], [*i, delta], {"frame": frame, "i_dq_eq": tuple(i)}),
+        "PQ_calc": (
+            lambda x: np.array([x[:2] @ x[2:], x[:2] @ J @ x[2:]]),
+            product,
+            {"e_eq": tuple(e), "i_eq": tuple(i)},
+        ),
+        "JMul_omega": (
+            lambda x: (1 + x[2] / OMEGA_0) * P["L"] * (J @ x[:2]),
+            [*i, 0.0],
+            {"in__eq": tuple(i)},
+        ),
+    }
+    for name, (law, point, given) in cases.items():
+        found = matrices_at(kind_named(name), **given)[3]
+        assert found == pytest.approx(derivative(law, np.array(point, dtype=complex)), rel=1e-14, abs=1e-15), name
+
+
+@pytest.mark.parametrize("name", ["LCL", "LFilter"])
+def test_a_plant_is_the_derivative_of_equation_2(name):
+    i_ti, e, i_g = np.array([0.9, 0.2]), np.array([1.02, 0.05]), np.array([0.95, -0.1])
+    w, lf, rf, cf, lg, rg = OMEGA_0, *(P[one] for one in ("L_F", "R_F", "C_F", "L_g", "R_g"))
+
+    def lcl(x: np.ndarray) -> np.ndarray:  # x = i_ti, e, i_g, u_r, v_in, frequency deviation
+        omega = w + x[10]
+        return np.concatenate(
+            [
+                w / lf * (x[6:8] - x[2:4] - rf * x[:2]) - omega * (J @ x[:2]),
+                w / cf * (x[:2] - x[4:6]) - omega * (J @ x[2:4]),
+                w / lg * (x[2:4] - x[8:10] - rg * x[4:6]) - omega * (J @ x[4:6]),
+            ]
+        )
+
+    def l_filter(x: np.ndarray) -> np.ndarray:
+        return w / lf * (x[2:4] - x[4:6] - rf * x[:2]) - (w + x[6]) * (J @ x[:2])
+
+    if name == "LCL":
+        states, law = np.concatenate([i_ti, e, i_g]), lcl
+        equilibria = {"i_ti_eq": tuple(i_ti), "e_eq": tuple(e), "i_g_eq": tuple(i_g)}
+    else:
+        states, law, equilibria = i_g, l_filter, {"i_g_eq": tuple(i_g)}
+    a, b, _, _ = matrices_at(kind_named(name), **equilibria)
+    jacobian = derivative(law, np.concatenate([states, np.ones(4), [0.0]]).astype(complex))
+    assert np.hstack([a, b]) == pytest.approx(jacobian, rel=1e-13, abs=1e-11)
+
+
+@pytest.mark.parametrize("order", range(1, HIGHEST_PADE_ORDER + 1))
+def test_the_pade_form_of_a_delay_is_the_printed_quotient(order):
+    from scipy.interpolate import pade
+
+    delay = 1.3e-4
+    taylor = [(-1.0) ** k / np.prod(np.arange(1.0, k + 1)) for k in range(2 * order + 1)]
+    matrices = [np.array(rows, dtype=float) for rows in pade_state_space(delay, order)]
+    for s in 2j * pi * np.array([10.0, 1e3, 4e3]):
+        if order <= 6:  # the linear system for the coefficients is ill-conditioned beyond
+            top, bottom = pade(taylor, order, order)
+            wanted = top(s * delay) / bottom(s * delay)
+            assert response(matrices, s) == pytest.approx(wanted * I2, rel=1e-6)
+        assert abs(response(matrices, s)[0, 0]) == pytest.approx(1.0, rel=1e-9)  # all-pass
+    assert matrices[3] == pytest.approx((-1) ** order * I2, abs=1e-12)
+    assert np.linalg.eigvals(matrices[0]).real.max() < 0
+
+
+@pytest.mark.parametrize(("delay", "highest", "order"), [(100e-6, 4e3, 3), (150e-6, 5e3, 5), (1e-6, 10.0, 1)])
+def test_the_pade_order_is_the_smallest_within_one_degree(delay, highest, order):
+    assert pade_order(delay, highest) == order
+
+    def worst(order: int) -> float:
+        matrices = [np.array(rows, dtype=float) for rows in pade_state_space(delay, order)]
+        s = 2j * pi * np.linspace(0.0, highest, 200)[1:]
+        found = np.array([response(matrices, one)[0, 0] for one in s])
+        return float(np.degrees(np.abs(np.angle(found * np.exp(s * delay)))).max())
+
+    assert worst(order) <= 1.0
+    assert order == 1 or worst(order - 1) > 1.0
+
+
+def test_the_pade_order_ends_at_twelve():
+    assert pade_order(5e-4, 5e4) == HIGHEST_PADE_ORDER == 12
+
+
+def test_the_kinds_survive_pickling():
+    for kind in VOCABULARY:
+        again = pickle.loads(pickle.dumps(kind))
+        assert again == kind
+        check_kind(again)
+
+
+def lag(tau):
+    return [[-1 / tau]], [[1 / tau]], [[1]], [[0]]
+
+
+MINE = ModuleKind(
+    name="Lag",
+    family="dynamic control",
+    law="out = in_ / (1 + tau s)",
+    inputs={"in_": Signal.SCALAR},
+    outputs={"out": Signal.SCALAR},
+    states=("lagged",),
+    parameters={"tau": Range(1e-6, 1.0, 1e-3, "s", "time constant", divides=True)},
+    state_space=lag,
+    dc_gain=1.0,
+    reference="a notebook",
+)
+
+
+def test_a_kind_of_ones_own_keeps_the_contract():
+    check_kind(MINE)
+
+
+BOX = Range(0.1, 10.0, 1.0, "1", "gain")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"states": ()}, r"0 states, 1 input and 1 output channels need A of 0 x 0, got rows of length \[1\]"),
+        ({"states": ("a", "b")}, r"2 states, .* need A of 2 x 2, got rows of length \[1\]"),
+        (
+            {"inputs": {"in_": Signal.DQ_VEC}},
+            r"2 input and 1 output channels need B of 1 x 2, got rows of length \[1\]",
+        ),
+        (
+            {"outputs": {"out": Signal.DQ_VEC}},
+            r"1 input and 2 output channels need C of 2 x 1, got rows of length \[1\]",
+        ),
+        ({"outputs": {}}, "without outputs"),
+        ({"inputs": {}}, "its 1 states have no input"),
+        ({"outputs": {"in_": Signal.SCALAR}}, "each port needs a name of its own, in_ is there twice"),
+        ({"inputs": {"in_": "voltage"}}, "the port in_ carries a Signal, .* got 'voltage'"),
+        ({"name": "My lag"}, "the name 'My lag' must be a word"),
+        ({"parameters": {}}, "state_space asks for tau, which is no parameter, none of omega_0, frame"),
+        ({"parameters": {**MINE.parameters, "k": BOX}}, "state_space lacks the argument k"),
+        ({"state_space": lambda tau: ([[0]], [[1]], [[1]])}, r"returns four nested lists \(A, B, C, D\), got 3"),
+        ({"state_space": lambda tau: 1.0}, r"returns four nested lists \(A, B, C, D\), got float"),
+        ({"state_space": lambda tau: ([0], [1], [1], [0])}, "need A of 1 x 1, got no nested list"),
+        ({"state_space": lambda tau: ([[-tau]], [[1]], [[1]], [[float("inf")]])}, "D has an entry that is not finite"),
+        ({"dc_gain": 2.0}, r"dc_gain = 2, but D - C A\^-1 B at typical values is \[\[1.0\]\]"),
+        ({"state_space": lambda tau: ([[0]], [[tau]], [[1]], [[0]])}, "A is singular, so it integrates"),
+        ({"delay": "T"}, "the delay T is not among its parameters"),
+        ({"delay": "tau"}, "a delay has one dq_vec input, .* got 1 inputs, 1 outputs, 1 states"),
+        ({"equilibrium": {"inp": "I0d"}}, "equilibrium names 'inp'"),
+        ({"equilibrium": {"in_": "I0"}}, "the equilibrium of in_ is called 'I0'; did you mean I0d"),
+    ],
+)
+def test_a_declaration_that_contradicts_itself_is_refused_with_the_numbers(change, sentence):
+    with pytest.raises(ModuleError, match=sentence):
+        replace(MINE, **change)
+
+
+def test_a_parameter_may_not_have_the_name_of_what_assembly_gives():
+    with pytest.raises(ModuleError, match="a parameter may not be called omega_0"):
+        replace(MINE, parameters={"omega_0": BOX}, state_space=lambda omega_0: lag(omega_0))
+
+
+def test_a_gain_at_rest_needs_one_input():
+    two = {"a": Signal.SCALAR, "b": Signal.SCALAR}
+    with pytest.raises(ModuleError, match="dc_gain is for one input and outputs of the same signal, got 2 inputs"):
+        replace(MINE, inputs=two, state_space=lambda tau: ([[-1 / tau]], [[1, 1]], [[1]], [[0, 0]]))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "typical", "sentence"),
+    [
+        (1.0, 1.0, 1.0, "low < high, got low=1.0, high=1.0"),
+        (2.0, 1.0, 1.5, "low < high, got low=2.0, high=1.0"),
+        (0.0, float("inf"), 1.0, "finite numbers low < high, got low=0.0, high=inf"),
+        (float("nan"), 1.0, 0.5, "low < high, got low=nan"),
+        (1.0, 2.0, 3.0, r"typical=3.0 must lie within \[1.0, 2.0\]"),
+        (1.0, 2.0, float("nan"), "typical=nan must lie within"),
+    ],
+)
+def test_a_range_that_contradicts_itself_is_refused_with_the_numbers(low, high, typical, sentence):
+    with pytest.raises(ModuleError, match=sentence):
+        Range(low, high, typical, "1", "gain")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"state_space": lambda tau: ([[-1 / max(tau, 1e-3)]], [[1e3]], [[1]], [[0]])}, "symbols"),
+        ({"state_space": lambda tau: ([[-1 / float(tau)]], [[1 / float(tau)]], [[1]], [[0]])}, "an entry is nan with symbols"),
+        ({"state_space": lambda tau: ([[-5.0]], [[5.0]], [[1]], [[0]])}, "tau must change the response"),
+        (
+            {
+                "states": ("a", "b"),
+                "state_space": lambda tau: ([[-1 / tau, 0], [0, -2]], [[1 / tau], [2]], [[1, 0]], [[0]]),
+            },
+            "each of its 2 states must be seen by an output; that with the pole -2",
+        ),
+        (
+            {
+                "states": ("a", "b"),
+                "state_space": lambda tau: ([[-1 / tau, 0], [0, -2]], [[1 / tau], [0]], [[1, 1]], [[0]]),
+            },
+            "each of its 2 states must be moved by an input; that with the pole -2",
+        ),
+    ],
+)
+def test_a_kind_that_breaks_the_contract_is_told_how(change, sentence):
+    with pytest.raises(ModuleError, match=sentence):
+        check_kind(replace(MINE, dc_gain=None, **change))
+
+
+def test_a_kind_is_a_frozen_value():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        MINE.name = "other"  # type: ignore[misc]
