@@ -1,7 +1,7 @@
 """The python-control path: every module a StateSpace, joined by `control.interconnect` with named states.
 
-Modules that direct terms lead round to each other are closed among themselves first, by `StateSpace.feedback`, because
-`interconnect` passes signals on in sequence.
+Modules that direct terms lead round to each other are closed among themselves first, because `interconnect` passes
+signals on in sequence and not round a loop.
 """
 
 from collections.abc import Mapping, Sequence
@@ -161,12 +161,12 @@ def _close(
         for source in wiring.sources[port]:
             if (source, axis) in leaving:
                 gain[row, leaving.index((source, axis))] += 1.0
-    empty = np.zeros((0, 0))
-    back = control.StateSpace(empty, np.zeros((0, len(leaving))), np.zeros((len(entering), 0)), gain)
-    closed = together.feedback(back, sign=1)
+    a, b, c, d = (np.asarray(part) for part in (together.A, together.B, together.C, together.D))
+    y = np.linalg.solve(np.eye(len(leaving)) - d @ gain, np.hstack([c, d]))  # y = C x + D (u + gain y)
+    c, d = y[:, : len(a)], y[:, len(a) :]
     states = [label for system in systems for label in system.state_labels]
     return control.StateSpace(
-        *(closed.A, closed.B, closed.C, closed.D),
+        *(a + b @ gain @ c, b + b @ gain @ d, c, d),
         name=name,
         inputs=[label for system in systems for label in system.input_labels],
         outputs=[label for system in systems for label in system.output_labels],

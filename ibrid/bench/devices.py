@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
-from ibrid.plants.random_plants import random_stable
+from ibrid.plants.random_plants import Population, random_stable
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
 from ibrid.structure.diagram import Diagram
@@ -29,7 +29,7 @@ class Device:
         return add_noise(self.sweep, decibel, rng=np.random.default_rng(seed))
 
 
-def devices(number: int, population: str, *, seed: int = 7) -> list[Device]:
+def devices(number: int, population: Population, *, seed: int = 7) -> list[Device]:
     """Random stable devices; half of the textbook ones have a filter before the PLL."""
     rng = np.random.default_rng(seed)
     found = []
@@ -39,36 +39,32 @@ def devices(number: int, population: str, *, seed: int = 7) -> list[Device]:
     return found
 
 
-def without(diagram: Diagram, *names: str) -> Diagram:
-    """The diagram less some modules and their connections."""
+def without(diagram: Diagram, *names: str, wires: tuple[tuple[str, str], ...] = ()) -> Diagram:
+    """The diagram less some modules with their connections, and less some wires."""
     smaller = Diagram(diagram.name)
-    for instance in diagram.instances:
-        if instance.name not in names:
-            smaller.add(instance.kind, instance.name, **instance.bindings)
-    for one in diagram.connections:
-        if one.source.split(".")[0] not in names and one.target.split(".")[0] not in names:
-            smaller.connect(one.source, one.target)
+    smaller.extend(
+        [one for one in diagram.instances if one.name not in names],
+        [
+            one
+            for one in diagram.connections
+            if not {one.source.split(".")[0], one.target.split(".")[0]} & set(names)
+            and (one.source, one.target) not in wires
+        ],
+    )
     return smaller
 
 
 def wrong_candidates() -> dict[str, Diagram]:
     """Structures that lack something the devices have, and one with the wrong filter."""
     right = textbook("gfl_exact")
-    no_feedforward = Diagram("no_feedforward")
-    for instance in right.instances:
-        no_feedforward.add(instance.kind, instance.name, **instance.bindings)
-    for one in right.connections:
-        if (one.source, one.target) != ("plant.e", "plant.u_r"):
-            no_feedforward.connect(one.source, one.target)
     no_pll = without(right, "pll", "park_v", "park_i", "decoupling")
     no_pll.add("ConstZero", "no_frequency")
-    no_pll.connect("no_frequency.out", "plant.delta_omega")
-    no_pll.connect("v_DQ", "plant.v_in")
-    no_pll.connect("plant.i_g", "i_DQ")
+    for source, target in (("no_frequency.out", "plant.delta_omega"), ("v_DQ", "plant.v_in"), ("plant.i_g", "i_DQ")):
+        no_pll.connect(source, target)
     return {
         "no PLL": no_pll,
         "no outer loops": without(right, "power", "minus_p", "p_loop", "q_loop", "i_ref"),
-        "no feedforward": no_feedforward,
+        "no feedforward": without(right, wires=(("plant.e", "plant.u_r"),)),
         "L filter for LCL": textbook("gfl_l_filter"),
     }
 
@@ -89,24 +85,17 @@ def of_order(order: int) -> Diagram:
             bare.connect(source, target)
         return bare
     whole = textbook("gfl_pll_filter_exact")
-    larger = Diagram(f"states_{order}")
-    for instance in whole.instances:
-        larger.add(instance.kind, instance.name, **instance.bindings)
     chain = {13: (), 20: range(3), 30: range(8)}[order]
-    for one in whole.connections:
-        if chain and (one.source, one.target) == ("plant.e", "plant.u_r"):
-            continue
-        if chain and one.source == "pll_filter.out":
-            continue
-        larger.connect(one.source, one.target)
+    if not chain:
+        return whole
+    larger = without(whole, wires=(("plant.e", "plant.u_r"), ("pll_filter.out", "pll.e_q")))
     previous = "plant.e"
     for index in chain:
         larger.add("LPF1_dq", f"filter_{index}")
         larger.connect(previous, f"filter_{index}.in_")
         previous = f"filter_{index}.out"
-    if chain:
-        larger.connect(previous, "plant.u_r")
-        larger.add("LPF1", "second_pll_filter")
-        larger.connect("pll_filter.out", "second_pll_filter.in_")
-        larger.connect("second_pll_filter.out", "pll.e_q")
+    larger.connect(previous, "plant.u_r")
+    larger.add("LPF1", "second_pll_filter")
+    larger.connect("pll_filter.out", "second_pll_filter.in_")
+    larger.connect("second_pll_filter.out", "pll.e_q")
     return larger

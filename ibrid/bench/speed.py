@@ -12,7 +12,7 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.numeric import closed_loop
 from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.bench.devices import of_order
-from ibrid.errors import DiagramError
+from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import StartDrawer
@@ -69,8 +69,8 @@ def reference_seconds(
         for point in sweep.points:
             responses += 1
             try:
-                response = control.frequency_response(system(theta, point), point.omega).frdata
-            except DiagramError:  # no operating point there
+                response = system(theta, point).frequency_response(point.omega).frdata
+            except IbridError:  # no operating point there
                 response = np.full((2, 2, len(point.frequency)), 1e3)
             error = (np.moveaxis(response, 2, 0) - point.admittance) / np.linalg.norm(point.admittance)
             rows += [error.real.ravel(), error.imag.ravel()]

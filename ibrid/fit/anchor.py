@@ -4,6 +4,8 @@ Where a direction of x changes no response (the scale of an inner loop with unit
 which of its points a solver returns is chance. The point nearest to the typical values is reported instead.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ibrid.fit.problem import Problem
@@ -16,13 +18,24 @@ NO_CHANGE = 1e-6
 
 def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.ndarray:
     """Move x (P,) along the null directions of the responses towards the typical values, inside the boxes."""
+    typical = problem.coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
+    return nearest(problem, x, typical, objective)
+
+
+def nearest(
+    problem: Problem, x: np.ndarray, target: np.ndarray, objective: str, *, ignoring: Sequence[int] = ()
+) -> np.ndarray:
+    """Move x (P,) along the null directions of the responses towards `target` (P,), inside the boxes.
+
+    ignoring : entries whose distance from the target does not count.
+    """
     coordinates = problem.coordinates
-    typical = coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
+    counted = np.setdiff1d(np.arange(problem.size), ignoring)
     for _ in range(3):
         directions = null_directions(problem, x)
         if not directions.shape[1]:
             return x
-        step = directions @ np.linalg.lstsq(directions, typical - x, rcond=None)[0]
+        step = directions @ np.linalg.lstsq(directions[counted], (target - x)[counted], rcond=None)[0]
         room = np.where(step > 0, coordinates.x_high - x, np.where(step < 0, x - coordinates.x_low, np.inf))
         moving = np.abs(step) > 1e-12
         if not moving.any():

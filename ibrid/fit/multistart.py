@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit import ipopt
-from ibrid.fit.anchor import nearest_to_typical
+from ibrid.fit.anchor import nearest, nearest_to_typical
 from ibrid.fit.gauss_newton import Batch, begin, descend
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
@@ -91,7 +91,7 @@ def fit(
     return Solution(
         optimum.x,
         np.sqrt(optimum.costs),
-        tuple(nearest_to_typical(problem, twin, settings.objective) for twin in twins),
+        tuple(search.beside(twin, optimum.x) for twin in twins),
         len(search.near_best()),
         tuple(sorted(search.finished, key=lambda one: one.cost)),
         wave,
@@ -137,6 +137,11 @@ class _Search:
         resistance = self.swaps[0].resistance
         equal.sort(key=lambda x: x[resistance])
         return equal[0], equal[1:]
+
+    def beside(self, twin: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The twin on the scale of x, so that the two differ in what the swap changes alone."""
+        ignoring = [entry for swap in self.swaps for entry in swap.entries]
+        return nearest(self.problem, twin, x, self.settings.objective, ignoring=ignoring)
 
     def settled(self, waves: int) -> bool:
         """True when the fit is exact, or enough ends of at least two waves agree."""

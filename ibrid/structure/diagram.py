@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from keyword import iskeyword
 
@@ -82,6 +82,11 @@ class Diagram:
                     f"a connection joins NAME.port, {TERMINAL_VOLTAGE} or {TERMINAL_CURRENT}, got {end!r:.80}"
                 )
         self._connections.append(Connection(source, target, line))
+
+    def extend(self, instances: Iterable[Instance], connections: Iterable[Connection]) -> None:
+        """Take over modules and connections of another diagram."""
+        self._instances += instances
+        self._connections += connections
 
     def copy(self) -> "Diagram":
         """An independent diagram with the same modules and connections."""
