@@ -129,9 +129,7 @@ def test_normal_equations_equal_the_dense_products(name, objective):
             j = np.concatenate([j.real.reshape(-1, problem.size), j.imag.reshape(-1, problem.size)])
             scale = np.linalg.norm(j) ** 2
             np.testing.assert_allclose(cost[start, m], r @ r, rtol=1e-9)
-            np.testing.assert_allclose(
-                gradient[start, m], j.T @ r, atol=1e-9 * np.linalg.norm(j) * np.linalg.norm(r)
-            )
+            np.testing.assert_allclose(gradient[start, m], j.T @ r, atol=1e-9 * np.linalg.norm(j) * np.linalg.norm(r))
             np.testing.assert_allclose(hessian[start, m], j.T @ j, atol=1e-9 * scale)
 
 

@@ -51,6 +51,8 @@ class Solution:
 SOFT_LIMIT = 0.6
 #: Two answers whose squared errors differ by less than this part are twins.
 TWIN_TOLERANCE = 1e-6
+#: Twins whose gains differ by less than this (logarithm) are one minimum seen twice.
+SAME_MINIMUM = 0.3
 
 
 def fit(
@@ -91,7 +93,7 @@ def fit(
     return Solution(
         optimum.x,
         np.sqrt(optimum.costs),
-        tuple(search.beside(twin, optimum.x) for twin in twins),
+        search.distinct(twins, optimum.x),
         len(search.near_best()),
         tuple(sorted(search.finished, key=lambda one: one.cost)),
         wave,
@@ -138,10 +140,11 @@ class _Search:
         equal.sort(key=lambda x: x[resistance])
         return equal[0], equal[1:]
 
-    def beside(self, twin: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The twin on the scale of x, so that the two differ in what the swap changes alone."""
-        ignoring = [entry for swap in self.swaps for entry in swap.entries]
-        return nearest(self.problem, twin, x, self.settings.objective, ignoring=ignoring)
+    def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Twins on the scale of x, so that they differ in what the swap changes alone; not those that end near x."""
+        entries = [entry for swap in self.swaps for entry in swap.entries]
+        beside = [nearest(self.problem, twin, x, self.settings.objective, ignoring=entries) for twin in twins]
+        return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
     def settled(self, waves: int) -> bool:
         """True when the fit is exact, or enough ends of at least two waves agree."""
