@@ -454,7 +454,7 @@ def test_page_is_replaced_as_a_whole_and_leaves_nothing_beside_it(record, sweep,
 
 
 def test_page_that_cannot_be_written_is_one_clear_sentence(record, sweep, tmp_path):
-    with pytest.raises(IbridError, match="cannot be written"):
+    with pytest.raises(IbridError, match="there is no folder"):
         write_report(record, tmp_path / "no" / "such" / "report.html", sweep=sweep)
 
 

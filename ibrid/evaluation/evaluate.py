@@ -71,13 +71,11 @@ def evaluate(
         settings=plan.described(),
         vocabulary=plan.kinds,
     )
-    found, habits = examine(diagram, plan.kinds, equilibrium=equilibrium)
-    if found:
-        return replace(base, reasons=tuple(map(str, found)), seconds=time.perf_counter() - started)
-    base = replace(base, warnings=tuple(map(str, habits)))
     try:
         with time_limit(plan.fit.seconds):
-            record = _evaluate(diagram, plan, base, warm_start_below)
+            found, habits = examine(diagram, plan.kinds, equilibrium=equilibrium)
+            base = replace(base, reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
+            record = base if found else _evaluate(diagram, plan, base, warm_start_below)
     except DiagramError as error:
         record = replace(base, reasons=(str(error),))
     except TimeoutError as error:

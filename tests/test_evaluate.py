@@ -1,0 +1,285 @@
+"""evaluate: errors by part against direct formulas, the reward, outcomes, and a limit that really stops."""
+
+import contextlib
+import itertools
+import math
+import threading
+import time
+
+import numpy as np
+import pytest
+from fitted import benchmark, changed, evaluated
+
+import ibrid
+from ibrid.errors import IbridError, OperatingPointError
+from ibrid.evaluation.errors_by_part import error_parts
+from ibrid.evaluation.reward import reward
+from ibrid.evaluation.time_limit import time_limit
+from ibrid.fit import ipopt, multistart
+from ibrid.fit.settings import FitSettings
+from ibrid.measurement.sweep import OperatingPoint, PointSweep
+from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.signals import Signal
+
+BANDS = {"5-50": (0, 50), "50-500": (50, 500), "500-2000": (500, 2000), "2000-5000": (2000, np.inf)}
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
+NAIVE = ibrid.program_text(ibrid.textbook("naive"))
+
+
+# errors by part
+
+
+@pytest.mark.parametrize("name", ["naive", "gfl_exact"])
+def test_errors_by_point_band_and_entry_follow_their_formulas(name):
+    record = evaluated(name)
+    bands, entries, shares = ({key: [] for key in keys} for keys in (BANDS, ENTRIES, BANDS))
+    for point in benchmark().points:
+        error = record.response(point.op.name, point.frequency) - point.admittance
+        size = point.admittance
+        assert record.nrmse_by_op[point.op.name] == pytest.approx(
+            np.sqrt((np.abs(error) ** 2).sum() / (np.abs(size) ** 2).sum())
+        )
+        for band, (low, high) in BANDS.items():
+            here = (point.frequency >= low) & (point.frequency < high)
+            bands[band].append(np.linalg.norm(error[here]) / np.linalg.norm(size[here]))
+            shares[band].append(np.linalg.norm(error[here]) ** 2 / np.linalg.norm(error) ** 2)
+            for entry, (i, j) in ENTRIES.items():
+                part = np.linalg.norm(error[here, i, j]) / np.linalg.norm(size[here, i, j])
+                assert record.nrmse_by_part[point.op.name][band][entry] == pytest.approx(part)
+        for entry, (i, j) in ENTRIES.items():
+            entries[entry].append(np.linalg.norm(error[:, i, j]) / np.linalg.norm(size[:, i, j]))
+    assert record.nrmse == pytest.approx(np.mean(list(record.nrmse_by_op.values())))
+    assert record.nrmse_by_band == pytest.approx({key: np.mean(values) for key, values in bands.items()})
+    assert record.nrmse_by_entry == pytest.approx({key: np.mean(values) for key, values in entries.items()})
+    assert record.share_by_band == pytest.approx({key: np.mean(values) for key, values in shares.items()})
+    assert sum(record.share_by_band.values()) == pytest.approx(1)
+
+
+def part_errors(frequencies: list[list[float]], seed: int = 0):
+    rng = np.random.default_rng(seed)
+    points, responses = [], []
+    for number, frequency in enumerate(frequencies):
+        shape = (len(frequency), 2, 2)
+        measured, model = (rng.normal(size=shape) + 1j * rng.normal(size=shape) for _ in range(2))
+        points.append(PointSweep(OperatingPoint(f"point {number}", 1.0, 0.0), np.array(frequency), measured))
+        responses.append(model)
+    return error_parts(responses, tuple(points))
+
+
+def test_the_first_and_last_band_are_open_and_edges_belong_to_the_band_above():
+    parts = part_errors([[0.1, 50.0, 500.0, 2000.0, 1e5]])
+    assert all(value is not None for value in parts.by_band.values())
+    only_high = part_errors([[2000.0, 1e5]])
+    assert only_high.by_band["500-2000"] is None
+    assert only_high.share_by_band == {"5-50": None, "50-500": None, "500-2000": None, "2000-5000": pytest.approx(1)}
+    assert only_high.table["point 0"]["5-50"] == dict.fromkeys(ENTRIES)
+
+
+def test_shares_add_up_to_one_where_operating_points_have_different_bands():
+    parts = part_errors([[10.0, 20.0], [10.0, 100.0, 1000.0, 4000.0], [100.0, 4000.0]])
+    assert sum(value for value in parts.share_by_band.values() if value is not None) == pytest.approx(1)
+
+
+def test_an_entry_that_is_measured_as_zero_has_the_error_one():
+    record = ibrid.evaluate(
+        ibrid.textbook("gfl_exact"), changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), restarts=0
+    )
+    assert record.outcome == "ok"
+    assert record.nrmse_by_entry["dq"] == 1.0
+    assert record.nrmse is not None
+    assert record.nrmse > 0.05
+
+
+# reward and outcomes
+
+
+def test_the_reward_is_minus_the_logarithm_of_the_error():
+    assert evaluated("naive").reward == pytest.approx(-math.log(evaluated("naive").nrmse + 1e-8))
+    assert reward(0.0) == pytest.approx(8 * math.log(10))
+    assert reward(0.0432) == pytest.approx(3.1419, abs=1e-4)
+    errors = np.logspace(-12, 12, 40)
+    rewards = [reward(error) for error in errors]
+    assert all(better > worse for better, worse in itertools.pairwise(rewards))
+
+
+def test_nothing_without_a_fit_beats_the_worst_fit():
+    for nothing in (None, math.nan, math.inf):
+        assert reward(nothing) < reward(1e300)
+    diagram = ibrid.parse_program(NAIVE.replace('    g.connect("v_DQ", "gain.in_")\n', ""))
+    invalid = ibrid.evaluate(diagram, benchmark())
+    assert invalid.outcome == "invalid"
+    assert "gain.in_" in invalid.reasons[0]
+    assert invalid.reward < reward(1e30)
+
+
+def test_a_diagram_in_another_vocabulary_is_invalid_with_a_reason_per_violation():
+    record = ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), vocabulary="paper")
+    assert record.outcome == "invalid"
+    assert any("JMul_omega" in reason for reason in record.reasons)
+    assert record.nrmse is None
+    assert record.parameters == {}
+
+
+class Stuck:
+    """State space of a unit gain that never returns once `stuck`."""
+
+    def __init__(self, how: str) -> None:
+        self.how, self.stuck = how, False
+
+    def __call__(self, k):
+        while self.stuck:
+            if self.how == "sleeps":
+                time.sleep(10)
+        return [], [], [[], []], [[k, 0], [0, k]]
+
+
+@pytest.mark.parametrize("how", ["sleeps", "loops"])
+def test_a_fit_that_hangs_is_stopped(how):
+    matrices = Stuck(how)
+    kind = ModuleKind(
+        name="Odd", family="static", law="out = k in_", inputs={"in_": Signal.DQ_VEC}, outputs={"out": Signal.DQ_VEC},
+        states=(), parameters={"k": Range(0.1, 10.0, 1.0, "1", "gain")}, state_space=matrices, reference="a test",
+    )  # fmt: skip
+    diagram = ibrid.parse_program(NAIVE.replace('"Gain_dq", "gain"', '"Odd", "gain"'))
+    matrices.stuck = True
+    try:
+        record = ibrid.evaluate(diagram, benchmark(), vocabulary=(*VOCABULARY, kind), settings=FitSettings(seconds=0.2))
+    finally:
+        matrices.stuck = False
+    assert record.outcome == "timeout"
+    assert record.reasons == ("the fit was stopped after 0.2 s; raise the limit or simplify",)
+    assert record.reward < reward(1e30)
+    assert ibrid.evaluate(diagram, benchmark(), vocabulary=(*VOCABULARY, kind), restarts=0).outcome == "ok"
+
+
+@pytest.mark.parametrize("seconds", [0.001, 0.004, 0.016])
+def test_any_limit_that_is_too_short_is_a_timeout_and_the_next_fit_is_untouched(seconds):
+    record = ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), settings=FitSettings(seconds=seconds))
+    assert record.outcome == "timeout"
+    assert ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark()).nrmse == evaluated("gfl_exact").nrmse
+
+
+def swallows_alarms(number: int) -> None:
+    """Waits, and waits again where an alarm ended it, as compiled code does that knows no exceptions."""
+    for _ in range(number):
+        with contextlib.suppress(TimeoutError):
+            time.sleep(5)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_limit_swallowed_inside_still_ends_in_a_timeout(number):
+    with pytest.raises(TimeoutError, match=r"stopped after 0\.02 s"), time_limit(0.02):
+        swallows_alarms(number)
+
+
+def test_the_limit_leaves_no_alarm_behind():
+    with time_limit(0.05):
+        pass
+    time.sleep(0.2)
+    with pytest.raises(ValueError, match="mine"), time_limit(5):
+        raise ValueError("mine")
+
+
+def test_an_endless_limit_is_none():
+    for seconds in (1e20, math.inf):
+        record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=FitSettings(seconds=seconds, restarts=0))
+        assert record.outcome == "ok"
+
+
+def test_an_interruption_inside_the_solver_gets_out(monkeypatch, capfd):
+    """Ctrl-C while Ipopt calls back: CasADi would print a traceback and go on."""
+    real, calls = ipopt._Memory.gradient, []
+
+    def interrupted(self, x):
+        calls.append(1)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(self, x)
+
+    monkeypatch.setattr(ipopt._Memory, "gradient", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), restarts=0)
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+# threads
+
+
+def test_a_fit_in_another_thread_gives_the_same_record():
+    found = {}
+
+    def work(number: int) -> None:
+        record = ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark())
+        found[number] = {key: value for key, value in record.to_json().items() if key != "seconds"}
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    expected = {key: value for key, value in evaluated("gfl_exact").to_json().items() if key != "seconds"}
+    assert [found[number] for number in range(3)] == [expected] * 3
+
+
+def test_a_fit_that_had_no_time_for_a_start_is_a_timeout_not_a_failure(monkeypatch):
+    monkeypatch.setattr(multistart, "SOFT_LIMIT", 0.0)
+    record = ibrid.evaluate(ibrid.textbook("naive"), benchmark())
+    assert record.outcome == "timeout"
+    assert record.reasons == ("the fit was stopped after 60 s, before the first start; raise the limit or simplify",)
+
+
+# options
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"parameters": "share"}, "did you mean shared"),
+        ({"equilibrium": "exakt"}, "did you mean exact"),
+        ({"vocabulary": "extendet"}, "did you mean extended"),
+        ({"objective": "nrms"}, "did you mean nrmse"),
+        ({"objective": "log"}, "objective must be one of nrmse, relative, band, sigma"),
+        ({"restarts": -1}, "restarts must be a whole number of 0 or more, found -1"),
+        ({"restarts": "many"}, "restarts must be a whole number of 0 or more, found 'many'"),
+        ({"restarts": 1.5}, "restarts must be a whole number"),
+        ({"holdout_op": "p=1,q=0.2"}, r"did you mean p=1,q=0\.3"),
+        ({"holdout_op": ("p=1,q=0.3", "p=1,q=-0.3")}, "leave at least one to fit"),
+        ({"holdout_op": "p=1,q=0.3", "parameters": "per-op"}, "only with shared parameters"),
+        ({"holdout_op": "p=1,q=0.3", "equilibrium": "paper"}, "only with shared parameters and the exact equilibrium"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence_that_names_the_near_ones(options, words):
+    with pytest.raises((IbridError, OperatingPointError), match=words) as raised:
+        ibrid.evaluate(ibrid.textbook("naive"), benchmark(), **options)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"seeds": "vector-fiting"}, "did you mean vector-fitting"),
+        ({"objective": "relativ"}, "did you mean relative"),
+        ({"seconds": 0}, "seconds must be above 0"),
+        ({"seconds": math.nan}, "seconds must be above 0"),
+        ({"starts": 0}, "starts must be a whole number of 1 or more"),
+        ({"kept_misfit": 0}, "kept_misfit must be"),
+        ({"iterations": -1}, "iterations must be"),
+        ({"ipopt_iterations": -1}, "ipopt_iterations must be"),
+        ({"hops": -1}, "hops must be"),
+    ],
+)
+def test_wrong_settings_are_one_sentence(options, words):
+    with pytest.raises(IbridError, match=words) as raised:
+        FitSettings(**options)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "options", [{"starts": 1, "kept": 1}, {"kept": 300}, {"halving": ()}, {"iterations": 0}, {"ipopt_iterations": 0}]
+)
+def test_unusual_settings_still_fit(options):
+    record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=FitSettings(restarts=1, **options))
+    assert record.outcome == "ok"
+    assert record.nrmse is not None
+    assert record.nrmse < 1.2

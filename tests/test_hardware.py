@@ -1,0 +1,61 @@
+"""Fits to published hardware sweeps; skipped where the data are not on the machine (data/README.md says how to get them)."""
+
+import numpy as np
+import pytest
+
+import ibrid
+from ibrid.evaluation.record import Record
+from ibrid.measurement.hardware import VARIABLE, hardware_sweeps
+from ibrid.measurement.sweep import Sweep
+
+FOUND = hardware_sweeps()
+pytestmark = pytest.mark.skipif(
+    "gti_pq" not in FOUND,
+    reason=f"the hardware sweep gti_pq.csv is not here; set {VARIABLE} to its folder, see data/README.md",
+)
+SAMPLING = 20e3  # Hz, of the published inverter
+
+
+@pytest.fixture(scope="module")
+def sweep() -> Sweep:
+    return ibrid.read_sweep(FOUND["gti_pq"])
+
+
+@pytest.fixture(scope="module")
+def record(sweep: Sweep) -> Record:
+    return ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep)
+
+
+def millihenry(record: Record, sweep: Sweep) -> float:
+    assert sweep.s_base_va is not None
+    assert sweep.v_base_v is not None
+    per_unit = record.parameters[sweep.names[0]]["plant.L_F"]
+    return per_unit * sweep.v_base_v**2 / sweep.s_base_va / (2 * np.pi * sweep.f0_hz) * 1e3
+
+
+def test_the_filter_and_the_delay_of_the_hardware_are_found(sweep: Sweep, record: Record):
+    assert record.outcome == "ok"
+    assert record.nrmse is not None
+    assert record.nrmse < 0.3
+    assert 0.8 * 0.97 < millihenry(record, sweep) < 1.2 * 1.0  # 0.97 to 1.0 mH by the publication
+    periods = record.parameters[sweep.names[0]]["delay.T_d"] * SAMPLING
+    assert 1.0 < periods < 2.0  # computation of one period and half a period of the modulator
+    assert all(record.stable.values())
+
+
+def test_without_the_delay_the_hardware_fits_worse(sweep: Sweep, record: Record):
+    without = ibrid.evaluate(ibrid.textbook("gfl_l_filter"), sweep, restarts=1)
+    assert without.nrmse is not None
+    assert record.nrmse is not None
+    assert without.nrmse > 1.2 * record.nrmse
+
+
+def test_shared_and_separate_parameters_and_the_other_point_are_comparable(sweep: Sweep, record: Record):
+    apart = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, parameters="per-op", restarts=1)
+    assert apart.nrmse is not None
+    assert record.nrmse is not None
+    assert apart.nrmse <= record.nrmse * 1.001
+    for name in sweep.names:
+        predicted = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, holdout_op=name, restarts=1)
+        assert np.isfinite(predicted.holdout[name])
+        assert predicted.holdout[name] < 2 * record.nrmse_by_op[name]
