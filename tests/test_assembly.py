@@ -224,6 +224,23 @@ def test_the_chosen_pade_order_keeps_the_response_within_its_degree(name):
     assert (np.abs(response - exact) / scale).max() < 0.05  # 1 degree is 1.7 %, at the edge of the loop a little more
 
 
+def test_a_delay_that_is_fixed_in_the_program_is_exact_too():
+    text = (
+        PLANT
+        + """
+        g.add("Gain_dq", "gain", k=0.8)
+        g.add("Delay", "delay", T_d=0.0002)
+        g.connect("plant.i_g", "gain.in_")
+        g.connect("gain.out", "delay.in_")
+        g.connect("delay.out", "plant.u_r")
+        g.connect("plant.i_g", "i_DQ")
+    """
+    )
+    case = Case(program(text))
+    wanted = np.array([linear_system(case, frequency) for frequency in FREQUENCY])
+    assert case.response() == pytest.approx(wanted, rel=1e-12)
+
+
 def test_states_inputs_and_outputs_have_names():
     system = Case(textbook("gfl_delay")).by_control()
     assert system.input_labels == ["v_D", "v_Q"]

@@ -490,6 +490,10 @@ def test_where_nothing_decides_the_capacitor_voltage_is_on_d():
     """
     )
     assert angle_of(current_alone) == pytest.approx(angle(grid("e")), abs=1e-14)
+    # the same with a constant reference: a current loop is no voltage loop
+    assert angle_of(current_alone.replace('g.connect("reference.out", "current.in_")', "")) == pytest.approx(
+        angle(grid("e")), abs=1e-14
+    )
     fixed = (
         FRAMED
         + """

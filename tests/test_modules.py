@@ -93,7 +93,7 @@ def closed_form(name: str, s: complex) -> np.ndarray:
     return np.array(forms[name](), dtype=complex)
 
 
-#: Boxes as the appendix prints them; those of the extended kinds as `design`: L per unit, T_d up to 500 us.
+#: Boxes as the appendix prints them; of the two extended kinds: L per unit like other inductances, T_d up to 500 us.
 PLANT_BOXES = {"L_F": (1e-4, 1), "R_F": (1e-5, 1), "C_F": (1e-5, 1), "L_g": (1e-4, 1), "R_g": (1e-5, 1)}
 PI_BOXES = {"kP": (1e-6, 1e5), "kI": (1e-6, 1e7)}
 CUTOFF = {"omega_c": (2 * pi * 0.1, 2 * pi * 5e4)}
@@ -426,7 +426,10 @@ def test_a_range_that_contradicts_itself_is_refused_with_the_numbers(low, high, 
     ("change", "sentence"),
     [
         ({"state_space": lambda tau: ([[-1 / max(tau, 1e-3)]], [[1e3]], [[1]], [[0]])}, "symbols"),
-        ({"state_space": lambda tau: ([[-1 / float(tau)]], [[1 / float(tau)]], [[1]], [[0]])}, "an entry is nan with symbols"),
+        (
+            {"state_space": lambda tau: ([[-1 / float(tau)]], [[1 / float(tau)]], [[1]], [[0]])},
+            "an entry is nan with symbols",
+        ),
         ({"state_space": lambda tau: ([[-5.0]], [[5.0]], [[1]], [[0]])}, "tau must change the response"),
         (
             {

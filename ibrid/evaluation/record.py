@@ -13,6 +13,7 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.rebuilding import complaint
 from ibrid.fit.kernel import respond
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
@@ -102,11 +103,9 @@ class Record:
             if not isinstance(value, wanted) or isinstance(value, bool):
                 raise IbridError(f"the record's {name} has the wrong type; make it again with ibrid evaluate --json")
         if values["outcome"] == Outcome.OK:
-            lacking = [name for name in _NEEDED_TO_REBUILD if name not in values.get("settings", {})]
-            if lacking or not values.get("parameters"):
-                raise IbridError(
-                    f"the record lacks {', '.join(lacking) or 'parameters'}; make it again with ibrid evaluate --json"
-                )
+            found = complaint(values.get("settings", {}), values.get("parameters", {}))
+            if found is not None:
+                raise IbridError(f"the record {found}; make it again with ibrid evaluate --json")
         for name in _TUPLES:
             values[name] = tuple(values.get(name, ()))
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
@@ -129,6 +128,7 @@ class Record:
         """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
         self._require(op)
         model = symbolic_model(self._wiring, **self._physics)
+        self._require_values(op, [one.name for one in model.parameters])
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
         point = self.settings["operating_points"][op]
         values = np.array(model.values_only(theta, [point["p"], point["q"], point["v"]])).ravel()
@@ -159,14 +159,26 @@ class Record:
         if op not in self.parameters:
             raise OperatingPointError(f"the record has no operating point {op!r}; {near(op, self.parameters)}")
 
+    def _require_values(self, op: str, names: Sequence[str]) -> None:
+        lacking = [name for name in names if name not in self.parameters[op]]
+        if lacking:
+            raise IbridError(
+                f"the record's parameters at {op} lack {', '.join(lacking)}; make it again with ibrid evaluate --json"
+            )
+
     def _matrices(self, op: str, exact_delays: bool) -> dict[str, Any]:
         self._require(op)
         wiring = self._wiring
+        table = parameter_table(wiring, self.settings["equilibrium"])
+        self._require_values(op, table.names)
         point = self.settings["operating_points"][op]
         orders = None if exact_delays else self.settings["pade_orders"]
+        for name, kind in wiring.kinds.items():
+            if orders is not None and kind.delay is not None and name not in orders:
+                raise IbridError(f"the record's pade_orders lack {name}; make it again with ibrid evaluate --json")
         return module_matrices(
             wiring,
-            parameter_table(wiring, self.settings["equilibrium"]),
+            table,
             self.parameters[op],
             (point["p"], point["q"], point["v"]),
             pade_orders=orders,
@@ -190,7 +202,6 @@ _JSON_TYPES: dict[str, Any] = {
     one.name: list if one.name in _TUPLES else (int, float, type(None)) if one.name in _NUMBERS else dict
     for one in dataclasses.fields(Record)
 } | {"outcome": str, "program": str}
-_NEEDED_TO_REBUILD = ("equilibrium", "power_node", "f0_hz", "operating_points", "pade_orders")
 
 
 def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:
