@@ -406,3 +406,30 @@ def test_the_paper_vocabulary_has_23_kinds_and_none_that_is_extended():
 def test_a_plant_of_another_family_name_is_not_a_plant():
     disguised = tuple(replace(kind, family="static") if kind.name == "LFilter" else kind for kind in VOCABULARY)
     assert only(skeleton(), vocabulary=disguised).reason == "no_plant"
+
+
+def test_a_loop_that_is_singular_without_reactive_current_is_refused_in_paper_mode_alone():
+    diagram = Diagram("power_on_itself")
+    for kind, name in (
+        ("LFilter", "plant"),
+        ("ConstZero", "zero"),
+        ("JMul_omega", "coupling"),
+        ("SliceD", "axis"),
+        ("Gain", "unit"),
+    ):
+        diagram.add(kind, name, **({"k": 1.0} if name == "unit" else {}))
+    for source, target in (
+        ("v_DQ", "plant.v_in"),
+        ("v_DQ", "plant.u_r"),
+        ("zero.out", "plant.delta_omega"),
+        ("plant.i_g", "coupling.in_"),
+        ("coupling.out", "axis.in_"),
+        ("axis.out", "unit.in_"),
+        ("unit.out", "unit.in_"),
+        ("unit.out", "coupling.delta_omega"),
+        ("plant.i_g", "i_DQ"),
+    ):
+        diagram.connect(source, target)
+    # I - F = [[1 - 1, -a], [-1, 1]] with a = -(L / omega_0) i_q: its determinant -a vanishes with i_q
+    reasons = {mode: [one.reason for one in violations(diagram, equilibrium=mode)] for mode in ("exact", "paper")}
+    assert reasons == {"exact": [], "paper": ["algebraic_loop"]}

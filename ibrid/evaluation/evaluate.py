@@ -89,12 +89,13 @@ def _evaluate(diagram: Diagram, plan: Plan, base: Record, warm_start_below: floa
     model = symbolic_model(wiring, equilibrium=plan.equilibrium, power_node=plan.sweep.power_node, omega_0=omega_0)
     points = plan.fitted.points
     groups = [points] if plan.parameters == "shared" else [(point,) for point in points]
+    effort = replace(plan.fit, seconds=plan.fit.seconds / len(groups))
     fitted: list[Fitted] = []
     warm = None
     for group in groups:
         problem = Problem(model, group)
         rng = np.random.default_rng(_seed(diagram, plan, problem))
-        solution = fit(problem, wiring, rng, plan.fit, omega_0=omega_0, warm=warm)
+        solution = fit(problem, wiring, rng, effort, omega_0=omega_0, warm=warm)
         if solution is None:
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(plan),))
         fitted.append(Fitted(problem, solution))

@@ -31,11 +31,15 @@ class AlgebraicLoop:
     singular: tuple[str, ...]
 
 
-def algebraic_loops(wiring: Wiring) -> tuple[AlgebraicLoop, ...]:
-    """All loops of direct terms of a wired diagram; a transport delay breaks a loop."""
+def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[AlgebraicLoop, ...]:
+    """All loops of direct terms of a wired diagram; a transport delay breaks a loop.
+
+    Under `equilibrium="paper"` every equilibrium lies on the d axis, which can make a loop singular.
+    """
+    largest_q = 0.0 if equilibrium == "paper" else 0.5
     table = parameter_table(wiring, "exact")
     rng = np.random.default_rng(20)
-    terms = _direct_terms(wiring, table, rng)
+    terms = _direct_terms(wiring, table, rng, largest_q)
     graph = nx.DiGraph(list(terms))
     loops = [
         sorted(group)
@@ -44,7 +48,7 @@ def algebraic_loops(wiring: Wiring) -> tuple[AlgebraicLoop, ...]:
     ]
     if not loops:
         return ()
-    draws = [terms] + [_direct_terms(wiring, table, rng) for _ in range(DRAWS - 1)]
+    draws = [terms] + [_direct_terms(wiring, table, rng, largest_q) for _ in range(DRAWS - 1)]
     places = {name: index for index, name in enumerate(wiring.kinds)}
     return tuple(
         AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
@@ -62,7 +66,7 @@ def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str,
 
 
 def _direct_terms(
-    wiring: Wiring, table: ParameterTable, rng: np.random.Generator
+    wiring: Wiring, table: ParameterTable, rng: np.random.Generator, largest_q: float
 ) -> dict[tuple[Channel, Channel], float]:
     """(from, to) -> gain between output channels, at a random draw."""
     values = _draw(table, rng)
@@ -77,7 +81,7 @@ def _direct_terms(
             continue
         inputs = [(f"{name}.{port}", axis) for port, one in kind.inputs.items() for axis in range(one.width)]
         outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
-        for output, row in zip(outputs, _direct(name, kind, table, values, frame, rng), strict=True):
+        for output, row in zip(outputs, _direct(name, kind, table, values, frame, rng, largest_q), strict=True):
             for (port, axis), gain in zip(inputs, row, strict=True):
                 if gain:
                     for source in sources[port]:
@@ -93,10 +97,11 @@ def _direct(
     values: Mapping[str, float],
     frame: tuple[float, float],
     rng: np.random.Generator,
+    largest_q: float,
 ):
     found = {parameter: table.of(name, parameter) for parameter in kind.parameters}
     numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in found.items()}
-    points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-0.5, 0.5)) for port in kind.equilibrium_ports}
+    points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
     return kind.state_space(**numbers, **kind.context(OMEGA_0, frame, points))[3]
 
 

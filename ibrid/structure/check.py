@@ -41,7 +41,7 @@ def violations(
     _check_whole(diagram, kinds, kinds_allowed, findings)
     if not findings:
         wiring = wire(diagram, kinds_allowed)
-        _check_loops(diagram, wiring, findings)
+        _check_loops(diagram, wiring, equilibrium, findings)
         if equilibrium == "exact":
             _check_equilibria(wiring, findings)
     return findings.sorted
@@ -115,8 +115,10 @@ def _terminal_remedy(kinds: dict[str, ModuleKind | None]) -> str:
     return "connect the plant's grid current to it"
 
 
-def _check_loops(diagram: Diagram, wiring: Wiring, findings: Findings) -> None:
-    cycles = dict.fromkeys(loop.singular for loop in algebraic_loops(wiring) if loop.singular)  # d and q are alike
+def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+    cycles = dict.fromkeys(
+        loop.singular for loop in algebraic_loops(wiring, equilibrium=equilibrium) if loop.singular
+    )  # d and q are alike
     for cycle in cycles:
         around = dict(zip(cycle, cycle[1:] + cycle[:1], strict=True))
         lines = [
