@@ -11,7 +11,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
@@ -65,16 +65,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with _keyboard() as interrupted:
             status = _run(words)
-            sys.stdout.flush()
+            if sys.stdout is not None:  # closed by the caller, who wants no words
+                sys.stdout.flush()
     except IbridError as error:
         complain(str(error))
         return WRONG_INPUT
     except KeyboardInterrupt:
         return _stopped()
     except BrokenPipeError:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
-        )  # the reader left; the last flush must not complain
+        _drop_output()  # the reader left; the last flush must not complain
         return ANYTHING_ELSE
     except Exception as error:
         return _stopped() if interrupted else _unforeseen(error)
@@ -111,9 +110,12 @@ def _run(words: list[str]) -> int:
     if words and not words[0].startswith("-") and words[0] not in names:
         raise IbridError(f"there is no command {words[0][:80]!r}; {near(words[0][:80], names)}")
     try:
-        arguments = whole.parse_args(words)
+        arguments, unknown = whole.parse_known_args(words)
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
+    if unknown:
+        command = f"ibrid {words[0]}" if words[0] in names else "ibrid"
+        raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
     return arguments.run(arguments)
@@ -126,9 +128,15 @@ def _unforeseen(error: Exception) -> int:
     complain(f"{type(error).__name__}: {what}; run again with IBRID_DEBUG=1 for the traceback")
     try:
         sys.stdout.flush()
-    except OSError:  # standard output is full: what is buffered is lost, and Python must not try again at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError, AttributeError):  # full or closed: what is buffered is lost, also at exit
+        _drop_output()
     return ANYTHING_ELSE
+
+
+def _drop_output() -> None:
+    """Send what is still buffered for standard output nowhere; one that is closed already stays so."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

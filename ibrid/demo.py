@@ -51,7 +51,7 @@ def _benchmark() -> None:
         f"\nFitted to {sweep.names[0]} alone, {sweep.names[1]} is predicted with NRMSE {held.holdout[sweep.names[1]]:.1e}."
     )
     print("\nThe record of the true structure:\n")
-    print(format_record(best, sweep))
+    print(format_record(best))
 
 
 def _hardware() -> None:

@@ -22,6 +22,8 @@ def require_place(path: str | Path) -> None:
             raise IbridError(f"{path}: {folder} is not a folder; choose another place")
         if not os.access(folder, os.W_OK | os.X_OK):
             raise IbridError(f"{path}: the folder {folder} is not writable; choose another place")
+        with tempfile.TemporaryFile(dir=folder):  # some folders, such as /proc, refuse only then
+            pass
     except (OSError, ValueError) as error:
         raise _refused(path, error) from None
 

@@ -321,6 +321,15 @@ WRONG = [
     (["evaluate", "gfl", "paper_like", "--holdout-op", "p=1"], "did you mean p=1"),
     (["evaluate", "gfl", "paper_like", "--json", "FOLDER/none/x.json"], "there is no folder"),
     (["evaluate", "gfl", "paper_like", "--report", "FOLDER"], "is a folder"),
+    (["evaluate", "gfl", "paper_like", "--nonsense"], "see ibrid evaluate --help"),
+    (["evaluate", "gfl", "paper_like", "--json", "FOLDER/x", "--report", "FOLDER/../folder/x"], "must be two files"),
+    (["evaluate", "IMPORTS", "paper_like", "--json", "IMPORTS"], "would overwrite PROGRAM"),
+    (["evaluate", "gfl", "NAN", "--report", "NAN"], "would overwrite DATA"),
+    (["compare", "gfl", "IMPORTS", "--json", "IMPORTS"], "would overwrite the second"),
+    (["inspect", "NAN", "--json", "NAN"], "would overwrite DATA"),
+    (["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "RECORD"], "would overwrite RECORD"),
+    (["report", "RECORD", "--out", "RECORD"], "would overwrite RECORD"),
+    (["report", "RECORD", "--data", "NAN", "--out", "NAN"], "would overwrite --data"),
     (["export", "RECORD", "--format", "mat", "--out", "FOLDER/m"], "choose one"),
     (["export", "RECORD", "--op", "p=1,q=0.4x", "--format", "mat", "--out", "FOLDER/m"], "not a number"),
     (["export", "RECORD", "--op", "p=9,q=0", "--format", "mat", "--out", "FOLDER/m"], "no real operating point"),
@@ -372,6 +381,40 @@ def test_one_measured_frequency_or_point_is_no_obstacle_to_looking(tmp_path: Pat
     assert cli.main(["inspect", str(path)]) == 0
 
 
+def test_an_input_is_never_overwritten_through_a_link(record_file: Path, tmp_path: Path):
+    link, before = tmp_path / "link.html", record_file.read_bytes()
+    link.symlink_to(record_file)
+    assert cli.main(["report", str(record_file), "--out", str(link)]) == 2
+    assert record_file.read_bytes() == before
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="this system has no /proc")
+def test_a_folder_that_refuses_files_is_found_before_the_fit(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["evaluate", "none.py", "paper_like", "--report", "/proc/x.html"]) == 2
+    assert "/proc/x.html" in assert_one_sentence(capsys)
+
+
+@pytest.mark.parametrize("value", ["small", None, float("nan"), float("inf"), 10**400], ids=str)
+def test_a_record_with_a_damaged_value_is_neither_shown_nor_exported(
+    value: object, record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    damaged, path = json.loads(record_file.read_text()), tmp_path / "damaged.json"
+    damaged["parameters"]["p=1,q=0.3"]["plant.L_F"] = value
+    path.write_text(json.dumps(damaged), encoding="utf-8")
+    export = ["export", str(path), "--op", "p=1,q=0.3", "--format", "mat", "--out", str(tmp_path / "m")]
+    for words in (["report", str(path)], export):
+        capsys.readouterr()
+        assert cli.main(words) == 2
+        told = assert_one_sentence(capsys)
+        assert f"{path}: the record has parameters at p=1,q=0.3 that are not numbers, found plant.L_F" in told
+
+
+def test_a_list_of_choices_is_told_once(capsys: pytest.CaptureFixture[str]):
+    for option, known in (("--objective", "relative"), ("--seeds", "vector-fitting"), ("--parameters", "per-op")):
+        assert cli.main(["evaluate", "gfl", "paper_like", option, "zzz"]) == 2
+        assert assert_one_sentence(capsys).count(known) == 1
+
+
 # --- what is not the user's fault, and how a process ends
 
 
@@ -405,6 +448,15 @@ def test_a_reader_that_leaves_early_is_no_error():
     done = process("modules", stdout=writer)
     os.close(writer)
     assert done.stderr == ""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell that closes standard output")
+@pytest.mark.parametrize("words", ["modules", "--help", "compare gfl gfl --json", "modules PIx"])
+def test_a_closed_output_leaves_at_most_one_sentence(words: str):
+    command = f'"{sys.executable}" -m ibrid {words} >&-'
+    done = subprocess.run(["sh", "-c", command], text=True, stderr=subprocess.PIPE)
+    assert "Traceback" not in done.stderr
+    assert done.returncode == (2 if words == "modules PIx" else 0)
 
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")

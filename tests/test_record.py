@@ -12,6 +12,7 @@ from fitted import benchmark, evaluated, measured
 
 import ibrid
 from ibrid.errors import IbridError, OperatingPointError
+from ibrid.evaluation.rebuilding import malformed
 from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.settings import FitSettings
 from ibrid.modules.vocabulary import VOCABULARY
@@ -158,13 +159,31 @@ def broken(**changes) -> dict:
         ({"settings__operating_points__p=1,q=0.3__v": "1"}, "lacks p, q and v"),
         ({"parameters": {}}, "lacks parameters"),
         ({"parameters__p=1,q=0.3": [1, 2]}, "that are not numbers"),
-        ({"parameters__p=1,q=0.3__plant.L_F": float("nan")}, "that are not numbers"),
+        ({"parameters__p=1,q=0.3__plant.L_F": float("nan")}, "that are not numbers, found plant.L_F = nan"),
+        ({"parameters__p=1,q=0.3__plant.L_F": "0.1"}, "that are not numbers, found plant.L_F = '0.1'"),
     ],
 )
 def test_what_is_not_a_record_is_refused_in_one_sentence(changes, words):
     with pytest.raises(IbridError, match=words) as raised:
         Record.from_json(broken(**changes))
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"reasons": [3]}, "has reasons that are not text, found 3"),
+        ({"warnings": [None]}, "has warnings that are not text, found null"),
+        ({"at_bound": [{}]}, "has at_bound that are not text, found {}"),
+        ({"identifiability": [["a"]]}, "has identifiability that are not text"),
+        ({"seconds": float("nan")}, "has seconds that are not a number, found nan"),
+        ({"twins": [{"plant.L_F": "x"}]}, "has twins that are not numbers, found plant.L_F = 'x' (twin 1)"),
+        ({"twins": [3]}, "has twins that are not numbers, found 3 (twin 1)"),
+    ],
+)
+def test_a_damaged_part_is_named(changes, words):
+    assert malformed(vars(evaluated("gfl_delay", restarts=0))) is None
+    assert words in str(malformed(vars(Record.from_json(broken(**changes)))))
 
 
 @pytest.mark.parametrize("data", [None, 3, "record", [], [{"schema": "ibrid.record/1"}], {}])

@@ -191,10 +191,10 @@ def test_noise_that_is_known_gives_error_bars(sweep):
 def test_an_error_that_is_noise_is_called_noise(sweep):
     noisy = add_noise(sweep, 40.0, rng=np.random.default_rng(0))
     right = evaluate(textbook("gfl_pll_filter_exact"), noisy, restarts=0)
-    assert "explains the measurement down to its noise" in verdict(right, noisy)
-    assert "down to its noise" in format_record(right, noisy)
+    assert "explains the measurement down to its noise" in verdict(right)
+    assert "down to its noise" in format_record(right)
     wrong = evaluate(textbook("naive"), noisy, restarts=0)
-    assert "noise alone would give 0.0100" in verdict(wrong, noisy)  # 40 dB
+    assert "noise alone would give 0.0100" in verdict(wrong)  # 40 dB
 
 
 def test_hostile_names_are_shown_and_never_become_markup(record):

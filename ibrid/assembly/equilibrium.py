@@ -71,7 +71,7 @@ def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[
     for name, kind in wiring.kinds.items():
         own = parameters[name]
         frame = (ca.cos(own["delta_eq"]), ca.sin(own["delta_eq"])) if kind.uses_frame else (1.0, 0.0)
-        ports = {port: (own.get(word, 1.0), 0.0) for port, word in kind.equilibrium.items()}
+        ports = {port: (1.0 if word == "V0" else own[word], 0.0) for port, word in kind.equilibrium.items()}
         found[name] = (frame, ports)
     return found
 

@@ -18,11 +18,6 @@ def add(first: Pair, second: Pair) -> Pair:
     return first[0] + second[0], first[1] + second[1]
 
 
-def rotate_quarter(z: Pair) -> Pair:
-    """J z."""
-    return -z[1], z[0]
-
-
 def series_drop(resistance: Any, reactance: Any, i: Pair) -> Pair:
     """(R + L J) i."""
     return resistance * i[0] - reactance * i[1], resistance * i[1] + reactance * i[0]

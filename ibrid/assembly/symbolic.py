@@ -39,6 +39,14 @@ class SymbolicModel:
     entries: ca.Function
     values_only: ca.Function
 
+    def delays(self, theta: np.ndarray) -> np.ndarray:
+        """Delay of each row in s, -1 for a state: theta (S, P) -> (S, size)."""
+        delays = np.full((len(theta), self.size), -1.0)
+        free, fixed = self.delay_parameter >= 0, self.delay_parameter == -2
+        delays[:, free] = theta[:, self.delay_parameter[free]]
+        delays[:, fixed] = self.delay_fixed[fixed]
+        return delays
+
 
 def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0: float) -> SymbolicModel:
     """Build the matrices of a legal diagram as CasADi functions of its free parameters, with exact delays.

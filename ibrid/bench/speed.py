@@ -37,7 +37,9 @@ def evaluation_seconds(diagram: Diagram, sweep: Sweep, seeds: int) -> tuple[floa
     """Median seconds of a whole evaluation over seeds, and the worst NRMSE."""
     evaluate(diagram, sweep)  # compiled code is loaded
     records = [evaluate(diagram, sweep, seed=seed) for seed in range(seeds)]
-    return statistics.median(record.seconds for record in records), max(record.nrmse or np.inf for record in records)
+    return statistics.median(record.seconds for record in records), max(
+        np.inf if record.nrmse is None else record.nrmse for record in records
+    )
 
 
 def reference_seconds(

@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.bench.devices import Device
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.diagram import Diagram
@@ -56,9 +57,13 @@ def _run(
     errors, best, seconds = [], [], []
     for diagram, sweep in cases:
         records = [evaluate(diagram, sweep, seed=seed, settings=settings) for seed in range(seeds)]
-        found = [np.inf if record.nrmse is None else record.nrmse for record in records]
-        known = [evaluate(diagram, sweep, seed=1000, settings=THOROUGH).nrmse or np.inf] if thorough else []
+        found = [_error(record) for record in records]
+        known = [_error(evaluate(diagram, sweep, seed=1000, settings=THOROUGH))] if thorough else []
         errors.append(found)
         best.append(min(found + known))
         seconds += [record.seconds for record in records]
     return Success(np.array(errors), np.maximum(np.array(best), 1e-15), tuple(seconds))
+
+
+def _error(record: Record) -> float:
+    return np.inf if record.nrmse is None else record.nrmse

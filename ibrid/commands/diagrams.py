@@ -4,7 +4,7 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
+from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
 
 if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
@@ -58,6 +58,7 @@ def run_compare(arguments: Namespace) -> int:
     from ibrid.structure.compare import compare, format_comparison
 
     require_json_place(arguments.json)
+    require_distinct({"--json": arguments.json}, {"the first PROGRAM": arguments.first, "the second": arguments.second})
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):
         if _complain_of_violations(diagram, source, arguments.vocabulary, "paper"):  # the equilibrium plays no part

@@ -4,7 +4,7 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
+from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
 from ibrid.writing import require_place
 
 if TYPE_CHECKING:
@@ -19,8 +19,13 @@ def declare(commands: Any) -> None:
     parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
     parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
     parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
-    parser.add_argument("--objective", default="nrmse", help="nrmse (default) | relative | band | sigma")
-    parser.add_argument("--restarts", type=inputs.natural, metavar="N", help="further waves of starts at most")
+    parser.add_argument(
+        "--objective",
+        default="nrmse",
+        help="nrmse (default): error over the size of the whole sweep, the paper's | relative: error at each frequency "
+        "over its own size | band: each frequency band counts alike | sigma: error over the measured noise",
+    )
+    parser.add_argument("--restarts", type=inputs.natural, metavar="N", help="further waves of starts at most (5)")
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
@@ -37,6 +42,10 @@ def run(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     if arguments.report is not None:
         require_place(arguments.report)
+    require_distinct(
+        {"--json": arguments.json, "--report": arguments.report},
+        {"PROGRAM": arguments.program, "DATA": inputs.sweep_file(arguments.data)},
+    )
     diagram, sweep = inputs.program(arguments.program), inputs.data(arguments.data)
 
     from dataclasses import replace
@@ -69,7 +78,7 @@ def run(arguments: Namespace) -> int:
     if not printed:
         from ibrid.report.text import format_record
 
-        print(format_record(record, sweep).rstrip("\n"))
+        print(format_record(record).rstrip("\n"))
     return 0
 
 

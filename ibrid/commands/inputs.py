@@ -30,13 +30,15 @@ def data(text: str) -> "Sweep":
     """The sweep in a file, else the shipped or hardware sweep of that name."""
     from ibrid.measurement.read import read_sweep
 
-    if _exists(text):
-        return read_sweep(text)
-    known = _known_sweeps()
-    if text in known:
-        return read_sweep(known[text])
-    _require_file(text, known, "a sweep file or a shipped sweep", SweepError)
-    return read_sweep(text)
+    file = sweep_file(text)
+    if file is None:
+        _require_file(text, _known_sweeps(), "a sweep file or a shipped sweep", SweepError)
+    return read_sweep(text if file is None else file)
+
+
+def sweep_file(text: str) -> str | Path | None:
+    """Where the sweep of `data` lies; None when there is none."""
+    return text if _exists(text) else _known_sweeps().get(text)
 
 
 def positive(text: str) -> float:

@@ -1,11 +1,14 @@
 """Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
 
 import json
+import os
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
+from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
 TERMINAL = "-"
@@ -24,13 +27,43 @@ def require_json_place(where: str | None) -> None:
         require_place(where)
 
 
+def require_distinct(outputs: Mapping[str, str | Path | None], inputs: Mapping[str, str | Path | None]) -> None:
+    """Raise IbridError before any work when an output is the file of an input or of another output.
+
+    outputs, inputs : what the user calls it, such as "--json" or "DATA" -> path. None, the terminal, devices and names
+    of shipped things, which are no files, pass.
+    """
+    written = {
+        name: path for name, path in outputs.items() if path is not None and not (name == "--json" and path == TERMINAL)
+    }
+    read = {name: path for name, path in inputs.items() if path is not None and os.path.isfile(path)}
+    for name, path in written.items():
+        for other, taken in read.items():
+            if _same_file(path, taken):
+                raise IbridError(f"{name} {path}: would overwrite {other}, the same file; choose another place")
+    names = list(written)
+    for k, name in enumerate(names):
+        for other in names[:k]:
+            if _same_file(written[name], written[other]):
+                raise IbridError(f"{other} and {name} must be two files, found {written[name]} for both; rename one")
+
+
+def _same_file(one: str | Path, other: str | Path) -> bool:
+    try:
+        if os.path.exists(one) and os.path.exists(other):
+            return os.path.samefile(one, other) and os.path.isfile(one)
+        return os.path.realpath(one) == os.path.realpath(other)
+    except (OSError, ValueError):  # a name that no file can have: refused where it is opened
+        return False
+
+
 def give_json(content: Any, where: str | None) -> bool:
     """Write or print JSON as asked; True when it was printed, so that the table is left out."""
     if where is None:
         return False
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if where == TERMINAL:
-        sys.stdout.write(text)
+        print(text, end="")
         return True
     write_whole(where, text)
     return False
@@ -38,7 +71,8 @@ def give_json(content: Any, where: str | None) -> bool:
 
 def complain(sentence: str) -> None:
     """One line on the error stream."""
-    print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)
+    if sys.stderr is not None:  # closed by the caller
+        print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)
 
 
 def table(rows: Iterable[Iterable[str]], indent: str = "") -> str:

@@ -2,12 +2,15 @@
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
+from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
+
+if TYPE_CHECKING:
+    from ibrid.evaluation.record import Record
 
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
@@ -30,23 +33,26 @@ def declare(commands: Any) -> None:
 
 def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
-    from ibrid.evaluation.record import read_record
+    require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
+
     from ibrid.export.formats import export
 
-    model = export(read_record(arguments.record), arguments.out, arguments.format, arguments.op)
+    model = export(_record(Path(arguments.record)), arguments.out, arguments.format, arguments.op)
     print(f"{arguments.out}: {len(model.states)} states at {model.op}")
     return 0
 
 
 def run_report(arguments: Namespace) -> int:
     """Write the page and say where it is; whether its data are those of the record is a remark."""
-    from ibrid.evaluation.record import read_record
-
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
     out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
     require_place(out)
-    record = read_record(source)
+    data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
+    require_distinct({"--out": out}, {"RECORD": source, "--data": data_file})
+    record = _record(source)
+    measured = record.settings.get("data")
+    require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
     from ibrid.report.measured_data import measured_data
@@ -58,6 +64,17 @@ def run_report(arguments: Namespace) -> int:
     if remark:
         complain(f"{source}: {remark} (--data DATA names it)")
     return 0
+
+
+def _record(path: Path) -> "Record":
+    """The record in a file, with every part of the form that pages and exports rely on."""
+    from ibrid.evaluation.rebuilding import malformed
+    from ibrid.evaluation.record import read_record
+
+    record = read_record(path)
+    if (found := malformed(vars(record))) is not None:
+        raise IbridError(f"{path}: the record {found}; make it again with ibrid evaluate --json")
+    return record
 
 
 def _record_file(path: Path) -> Path:

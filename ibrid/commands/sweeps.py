@@ -5,7 +5,7 @@ from argparse import Namespace
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, give_json, require_json_place
+from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
@@ -67,6 +67,7 @@ def run_inspect(arguments: Namespace) -> int:
     from ibrid.measurement.inspection_table import format_inspection
 
     require_json_place(arguments.json)
+    require_distinct({"--json": arguments.json}, {"DATA": inputs.sweep_file(arguments.data)})
     inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
     if not give_json(inspection.to_json(), arguments.json):
         print(format_inspection(inspection), end="")

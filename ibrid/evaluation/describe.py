@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
+from ibrid.errors import DiagramError
 from ibrid.evaluation.errors_by_part import error_parts, nrmse
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.plan import Plan
@@ -16,7 +17,10 @@ from ibrid.evaluation.reward import reward
 from ibrid.fit.identifiability import Visibility, visibility
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
+from ibrid.measurement.conventions import check_conventions
+from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.sweep import PointSweep
+from ibrid.modules.delay import pade_limit
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import Wiring, wire
@@ -25,6 +29,8 @@ from ibrid.structure.wiring import Wiring, wire
 AT_BOUND = 1e-6
 #: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
+#: NRMSE from which on the conventions of the data are questioned too.
+SUSPICIOUS_ERROR = 0.1
 
 
 @dataclass(frozen=True)
@@ -65,15 +71,17 @@ class _Description:
             for index, name in enumerate(one.names)
         }
         for point in plan.held_out:
-            self.values[point.op.name] = next(iter(self.values.values()))
+            self.values[point.op.name] = dict(next(iter(self.values.values())))
 
     def record(self, base: Record) -> Record:
         plan = self.plan
         responses = [response for one in self.fitted for response in one.problem.responses(one.solution.x)]
         parts = error_parts(responses, plan.fitted.points)
         mean = float(np.mean(list(parts.by_op.values())))
-        orders = pade_orders(self.wiring, self.table, list(self.values.values()), base.settings["frequency_hz"][1])
-        poles = {point.op.name: self._poles(point, orders) for point in plan.sweep.points}
+        try:
+            orders, poles = self._realisation(base.settings["frequency_hz"][1])
+        except DiagramError as error:  # the fit stands, but its matrices do not
+            return replace(base, outcome=Outcome.FAILED, reasons=(str(error),))
         base = replace(
             base,
             sums=sum(len(sources) > 1 for sources in self.wiring.sources.values()),
@@ -84,6 +92,7 @@ class _Description:
                 for one in self.table.free
             },
             settings={**base.settings, "pade_orders": orders},
+            warnings=base.warnings + self._pade_warnings(orders, base.settings["frequency_hz"][1]),
         )
         lost = [name for name, found in poles.items() if found.size and not np.isfinite(found).all()]
         if lost:
@@ -110,6 +119,7 @@ class _Description:
             twins=tuple(
                 self._ordered(one.problem.values_at(twin, 0)) for one in self.fitted for twin in one.solution.twins
             ),
+            warnings=base.warnings + self._solver_warnings() + self._data_warnings(mean),
             starts=self._starts(),
             covariance=self._covariance(),
             noise_floor=_noise_floor(plan.fitted.points),
@@ -117,6 +127,30 @@ class _Description:
 
     def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
         return {name: values[name] for name in self.table.names}
+
+    def _realisation(self, highest: float) -> tuple[dict[str, int], dict[str, np.ndarray]]:
+        """Orders of the Pade forms, and the poles at every operating point.
+
+        The direct term of a Pade form is 1 or -1 by its order; where that closes a loop of gain 1, the next order does not.
+        """
+        orders = pade_orders(self.wiring, self.table, list(self.values.values()), highest)
+        try:
+            return orders, {point.op.name: self._poles(point, orders) for point in self.plan.sweep.points}
+        except DiagramError:
+            orders = {name: order + 1 for name, order in orders.items()}
+            return orders, {point.op.name: self._poles(point, orders) for point in self.plan.sweep.points}
+
+    def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
+        found = []
+        for name, order in orders.items():
+            bound = self.table.of(name, str(self.wiring.kinds[name].delay))
+            delay = max(values[bound] if isinstance(bound, str) else bound for values in self.values.values())
+            if (limit := pade_limit(delay, order)) < highest:
+                found.append(
+                    f"{name}: its Pade form of order {order} is within 1 degree of the delay up to {limit:.0f} Hz only; "
+                    "matrices, poles and exports hold to there, frequency responses are exact"
+                )
+        return tuple(found)
 
     def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
         """Poles with Pade forms of the delays; not a number where there is no operating point."""
@@ -159,7 +193,7 @@ class _Description:
                 }
                 intervals[name] = {parameter: found[parameter] for parameter in self.table.names}
         for point in self.plan.held_out:
-            intervals[point.op.name] = next(iter(intervals.values()))
+            intervals[point.op.name] = dict(next(iter(intervals.values())))
         return intervals
 
     def _at_bound(self) -> tuple[str, ...]:
@@ -180,10 +214,26 @@ class _Description:
             sentences.append(where + _support_sentence(one.solution, answer))
         return tuple(sentences)
 
+    def _solver_warnings(self) -> tuple[str, ...]:
+        """Where Ipopt ended without saying that it had converged."""
+        return tuple(
+            f"Ipopt ended with {one.solution.ipopt_status} at {', '.join(one.names)}: the optimum may be slightly better"
+            for one in self.fitted
+            if not one.solution.ipopt_status.startswith(("Solve", "Search_Direction", "nothing"))
+        )
+
+    def _data_warnings(self, error: float) -> tuple[str, ...]:
+        """What a first look at the data says, when the fit is so bad that the data may be to blame."""
+        if error < SUSPICIOUS_ERROR:
+            return ()
+        sweep = self.plan.sweep
+        found = (*check_conventions(sweep).warnings, *implausible_numbers(sweep))
+        return tuple(f"of the data: {sentence}" for sentence in found)
+
     def _starts(self) -> dict[str, Any]:
         solutions = [one.solution for one in self.fitted]
         return {
-            "finished": sum(len(one.finished) for one in solutions),
+            "independent": sum(one.independent for one in solutions),
             "agreeing": sum(one.agreeing for one in solutions),
             "waves": sum(one.waves for one in solutions),
             "evaluations": sum(one.evaluations for one in solutions),
@@ -229,6 +279,6 @@ def _twin_sentence(one: Fitted, twin: np.ndarray) -> str:
 def _support_sentence(solution: Solution, answer: Visibility) -> str:
     waves = "1 wave" if solution.waves == 1 else f"{solution.waves} waves"
     return (
-        f"{solution.agreeing} of {len(solution.finished)} finished starts agree with the best, in {waves}; "
-        f"intervals assume {answer.noise}"
+        f"{solution.agreeing} of {solution.independent} independent starts that were carried to their end, in {waves}, "
+        f"agree with the best answer; intervals assume {answer.noise}"
     )

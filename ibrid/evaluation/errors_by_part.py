@@ -30,9 +30,9 @@ def nrmse(model: np.ndarray, point: PointSweep) -> float:
 
 def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> ErrorParts:
     """Resolve the error of responses (K, 2, 2), one per measured operating point."""
-    by_band: dict[str, list[float]] = {name: [] for name in BAND_NAMES}
-    by_entry: dict[str, list[float]] = {name: [] for name in ENTRIES}
-    shares: dict[str, list[float]] = {name: [] for name in BAND_NAMES}
+    by_band: dict[str, list[float | None]] = {name: [] for name in BAND_NAMES}
+    by_entry: dict[str, list[float | None]] = {name: [] for name in ENTRIES}
+    shares: dict[str, list[float | None]] = {name: [] for name in BAND_NAMES}
     table: dict[str, dict[str, dict[str, float | None]]] = {}
     for response, point in zip(responses, points, strict=True):
         squared = np.abs(response - point.admittance) ** 2
@@ -60,12 +60,11 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
     )
 
 
-def _ratio(squared: float, norm: float) -> float:
-    """Relative error of a part; of a part that is measured as zero, the error is 0 or 1."""
-    if norm > 0:
-        return float(np.sqrt(squared / norm))
-    return 0.0 if squared == 0 else 1.0
+def _ratio(squared: float, norm: float) -> float | None:
+    """Relative error of a part; None where it is measured as zero."""
+    return float(np.sqrt(squared / norm)) if norm > 0 else None
 
 
-def _mean(values: list[float]) -> float | None:
-    return float(np.mean(values)) if values else None
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None

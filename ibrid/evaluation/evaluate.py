@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.errors import DiagramError
+from ibrid.errors import DiagramError, IbridError
 from ibrid.evaluation.describe import Fitted, describe
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.plan import Plan, make_plan
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.reward import reward
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.fit import kernel
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
@@ -61,7 +62,13 @@ def evaluate(
     ------
     IbridError : an option that does not exist, or an operating point that the sweep lacks.
     """
+    kernel.load()
     started = time.perf_counter()
+    if not isinstance(diagram, Diagram) or not isinstance(sweep, Sweep):
+        raise IbridError(
+            f"evaluate takes a Diagram and a Sweep, found {type(diagram).__name__} and {type(sweep).__name__}; "
+            "make them with parse_program or textbook, and read_sweep"
+        )
     plan = make_plan(sweep, parameters, equilibrium, vocabulary, objective, restarts, seed, holdout_op, settings)
     base = Record(
         outcome=Outcome.INVALID,

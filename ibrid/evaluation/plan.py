@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ibrid.errors import IbridError, OperatingPointError, near
-from ibrid.fit.objective import OBJECTIVES
-from ibrid.fit.settings import FitSettings
+from ibrid.fit.objective import FINAL_OBJECTIVES
+from ibrid.fit.settings import FitSettings, require_one_of
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import NAMED_VOCABULARIES, Vocabulary, choose_vocabulary
+from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.parameters import EQUILIBRIA
 
 #: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
@@ -72,12 +72,9 @@ def make_plan(
     for value, allowed, what in (
         (parameters, PARAMETER_MODES, "parameters"),
         (equilibrium, EQUILIBRIA, "equilibrium"),
-        (wanted, OBJECTIVES[:-1], "objective"),
+        (wanted, FINAL_OBJECTIVES, "objective"),
     ):
-        if value not in allowed:
-            raise IbridError(
-                f"{what} must be one of {', '.join(allowed)}, found {value!r}; {near(str(value), allowed)}"
-            )
+        require_one_of(what, value, allowed)
     held = (holdout_op,) if isinstance(holdout_op, str) else tuple(holdout_op)
     for name in held:
         if name not in sweep.names:
@@ -107,6 +104,10 @@ def make_plan(
 
 
 def _vocabulary_name(kinds: Sequence[ModuleKind]) -> str:
-    known = {kind.name for kinds in NAMED_VOCABULARIES.values() for kind in kinds}
-    extra = [kind.name for kind in kinds if kind.name not in known]
-    return "extended" + "".join(f" + {name}" for name in extra)
+    """A shipped vocabulary by its name; otherwise what is added to and left out of the extended one."""
+    for name, shipped in NAMED_VOCABULARIES.items():
+        if tuple(kinds) == shipped:
+            return name
+    added = [kind.name for kind in kinds if kind not in VOCABULARY]
+    left_out = [kind.name for kind in VOCABULARY if kind.name not in {one.name for one in kinds}]
+    return "extended" + "".join(f" + {name}" for name in added) + "".join(f" - {name}" for name in left_out)

@@ -1,4 +1,4 @@
-"""What a record must hold so that its model can be rebuilt: settings and parameters of the right form."""
+"""What a record must hold so that its model can be rebuilt and shown: every part of the right form."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -9,6 +9,27 @@ from ibrid.structure.parameters import EQUILIBRIA
 
 #: Settings without which there is no model.
 NEEDED = ("equilibrium", "power_node", "f0_hz", "operating_points", "pade_orders")
+
+
+#: Fields that list sentences or names.
+WORDS = ("reasons", "warnings", "at_bound", "identifiability")
+
+
+def malformed(fields: Mapping[str, Any]) -> str | None:
+    """What in the fields of a record, of any outcome, has the wrong form; wording as in `complaint`."""
+    for name in WORDS:
+        for entry in fields[name]:
+            if not isinstance(entry, str):
+                return f"has {name} that are not text, found {_shown(entry)}"
+    if not _is_number(fields["seconds"]):
+        return f"has seconds that are not a number, found {_shown(fields['seconds'])}"
+    for op, values in fields["parameters"].items():
+        if found := _not_numbers(values):
+            return f"has parameters at {op} that are not numbers{found}"
+    for count, twin in enumerate(fields["twins"], 1):
+        if found := _not_numbers(twin):
+            return f"has twins that are not numbers{found} (twin {count})"
+    return None
 
 
 def complaint(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> str | None:
@@ -27,8 +48,8 @@ def complaint(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> str
         return "has pade_orders that are not whole numbers"
     points = settings["operating_points"]
     for op, values in parameters.items():
-        if not _are_numbers(values):
-            return f"has parameters at {op} that are not numbers"
+        if found := _not_numbers(values):
+            return f"has parameters at {op} that are not numbers{found}"
         point = points.get(op) if isinstance(points, Mapping) else None
         if not _are_numbers(point) or not {"p", "q", "v"} <= set(point or ()):
             return f"lacks p, q and v of the operating point {op}"
@@ -36,8 +57,25 @@ def complaint(settings: Mapping[str, Any], parameters: Mapping[str, Any]) -> str
 
 
 def _are_numbers(values: Any) -> bool:
-    return isinstance(values, Mapping) and all(_is_number(value) for value in values.values())
+    return not _not_numbers(values)
+
+
+def _not_numbers(values: Any) -> str:
+    """The first of the named values that is no finite number, as a clause; "" when all are."""
+    if not isinstance(values, Mapping):
+        return f", found {_shown(values)}"
+    for name, value in values.items():
+        if not _is_number(value):
+            return f", found {name} = {_shown(value)}"
+    return ""
+
+
+def _shown(value: Any) -> str:
+    return "null" if value is None else repr(value)[:40]
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False

@@ -121,7 +121,7 @@ class Record:
         """
         from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
 
-        matrices = self._matrices(op, exact_delays=False)
+        matrices = self._matrices(op)
         return closed_loop(self._wiring, matrices, name="inverter")
 
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
@@ -132,12 +132,10 @@ class Record:
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
         point = self.settings["operating_points"][op]
         values = np.array(model.values_only(theta, [point["p"], point["q"], point["v"]])).ravel()
-        delays = np.full(model.size, -1.0)
-        delays[model.delay_parameter == -2] = model.delay_fixed[model.delay_parameter == -2]
-        free = model.delay_parameter >= 0
-        delays[free] = theta[model.delay_parameter[free]]
-        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-        return respond(values, model.rows, model.columns, delays, omega, model.size)
+        omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
+        if omega.ndim != 1 or not np.isfinite(omega).all():
+            raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
+        return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
     @property
     def _wiring(self) -> Wiring:
@@ -166,15 +164,15 @@ class Record:
                 f"the record's parameters at {op} lack {', '.join(lacking)}; make it again with ibrid evaluate --json"
             )
 
-    def _matrices(self, op: str, exact_delays: bool) -> dict[str, Any]:
+    def _matrices(self, op: str) -> dict[str, Any]:
         self._require(op)
         wiring = self._wiring
         table = parameter_table(wiring, self.settings["equilibrium"])
         self._require_values(op, table.names)
         point = self.settings["operating_points"][op]
-        orders = None if exact_delays else self.settings["pade_orders"]
+        orders = self.settings["pade_orders"]
         for name, kind in wiring.kinds.items():
-            if orders is not None and kind.delay is not None and name not in orders:
+            if kind.delay is not None and name not in orders:
                 raise IbridError(f"the record's pade_orders lack {name}; make it again with ibrid evaluate --json")
         return module_matrices(
             wiring,

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -9,6 +10,8 @@ from contextlib import contextmanager
 LONGEST = 1e8
 #: The alarm comes back after so many seconds, where compiled code has swallowed the first.
 AGAIN = 0.1
+#: No alarm rings earlier (s): it must not ring before the block has begun. Shorter limits hold between the fit's steps.
+LEAST = 0.05
 
 
 @contextmanager
@@ -23,19 +26,23 @@ def time_limit(seconds: float) -> Iterator[None]:
         yield
         return
 
-    over = finished = False
+    over = armed = False
 
     def stop(*_: object) -> None:
         nonlocal over
         over = True
-        if not finished:
+        if armed:
             raise TimeoutError(f"stopped after {seconds:g} s")
 
+    began = time.monotonic()
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    outer, interval = signal.setitimer(signal.ITIMER_REAL, max(seconds, LEAST), AGAIN)
     try:
-        yield
-        finished = True
+        try:
+            armed = True
+            yield
+        finally:
+            armed = False
     except TimeoutError:
         raise
     except BaseException as error:  # compiled code wraps what is raised inside it
@@ -43,8 +50,10 @@ def time_limit(seconds: float) -> Iterator[None]:
             raise
         raise TimeoutError(f"stopped after {seconds:g} s") from error
     finally:
-        finished = True
+        armed = False  # once more: the alarm may have rung on the line above
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+        if outer > 0:  # an alarm of the caller goes on, or rings now
+            signal.setitimer(signal.ITIMER_REAL, max(outer - (time.monotonic() - began), 1e-6), interval)
     if over:
         raise TimeoutError(f"stopped after {seconds:g} s")

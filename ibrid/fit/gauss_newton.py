@@ -47,7 +47,10 @@ def begin(problem: Problem, x: np.ndarray, objective: str) -> Batch:
 
 
 def descend(problem: Problem, batch: Batch, objective: str, iterations: int, *, floor: float = 1e-14) -> Batch:
-    """Up to `iterations` steps of every start that is not done; done means a tiny step, a tiny gain or cost < floor."""
+    """Up to `iterations` steps of every start that is not done; done means a tiny step, a tiny gain or cost < floor.
+
+    Changes the batch that it is given and returns it.
+    """
     low, high = problem.coordinates.x_low, problem.coordinates.x_high
     stalled = np.zeros(len(batch.x), dtype=int)
     for _ in range(iterations):
@@ -96,7 +99,14 @@ def _steps(gradient, hessian, damping, x, low, high) -> np.ndarray:
     right = np.where(held, 0.0, -gradient)
     try:
         step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    except np.linalg.LinAlgError:
-        step = right / diagonal
+    except np.linalg.LinAlgError:  # one singular matrix; the others must not feel it
+        step = np.array([_solve_one(*one) for one in zip(matrix, right, diagonal, strict=True)])
     largest = np.abs(step).max(axis=1, initial=0.0)
     return step * np.minimum(1.0, LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
+
+
+def _solve_one(matrix: np.ndarray, right: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return right / diagonal

@@ -4,6 +4,8 @@ At each frequency K = Phi - M_xx is factorised once; R = K^-1 M_xv and L = M_yx 
 Y = M_yv + M_yx R and dY = [L I] dM [R; I], so a derivative costs one outer product.
 """
 
+from functools import cache
+
 import numpy as np
 from numba import njit
 
@@ -284,3 +286,22 @@ def normal_equations(
             for q in range(p):
                 hessian[s, q, p] = hessian[s, p, q]
     return cost, gradient, hessian
+
+
+@cache
+def load() -> None:
+    """Compile, or fetch from disk, once per process: about ten seconds the very first time, 0.2 s later.
+
+    A fit's time limit should not pay for it.
+    """
+    values, derivatives = -np.ones((1, 1)), np.ones((1, 1))
+    rows, none, omega = np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64), np.ones(1)
+    delays, weight = -np.ones((1, 1)), np.ones((1, 2, 2))
+    data = np.ones((1, 2, 2), dtype=complex)
+    data.flags.writeable = False  # as measured data are
+    for with_gradient in (False, True):
+        normal_equations(
+            values, derivatives, rows, rows, rows, rows, none, delays, omega, data, weight, False, 1, 1, with_gradient
+        )  # fmt: skip
+    respond(values[0], rows, rows, delays[0], omega, 1)
+    respond_with_derivatives(values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], omega, 1, 1)

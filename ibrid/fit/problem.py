@@ -92,11 +92,6 @@ class Problem:
         """Number of free numbers."""
         return len(self.numbers)
 
-    @property
-    def number_of_data(self) -> int:
-        """Number of measured real numbers."""
-        return sum(8 * len(one.frequency) for one in self.points)
-
     @cached_property
     def _residuals(self) -> dict[str, list[Residual]]:
         return {}
@@ -106,15 +101,6 @@ class Problem:
         if objective not in self._residuals:
             self._residuals[objective] = [residual(point, objective) for point in self.points]
         return self._residuals[objective]
-
-    def _delays(self, theta: np.ndarray) -> np.ndarray:
-        model = self.model
-        delays = np.full((len(theta), model.size), -1.0)
-        free = model.delay_parameter >= 0
-        delays[:, free] = theta[:, model.delay_parameter[free]]
-        fixed = model.delay_parameter == -2
-        delays[:, fixed] = model.delay_fixed[fixed]
-        return delays
 
     def costs(self, x: np.ndarray, objective: str) -> np.ndarray:
         """Squared error of each start at each operating point: x (S, P) -> (S, M)."""
@@ -140,7 +126,7 @@ class Problem:
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
             part = kernel.normal_equations(
                 outputs[0], slopes, model.rows, model.columns, model.derivative_entry, model.derivative_parameter,
-                model.delay_parameter, self._delays(theta), self.omega[m], self.data[m], weights.weight,
+                model.delay_parameter, model.delays(theta), self.omega[m], self.data[m], weights.weight,
                 weights.logarithmic, model.size, local if derivatives else 0, derivatives,
             )  # fmt: skip
             cost[:, m] = part[0]
@@ -159,7 +145,7 @@ class Problem:
         model = self.model
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[self.index[point]])[None]
         (values,) = self._values(theta, self._fields[point])
-        return kernel.respond(values[0], model.rows, model.columns, self._delays(theta)[0], omega, model.size)
+        return kernel.respond(values[0], model.rows, model.columns, model.delays(theta)[0], omega, model.size)
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """dY/dx at each operating point: x (P,) -> list of (K, 2, 2, P) complex."""
@@ -171,7 +157,7 @@ class Problem:
             values, derivatives = self._entries(theta, self._fields[m])
             _, slope = kernel.respond_with_derivatives(
                 values[0], derivatives[0], model.rows, model.columns, model.derivative_entry,
-                model.derivative_parameter, model.delay_parameter, self._delays(theta)[0], self.omega[m], model.size,
+                model.derivative_parameter, model.delay_parameter, model.delays(theta)[0], self.omega[m], model.size,
                 len(model.parameters),
             )  # fmt: skip
             whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)

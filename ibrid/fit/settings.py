@@ -1,10 +1,13 @@
 """How much effort a fit makes, and what it minimises."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from numbers import Integral
+from typing import Any
 
-from ibrid.errors import IbridError, near
-from ibrid.fit.objective import OBJECTIVES
+from ibrid.errors import IbridError
+from ibrid.fit.objective import FINAL_OBJECTIVES
 
 #: How starts are ranked: by the misfit of textbook values, or by their poles' distance from vector-fitted ones.
 SEEDS = ("textbook", "vector-fitting")
@@ -12,6 +15,15 @@ SEEDS = ("textbook", "vector-fitting")
 #: Least value of each count.
 _LEAST = {"restarts": 0, "starts": 1, "kept": 1, "kept_misfit": 1, "agreeing": 1, "hops": 0, "kicked": 1}
 _LEAST |= {"iterations": 0, "ipopt_iterations": 0}
+
+
+def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
+    """Raise IbridError, with the near ones, unless `value` is among the `known` words."""
+    if value in known:
+        return
+    close = get_close_matches(str(value), known, cutoff=0.5)
+    meant = f"; did you mean {' or '.join(close)}?" if close else ""
+    raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}{meant}")
 
 
 @dataclass(frozen=True)
@@ -44,9 +56,8 @@ class FitSettings:
     seeds: str = "textbook"
 
     def __post_init__(self) -> None:
-        for value, known, what in ((self.seeds, SEEDS, "seeds"), (self.objective, OBJECTIVES, "objective")):
-            if value not in known:
-                raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}; {near(value, known)}")
+        for value, known, what in ((self.seeds, SEEDS, "seeds"), (self.objective, FINAL_OBJECTIVES, "objective")):
+            require_one_of(what, value, known)
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:

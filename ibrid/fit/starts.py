@@ -63,14 +63,14 @@ class StartDrawer:
             if kind.name in ("JMul", "JMul_omega") and parameter == "L"
         ]
 
-    def draw(self, rng: np.random.Generator, number: int, decades: float) -> np.ndarray:
-        """`number` starts within +- `decades` of textbook values."""
+    def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
+        """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what the data say."""
         coordinates, numbers = self.problem.coordinates, self.problem.numbers
         theta = np.empty((number, len(numbers)))
         for index, one in enumerate(numbers):
             parameter, spread = one.parameter, rng.uniform(-1.0, 1.0, number)
             point = self.problem.points[one.point or 0].op
-            if (seed := self._seed[index]) is not None:
+            if seeded and (seed := self._seed[index]) is not None:
                 theta[:, index] = seed[0] * (1.0 + seed[1] * spread)
             elif parameter.name == "I0d":
                 theta[:, index] = abs(point.p) * (1 + 0.15 * spread)
@@ -80,11 +80,14 @@ class StartDrawer:
                 theta[:, index] = 0.15 * point.p + 0.1 * spread
             elif parameter.logarithmic:
                 theta[:, index] = parameter.typical * 10.0 ** (decades * spread)
-            elif coordinates.signed[index]:
+            elif coordinates.signed[index] and parameter.typical != 0:
                 sign = np.where(rng.uniform(size=number) < 0.75, 1.0, -1.0)
                 theta[:, index] = sign * parameter.typical * 10.0 ** (decades * spread)
-            else:
-                theta[:, index] = parameter.low + (parameter.high - parameter.low) * (spread + 1) / 2
+            else:  # uniform in the coordinate of the search
+                low, high = coordinates.x_low[index], coordinates.x_high[index]
+                x = np.tile(coordinates.x_low, (number, 1))
+                x[:, index] = low + (high - low) * (spread + 1) / 2
+                theta[:, index] = coordinates.to_theta(x)[:, index]
         if self._inductance is not None:
             for index, factor in self._coupling:
                 theta[:, index] = theta[:, self._inductance] * factor

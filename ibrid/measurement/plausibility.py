@@ -8,12 +8,24 @@ from ibrid.measurement.tail import inductive_tail
 SMALLEST, LARGEST = 0.1, 300.0
 """|Y| max(1, f / f0) in per unit, 1/x for an inductance: its largest value and its median lie above and below these for
 any inverter; in the published parameter sets they are at least 1 and at most 33."""
+#: Apparent power (per unit) that no inverter delivers.
+LARGEST_POWER = 2.0
 
 
 def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple[str, ...]:
     """Sentences about units that look wrong in every operating point, each with its reason; empty if none does."""
-    sentences = (_unit(sweep), _radians(sweep), _kilohertz(sweep), _beyond_sampling(sweep, sampling_hz))
+    sentences = (_power(sweep), _unit(sweep), _radians(sweep), _kilohertz(sweep), _beyond_sampling(sweep, sampling_hz))
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _power(sweep: Sweep) -> str | None:
+    beyond = [point.op.name for point in sweep.points if abs(complex(point.op.p, point.op.q)) > LARGEST_POWER]
+    if not beyond:
+        return None
+    return (
+        f"|p + jq| is above {LARGEST_POWER:g} per unit at {', '.join(beyond[:3])}: p and q are probably in W or kW, "
+        "or on another base; divide them by the rated power."
+    )
 
 
 def _unit(sweep: Sweep) -> str | None:

@@ -50,6 +50,15 @@ def pade_order(delay: float, highest_frequency: float) -> int:
     return HIGHEST_PADE_ORDER
 
 
+def pade_limit(delay: float, order: int) -> float:
+    """Frequency (Hz) up to which the phase of that Pade form is within 1 degree of exp(-j omega T)."""
+    a, b, c, d = _unit_delay(order)
+    angles = np.linspace(0.0, 4.0 * order, 400)[1:]
+    response = [c @ np.linalg.solve(1j * z * np.eye(order) - a, b) + d for z in angles]
+    wrong = np.abs(np.angle(response * np.exp(1j * angles))) > PHASE_TOLERANCE
+    return float((angles[np.argmax(wrong)] if wrong.any() else angles[-1]) / (2 * pi * delay))
+
+
 def pade_state_space(T_d, order: int) -> Matrices:
     """Pade form on both axes; `T_d` in seconds, a float or a symbol; states d first, then q."""
     a, b, c, through = _unit_delay(order)

@@ -75,7 +75,7 @@ def _header(record: Record, headline: str, measured: Sweep | None) -> str:
     against = f" against {escape(source)}" if source else ""
     return (
         f'<p class="eyebrow">Identified inverter model{against}</p><h1>{escape(headline)}</h1>'
-        f'<p class="verdict">{escape(verdict(record, measured))}</p><dl class="facts">{shown}</dl>'
+        f'<p class="verdict">{escape(verdict(record))}</p><dl class="facts">{shown}</dl>'
     )
 
 

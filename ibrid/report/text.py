@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
 from ibrid.report.modes import measured_up_to, modes
 from ibrid.report.numbers import error, hertz, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
@@ -16,12 +15,9 @@ ENTRIES = ("dd", "dq", "qd", "qq")
 _LONGEST = 34
 
 
-def format_record(record: Record, sweep: Sweep | None = None) -> str:
-    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings.
-
-    With the sweep, the verdict says how much of the error is noise.
-    """
-    parts = [list(_head(record, sweep))]
+def format_record(record: Record) -> str:
+    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
+    parts = [list(_head(record))]
     if record.reasons:
         parts.append(_list("why", record.reasons))
     if record.nrmse_by_part:
@@ -35,8 +31,8 @@ def format_record(record: Record, sweep: Sweep | None = None) -> str:
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
 
-def _head(record: Record, sweep: Sweep | None) -> Iterator[str]:
-    yield from _wrapped(f"{record.outcome}: {verdict(record, sweep)}", "")
+def _head(record: Record) -> Iterator[str]:
+    yield from _wrapped(f"{record.outcome}: {verdict(record)}", "")
     settings = record.settings
     if settings.get("data"):
         yield from _wrapped(f"data       {settings['data']}", " " * 11)

@@ -1,10 +1,7 @@
 """One sentence in plain words: how well the model describes the measurement, where the error lies, what is open."""
 
-import numpy as np
-
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
 from ibrid.report.modes import slowest, unstable_points
 from ibrid.report.numbers import error, percent
 
@@ -35,15 +32,15 @@ NO_FIT = {
 }
 
 
-def verdict(record: Record, sweep: Sweep | None = None) -> str:
+def verdict(record: Record) -> str:
     """The sentence, with the largest share of the error and the number of parameters that stay open.
 
-    A sweep with known noise tells an error that is noise from one that is not.
+    Data with known noise tell an error that is noise from one that is not.
     """
     if record.nrmse is None:
         return f"{NO_FIT.get(Outcome(record.outcome), 'Nothing was fitted')}; the reasons are below."
     words = next(text for limit, text in LEVELS if record.nrmse <= limit)
-    noise = noise_floor(record, sweep) if sweep is not None else None
+    noise = record.noise_floor
     if noise is not None and record.nrmse <= NOISE_MARGIN * noise:
         clauses = [
             f"The model explains the measurement down to its noise (NRMSE {error(record.nrmse)}, noise {error(noise)})"
@@ -60,17 +57,6 @@ def verdict(record: Record, sweep: Sweep | None = None) -> str:
         count = len(record.boxes) or len(next(iter(record.parameters.values())))
         clauses.append(f"the data leave {len(open_names)} of {count} parameters open")
     return "; ".join(clauses) + "."
-
-
-def noise_floor(record: Record, sweep: Sweep) -> float | None:
-    """NRMSE that the true model is expected to have, mean over the fitted points; None where sigma is not known."""
-    floors = []
-    for name in record.nrmse_by_op:
-        point = sweep.point(name) if name in sweep.names else None
-        if point is None or point.sigma is None:
-            return None
-        floors.append(np.sqrt(2 * (point.sigma**2).sum()) / np.linalg.norm(point.admittance))
-    return float(np.mean(floors)) if floors else None
 
 
 def largest_share(record: Record) -> str:

@@ -60,8 +60,8 @@ def _coupling_unit(instance: Instance, findings: Findings) -> None:
     value = instance.bindings.get("L")
     if instance.kind == "JMul" and isinstance(value, float) and abs(value) > LARGEST_COUPLING:
         message = (
-            f"{instance.name} (JMul) has L = {value:g} s, {377 * abs(value):.3g} per unit; "
-            "its L is in seconds, the per-unit value divided by omega_0 = 377 rad/s, unlike that of JMul_omega"
+            f"{instance.name} (JMul) has L = {value:g} s, {377 * abs(value):.3g} per unit at 60 Hz; "
+            "its L is in seconds, the per-unit value divided by omega_0 (377 rad/s at 60 Hz), unlike that of JMul_omega"
         )
         findings.add(instance.line, "coupling_unit", message)
 
@@ -99,7 +99,9 @@ def _report_units(
     (instance, parameter, unit), (other, of_other, expected) = member, owner
     message = f"{instance.name}.{parameter} [{unit}] shares the name {name} with {other.name}.{of_other} [{expected}]"
     if "JMul" in (instance.kind, other.kind) and {unit, expected} == {"s", "pu"}:
-        message += ", which is off by omega_0 = 377; use JMul_omega, whose L is per unit, or give L a name of its own"
+        message += (
+            ", which is off by omega_0 (377 at 60 Hz); use JMul_omega, whose L is per unit, or give L a name of its own"
+        )
         findings.add(instance.line, "coupling_unit", message)
     else:
         message += ", a number of another unit; give one of them a name of its own"

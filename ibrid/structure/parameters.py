@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
 from ibrid.structure.diagram import Binding
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.wiring import Wiring
 
 #: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely as in the paper.
 EQUILIBRIA = ("exact", "paper")
@@ -113,8 +113,3 @@ def _merge(name: str, members: Sequence[tuple[tuple[str, str], Range]]) -> Param
         members=tuple(key for key, _ in members),
         local=any(key[1] in PAPER_RANGES for key, _ in members),
     )
-
-
-def is_plant_parameter(parameter: Parameter, wiring: Wiring) -> bool:
-    """True when the parameter belongs to the filter rather than to the controller."""
-    return any(wiring.kinds[instance].family == PLANT for instance, _ in parameter.members)

@@ -1,0 +1,178 @@
+"""The search behind a fit: waves of independent starts, hops from the best answer, and its twins."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit.anchor import nearest
+from ibrid.fit.gauss_newton import Batch, begin, descend
+from ibrid.fit.problem import Problem
+from ibrid.fit.settings import FitSettings
+from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
+from ibrid.fit.twins import find_swaps, twins_of
+from ibrid.fit.vector_fitting import fitted_poles, pole_distances
+from ibrid.structure.wiring import Wiring
+
+#: Part of the hard limit after which nothing new begins.
+SOFT_LIMIT = 0.6
+#: Two answers whose errors differ by less than this part are twins.
+TWIN_TOLERANCE = 1e-6
+#: Twins whose gains differ by less than this (logarithm) are one minimum seen twice.
+SAME_MINIMUM = 0.3
+#: Below this error the fit is so good that agreement proves less: more ends must agree.
+NEARLY_EXACT = 1e-4
+#: Iterations that each kicked copy gets before the better ones are carried to the end.
+HOP_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A start carried to its end: x (P,) and its error, the mean over operating points of the root of the squared error.
+
+    `wave` : the wave of independent starts it came from; None for what was derived from another end.
+    """
+
+    x: np.ndarray
+    error: float
+    wave: int | None
+
+
+class Search:
+    """Starts under way and at their ends; every method that takes long begins nothing after the soft limit."""
+
+    def __init__(
+        self, problem: Problem, wiring: Wiring, rng: np.random.Generator, settings: FitSettings, omega_0: float
+    ) -> None:
+        self.problem, self.rng, self.settings = problem, rng, settings
+        self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
+        self.drawer = StartDrawer(problem, wiring, omega_0)
+        self.swaps = find_swaps(problem, wiring)
+        self.measured_poles = fitted_poles(problem) if settings.seeds == "vector-fitting" else None
+        self.finished: list[Finished] = []
+
+    @property
+    def late(self) -> bool:
+        """True after the soft limit."""
+        return time.monotonic() > self.deadline
+
+    @property
+    def best(self) -> Finished:
+        """The end of least error."""
+        return min(self.finished, key=lambda one: one.error)
+
+    @property
+    def solved(self) -> bool:
+        """True when the best end is exact."""
+        return bool(self.finished) and self.best.error < self.settings.solved
+
+    @property
+    def independent(self) -> list[Finished]:
+        """Ends of independent starts."""
+        return [one for one in self.finished if one.wave is not None]
+
+    @property
+    def agreeing(self) -> list[Finished]:
+        """Ends of independent starts that agree with the best of all; among exact fits, all that are exact."""
+        bound = max(self.best.error * (1 + self.settings.agreement), self.settings.solved)
+        return [one for one in self.independent if one.error <= bound]
+
+    @property
+    def settled(self) -> bool:
+        """True when the fit is exact, or enough ends of at least two waves agree."""
+        if not self.finished:
+            return False
+        enough = self.settings.agreeing + (2 if self.best.error < NEARLY_EXACT else 0)
+        return self.solved or (len(self.agreeing) >= enough and len({one.wave for one in self.agreeing}) >= 2)
+
+    def wave(self, number: int) -> None:
+        """Screen new starts, descend with halving, finish the survivors and the twins of the best of them."""
+        settings, problem = self.settings, self.problem
+        decades = TEXTBOOK_DECADES[number % len(TEXTBOOK_DECADES)]
+        seeded = number % len(TEXTBOOK_DECADES) == 0 or not self.finished
+        x = self.drawer.draw(self.rng, settings.starts, decades, seeded=seeded)
+        costs = problem.costs(x, "log").sum(axis=1)
+        if self.measured_poles is not None:
+            costs = np.where(np.isfinite(costs), pole_distances(problem, x, self.measured_poles), np.inf)
+        usable = np.flatnonzero(np.isfinite(costs))
+        if not usable.size:
+            return
+        order = usable[np.argsort(costs[usable], kind="stable")]
+        batch = self._descend(begin(problem, x[order[: max(settings.kept, settings.kept_misfit)]], "log"))
+        self.finish(batch.x, number)
+
+    def _descend(self, batch: Batch) -> Batch:
+        settings, problem = self.settings, self.problem
+        wide = batch
+        batch = batch.best(settings.kept)
+        for iterations, kept in settings.halving:
+            batch = descend(problem, batch, "log", iterations)
+            if np.sqrt(batch.cost.min()) < settings.misfit:
+                batch = batch.best(kept)
+        if np.sqrt(batch.cost.min()) >= settings.misfit and len(wide.x) > settings.kept:
+            more = descend(problem, wide, "log", sum(one for one, _ in settings.halving))
+            batch = more.best(settings.kept_misfit)
+        return descend(problem, batch, "log", settings.iterations)
+
+    def hop(self) -> None:
+        """Kick some coordinates of the best answer and descend again, until a few rounds in a row gain nothing."""
+        settings, problem, idle = self.settings, self.problem, 0
+        while idle < settings.hops and not self.solved and not self.late:
+            before = self.best.error
+            x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
+            batch = descend(problem, begin(problem, x, settings.objective), settings.objective, HOP_ITERATIONS)
+            self._keep(descend(problem, batch.best(settings.kept), settings.objective, settings.iterations), None)
+            idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
+
+    def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
+        """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a cascade redistributed."""
+        number, size = self.settings.kicked, self.problem.size
+        low, high = self.problem.coordinates.x_low, self.problem.coordinates.x_high
+        chosen = self.rng.uniform(size=(number, size)) < np.linspace(0.15, 0.6, number)[:, None]
+        moved = x + self.rng.normal(0.0, 1.5, (number, size))
+        anywhere = low + (high - low) * self.rng.uniform(size=(number, size))
+        kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
+        if redistribute and self.swaps:
+            group = list(self.swaps[0].entries)
+            kicked = np.tile(x, (number, 1))
+            kicked[:, group] = anywhere[:, group]
+        return kicked
+
+    def finish(self, x: np.ndarray, wave: int | None) -> None:
+        """Carry starts x (S, P) to the end in the final objective, and the twins of the best of them too."""
+        settings, problem = self.settings, self.problem
+        batch = descend(problem, begin(problem, x, settings.objective), settings.objective, settings.iterations)
+        self._keep(batch, wave)
+        if self.finished and not self.solved:
+            self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
+
+    def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Of the best answer and its twins that fit equally well, the one with the least R_F, and the others."""
+        best = self.best
+        batch = self._twin_batch(best.x)
+        bound = max(best.error * (1 + TWIN_TOLERANCE), self.settings.solved)
+        equal = [best.x, *batch.x[self._errors(batch.x) <= bound]]
+        if len(equal) > 1:
+            resistance = self.swaps[0].resistance
+            equal.sort(key=lambda x: x[resistance])
+        return equal[0], equal[1:]
+
+    def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Twins on the scale of x, so that they differ in what the swap changes alone; not those that end near x."""
+        entries = [entry for swap in self.swaps for entry in swap.entries]
+        beside = [nearest(self.problem, twin, x, self.settings.objective, ignoring=entries) for twin in twins]
+        return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
+
+    def _twin_batch(self, x: np.ndarray) -> Batch:
+        settings, problem = self.settings, self.problem
+        found = twins_of(problem, self.swaps, x)
+        starts = np.array(found).reshape(len(found), problem.size)
+        return descend(problem, begin(problem, starts, settings.objective), settings.objective, settings.iterations)
+
+    def _errors(self, x: np.ndarray) -> np.ndarray:
+        return np.sqrt(self.problem.costs(x, self.settings.objective)).mean(axis=1)
+
+    def _keep(self, batch: Batch, wave: int | None) -> None:
+        for x, error in zip(batch.x, self._errors(batch.x), strict=True):
+            if np.isfinite(error):
+                self.finished.append(Finished(x.copy(), float(error), wave))
