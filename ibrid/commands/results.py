@@ -2,15 +2,12 @@
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
-
-if TYPE_CHECKING:
-    from ibrid.evaluation.record import Record
 
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
@@ -35,9 +32,10 @@ def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
     require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
 
+    from ibrid.evaluation.record import read_record
     from ibrid.export.formats import export
 
-    model = export(_record(Path(arguments.record)), arguments.out, arguments.format, arguments.op)
+    model = export(read_record(Path(arguments.record)), arguments.out, arguments.format, arguments.op)
     print(f"{arguments.out}: {len(model.states)} states at {model.op}")
     return 0
 
@@ -50,7 +48,9 @@ def run_report(arguments: Namespace) -> int:
     require_place(out)
     data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
     require_distinct({"--out": out}, {"RECORD": source, "--data": data_file})
-    record = _record(source)
+    from ibrid.evaluation.record import read_record
+
+    record = read_record(source)
     measured = record.settings.get("data")
     require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
@@ -64,17 +64,6 @@ def run_report(arguments: Namespace) -> int:
     if remark:
         complain(f"{source}: {remark} (--data DATA names it)")
     return 0
-
-
-def _record(path: Path) -> "Record":
-    """The record in a file, with every part of the form that pages and exports rely on."""
-    from ibrid.evaluation.rebuilding import malformed
-    from ibrid.evaluation.record import read_record
-
-    record = read_record(path)
-    if (found := malformed(vars(record))) is not None:
-        raise IbridError(f"{path}: the record {found}; make it again with ibrid evaluate --json")
-    return record
 
 
 def _record_file(path: Path) -> Path:

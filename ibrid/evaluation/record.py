@@ -13,7 +13,7 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.rebuilding import complaint
+from ibrid.evaluation.rebuilding import complaint, malformed
 from ibrid.fit.kernel import respond
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
@@ -108,7 +108,10 @@ class Record:
                 raise IbridError(f"the record {found}; make it again with ibrid evaluate --json")
         for name in _TUPLES:
             values[name] = tuple(values.get(name, ()))
-        return cls(**values, vocabulary=choose_vocabulary(vocabulary))
+        record = cls(**values, vocabulary=choose_vocabulary(vocabulary))
+        if (found := malformed(vars(record))) is not None:
+            raise IbridError(f"the record {found}; make it again with ibrid evaluate --json")
+        return record
 
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
