@@ -106,8 +106,11 @@ class _Memory:
         return self._costs
 
 
-class _Callback(ca.Callback):
+class _Value(ca.Callback):
+    """The objective as CasADi calls it; gradient and Hessian differ in their ports and in what they evaluate."""
+
     inputs: tuple[str, ...] = ("x",)
+    outputs: tuple[str, ...] = ("f",)
     output = "f"
 
     def __init__(self, memory: _Memory, size: int) -> None:
@@ -127,8 +130,6 @@ class _Callback(ca.Callback):
     def get_name_out(self, index: int) -> str:
         return self.outputs[index]
 
-    outputs: tuple[str, ...] = ("f",)
-
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
         name = self.inputs[index]
         if name == "x":
@@ -145,25 +146,17 @@ class _Callback(ca.Callback):
         return [ca.DM(self.get_sparsity_out(index), np.nan) for index in range(self.get_n_out())]
 
     def evaluated(self, arguments):
-        raise NotImplementedError
+        return [self.memory.value(self.vector(arguments[0]))]
 
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        raise NotImplementedError
+        return ca.Sparsity.dense(1, 1)
 
     @staticmethod
     def vector(argument: ca.DM) -> np.ndarray:
         return np.asarray(argument, dtype=float).ravel()
 
 
-class _Value(_Callback):
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(1, 1)
-
-    def evaluated(self, arguments):
-        return [self.memory.value(self.vector(arguments[0]))]
-
-
-class _Gradient(_Callback):
+class _Gradient(_Value):
     inputs = ("x", "p")
     outputs = ("f", "grad_f_x")
     output = "grad_f"
@@ -176,7 +169,7 @@ class _Gradient(_Callback):
         return [self.memory.value(x), ca.DM(self.memory.gradient(x))]
 
 
-class _Hessian(_Callback):
+class _Hessian(_Value):
     inputs = ("x", "p", "lam_f", "lam_g")
     outputs = ("hess",)
     output = "hess_lag"
