@@ -5,11 +5,12 @@ state and exp(j omega T) for a delayed signal. So an exact delay is one more row
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ibrid.assembly.interconnection import interconnect_rows
+from ibrid.assembly.interconnection import Interconnected, interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.structure.parameters import Parameter, ParameterTable, parameter_table
 from ibrid.structure.wiring import Wiring
@@ -54,18 +55,7 @@ def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0
     Raises DiagramError where the operating point of a module does not follow from the plant.
     """
     table = parameter_table(wiring, equilibrium)
-    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
-    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
-    matrices = module_matrices(
-        wiring,
-        table,
-        symbols,
-        (point[0], point[1], point[2]),
-        equilibrium=equilibrium,
-        power_node=power_node,
-        omega_0=omega_0,
-    )
-    joined = interconnect_rows(wiring, matrices, exact_delays=True)
+    theta, point, joined = _joined(wiring, table, None, equilibrium=equilibrium, power_node=power_node, omega_0=omega_0)
     places = [(i, j, value) for i, row in enumerate(joined.rows) for j, value in sorted(row.items())]
     values = ca.vertcat(*[value for _, _, value in places]) if places else ca.SX(0, 1)
     values = ca.densify(ca.SX(values))
@@ -92,25 +82,26 @@ def symbolic_matrices(
 ) -> ca.Function:
     """(theta, point) -> (A, B, C, D), dense, with Pade forms of the delays; states as in `numeric.closed_loop`."""
     table = parameter_table(wiring, equilibrium)
-    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
-    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
-    matrices = module_matrices(
-        wiring,
-        table,
-        symbols,
-        (point[0], point[1], point[2]),
-        equilibrium=equilibrium,
-        power_node=power_node,
-        omega_0=omega_0,
-        pade_orders=pade_orders,
+    theta, point, joined = _joined(
+        wiring, table, pade_orders, equilibrium=equilibrium, power_node=power_node, omega_0=omega_0
     )
-    joined = interconnect_rows(wiring, matrices, exact_delays=False)
     whole = ca.SX(joined.size + 2, joined.size + 2)
     for i, row in enumerate(joined.rows):
         for j, value in row.items():
             whole[i, j] = value
     n = joined.size
     return ca.Function("matrices", [theta, point], [whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]])
+
+
+def _joined(
+    wiring: Wiring, table: ParameterTable, pade_orders: dict[str, int] | None, **physics: Any
+) -> tuple[ca.SX, ca.SX, Interconnected]:
+    """Symbols theta and point (p, q, v), and the rows they give; without Pade orders the delays stay exact."""
+    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
+    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
+    at = (point[0], point[1], point[2])
+    matrices = module_matrices(wiring, table, symbols, at, pade_orders=pade_orders, **physics)
+    return theta, point, interconnect_rows(wiring, matrices, exact_delays=pade_orders is None)
 
 
 def _non_zeros(matrix: ca.SX) -> ca.SX:
