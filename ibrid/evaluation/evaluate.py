@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +40,7 @@ def evaluate(
     holdout_op: str | Sequence[str] = (),
     settings: FitSettings | None = None,
     warm_start_below: float = 0.1,
+    warm: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Record:
     """Fit a diagram's free parameters to measured admittances and record the result.
 
@@ -52,6 +53,7 @@ def evaluate(
     restarts : further waves of starts at most. seed : of the random starts, mixed with structure and data.
     holdout_op : names of operating points kept out of the fit and predicted; needs shared parameters and "exact".
     settings : effort of the fit. warm_start_below : per-op, an error below this passes its parameters to the next point.
+    warm : operating point -> name -> value, such as `parameters` of another record: tried beside the starts.
 
     Returns
     -------
@@ -82,7 +84,7 @@ def evaluate(
         with time_limit(plan.fit.seconds):
             found, habits = examine(diagram, plan.kinds, equilibrium=equilibrium)
             base = replace(base, reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
-            record = base if found else _evaluate(diagram, plan, base, warm_start_below)
+            record = base if found else _evaluate(diagram, plan, base, warm_start_below, warm or {})
     except DiagramError as error:
         record = replace(base, reasons=(str(error),))
     except TimeoutError as error:
@@ -90,7 +92,9 @@ def evaluate(
     return replace(record, seconds=time.perf_counter() - started)
 
 
-def _evaluate(diagram: Diagram, plan: Plan, base: Record, warm_start_below: float) -> Record:
+def _evaluate(
+    diagram: Diagram, plan: Plan, base: Record, warm_start_below: float, warm: Mapping[str, Mapping[str, float]]
+) -> Record:
     wiring = canonical_wiring(diagram, plan.kinds, equilibrium=plan.equilibrium)
     omega_0 = plan.sweep.omega_0
     model = symbolic_model(wiring, equilibrium=plan.equilibrium, power_node=plan.sweep.power_node, omega_0=omega_0)
@@ -98,15 +102,17 @@ def _evaluate(diagram: Diagram, plan: Plan, base: Record, warm_start_below: floa
     groups = [points] if plan.parameters == "shared" else [(point,) for point in points]
     effort = replace(plan.fit, seconds=plan.fit.seconds / len(groups))
     fitted: list[Fitted] = []
-    warm = None
+    before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     for group in groups:
         problem = Problem(model, group)
         rng = np.random.default_rng(_seed(diagram, plan, problem))
-        solution = fit(problem, wiring, rng, effort, omega_0=omega_0, warm=warm)
+        known = [warm[point.op.name] for point in group if point.op.name in warm]
+        known = known if len(known) == len(group) else before
+        solution = fit(problem, wiring, rng, effort, omega_0=omega_0, warm=known)
         if solution is None:
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(plan),))
         fitted.append(Fitted(problem, solution))
-        warm = solution.x if solution.errors.mean() < warm_start_below else None
+        before = [problem.values_at(solution.x, 0)] if solution.errors.mean() < warm_start_below else []
     return describe(diagram, wiring, plan, base, fitted)
 
 

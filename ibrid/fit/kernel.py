@@ -10,6 +10,10 @@ import numpy as np
 from numba import njit
 
 
+#: Stands for log(0): the model's entry is taken as 1e-12 of the measured one.
+LOG_OF_NOTHING = -27.6 + 0.0j
+
+
 def _nothing() -> None:
     return None
 
@@ -262,6 +266,8 @@ def normal_equations(
                 if logarithmic:
                     if w == 0.0:
                         r, factor = 0.0 + 0.0j, 0.0 + 0.0j
+                    elif model == 0.0:  # an entry that the structure does not couple: far off, and no slope helps
+                        r, factor = w * LOG_OF_NOTHING, 0.0 + 0.0j
                     else:
                         r, factor = w * np.log(model / measured), w / model
                 else:

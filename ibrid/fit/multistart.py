@@ -4,6 +4,7 @@ The procedure is fixed and its random numbers follow from the generator it is gi
 """
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,19 +44,20 @@ def fit(
     settings: FitSettings,
     *,
     omega_0: float,
-    warm: np.ndarray | None = None,
+    warm: Sequence[Mapping[str, float]] = (),
 ) -> Solution | None:
     """Fit the free numbers of a problem; None when no start has a response (no operating point, say).
 
-    warm : x (P,) to try before anything else, such as the answer at the previous operating point.
+    warm : name -> value for each operating point, to try before anything else: the answer at the previous operating
+    point, or of a diagram that differs little; what it lacks is drawn, names that the problem lacks are passed over.
 
     After most of `settings.seconds` nothing new begins; what has ended by then is the answer. TimeoutError when nothing
     has begun by then.
     """
     started = time.monotonic()
     search = Search(problem, wiring, rng, settings, omega_0)
-    if warm is not None:
-        search.finish(warm[None], None)
+    if warm:
+        search.begin_from(warm)
     waves = 0
     while waves <= settings.restarts and not search.settled and not search.late:
         search.wave(waves)

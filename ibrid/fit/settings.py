@@ -13,7 +13,7 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 SEEDS = ("textbook", "vector-fitting")
 
 #: Least value of each count.
-_LEAST = {"restarts": 0, "starts": 1, "kept": 1, "kept_misfit": 1, "agreeing": 1, "hops": 0, "kicked": 1}
+_LEAST = {"restarts": 0, "starts": 1, "kept": 1, "kept_misfit": 1, "agreeing": 1, "hops": 0, "kicked": 1, "warm": 1, "warm_kept": 1}
 _LEAST |= {"iterations": 0, "ipopt_iterations": 0}
 
 
@@ -35,7 +35,8 @@ class FitSettings:
     `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
     `solved` : root-mean-square relative error below which the fit is finished. `misfit` : above this the structure
     probably cannot fit, and more starts are carried to the end. `hops` : rounds without gain, in which `kicked` copies of
-    the best answer get some coordinates moved or redrawn, that end a fit. `seconds` : hard limit, a safety net.
+    the best answer get some coordinates moved or redrawn, that end a fit. `warm`, `warm_kept` : draws of the numbers that
+    known values lack, and how many of them descend. `seconds` : hard limit, a safety net.
     """
 
     objective: str = "nrmse"
@@ -50,6 +51,8 @@ class FitSettings:
     misfit: float = 0.03
     hops: int = 4
     kicked: int = 32
+    warm: int = 24
+    warm_kept: int = 4
     iterations: int = 80
     ipopt_iterations: int = 40
     seconds: float = 60.0

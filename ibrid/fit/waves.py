@@ -1,6 +1,7 @@
 """The search behind a fit: waves of independent starts, hops from the best answer, and its twins."""
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +101,19 @@ class Search:
         order = usable[np.argsort(costs[usable], kind="stable")]
         batch = self._descend(begin(problem, x[order[: max(settings.kept, settings.kept_misfit)]], "log"))
         self.finish(batch.x, number)
+
+    def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
+        """Descend from known values, name -> value for each operating point; the numbers they lack are drawn."""
+        settings, problem = self.settings, self.problem
+        values = [warm[one.point or 0].get(one.name) for one in problem.numbers]
+        known = np.array([value is not None for value in values], dtype=bool)
+        x = self.drawer.draw(self.rng, 1 if known.all() else settings.warm, TEXTBOOK_DECADES[0], seeded=False)
+        theta = problem.coordinates.to_theta(x)
+        theta[:, known] = np.array([value for value in values if value is not None])
+        x = problem.coordinates.to_x(np.clip(theta, problem.coordinates.low, problem.coordinates.high))
+        batch = begin(problem, x, settings.objective)
+        if np.isfinite(batch.cost).any():
+            self.finish(batch.best(settings.warm_kept).x, None)
 
     def _descend(self, batch: Batch) -> Batch:
         settings, problem = self.settings, self.problem

@@ -1,0 +1,22 @@
+"""search: find the hidden controller, from a naive block diagram, by evaluated edits of its program.
+
+run = search.run(ibrid.read_sweep("data/paper_like.csv"), "out/run", budget=200)
+print(run.best.program)
+"""
+
+from importlib import import_module
+
+_HOME = {
+    "Run": "search.run",
+    "SearchSettings": "search.settings",
+    "open_run": "search.run",
+    "run": "search.run",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"search has no {name}")
+    return getattr(import_module(_HOME[name]), name)

@@ -1,0 +1,105 @@
+"""`make bench-search`: how often, how fast and how well the search finds hidden inverters, beside random edits.
+
+Every search is one line, printed and kept in OUT/results.jsonl as soon as it is done; started again with the same --out,
+the benchmark goes on where it was stopped. Delete OUT to measure anew.
+"""
+
+import argparse
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ibrid.errors import IbridError
+from search.bench.ledger import Ledger
+from search.bench.scoring import Search, perform
+from search.bench.tables import heading, seed_line, summary
+from search.bench.trials import PROPOSERS, TABLES, Trial, trials
+
+#: Seeds and budget of --quick: an hour less, nothing to quote.
+QUICK = {"seeds": 2, "budget": 100}
+SPEED = "speed"
+
+
+def main(arguments: Sequence[str] | None = None, *, search: Search | None = None) -> int:
+    """Run what the options ask for; 0: done, 1: a search failed or Ctrl-C, 2: the options or the folder were wrong."""
+    options = _parser().parse_args(arguments)
+    if options.quick:
+        options.seeds, options.budget = options.seeds or QUICK["seeds"], options.budget or QUICK["budget"]
+    try:
+        return _benchmark(options, search or _search())
+    except IbridError as error:
+        print(f"bench-search: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
+        return 1
+
+
+def _search() -> Search:
+    from search.run import run
+
+    return run
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m search.bench", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seeds", type=_count, default=None, help="searches of each kind (10)")
+    parser.add_argument("--budget", type=_count, default=None, help="evaluations of each search (500)")
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"a table ({', '.join((*TABLES, SPEED))}) or an inverter",
+    )
+    parser.add_argument("--proposer", action="append", default=[], metavar="NAME", help="instead of rules and random")
+    parser.add_argument("--workers", type=_count, default=2, help="workers of each search (2)")
+    parser.add_argument("--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort")
+    parser.add_argument("--out", type=Path, default=Path("out/bench-search"), help="folder of the results")
+    parser.add_argument("--keep", action="store_true", help="keep the run folders (OUT/runs), for ibrid report")
+    return parser
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"must be 1 or more, found {number}")
+    return number
+
+
+def _benchmark(options: argparse.Namespace, search: Search) -> int:
+    tables = [name for name in options.only if name != SPEED]
+    wanted: list[Trial] = []
+    if tables or not options.only:
+        seeds, budget, proposers = options.seeds or 10, options.budget or 500, options.proposer or PROPOSERS
+        wanted = list(trials(seeds, budget, only=tables, proposers=proposers, few=options.quick))
+    ledger = Ledger(options.out)
+    print(heading(), flush=True)
+    failed = [trial for trial in wanted if not _done(trial, ledger, options, search)]
+    print(f"\nMedians over seeds\n{heading()}")
+    for line in summary(ledger.rows[trial.key] for trial in wanted if trial not in failed):
+        print(line)
+    return 1 if failed else 0
+
+
+def _done(trial: Trial, ledger: Ledger, options: argparse.Namespace, search: Search) -> bool:
+    """Make a search unless its result is there, and print it; False when it has none, it is tried again next time."""
+    if trial.key not in ledger.rows:
+        folder = options.out / "runs" / trial.key
+        shutil.rmtree(folder, ignore_errors=True)  # of a search that was stopped
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            row = perform(trial, folder, search=search, workers=options.workers)
+        except IbridError as error:
+            print(f"{trial.key}: {error}", flush=True)
+            return False
+        ledger.add(row)
+        if not options.keep:
+            shutil.rmtree(folder, ignore_errors=True)
+    print(seed_line(ledger.rows[trial.key]), flush=True)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""Results of searches as lines: one for each seed when it is there, one for each group of seeds at the end."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
+from typing import Any
+
+Row = Mapping[str, Any]
+
+_WIDTH = 26
+_HEAD = ("NRMSE", "answer", "truth", "held out", "F1 mod/con", "evaluations", "to limit", "seconds", "found")
+
+
+def seed_line(row: Row) -> str:
+    """One search; the columns of `heading`."""
+    cells = (
+        _number(row["nrmse"]),
+        _number(row["answer_nrmse"]),
+        _number(row["truth_nrmse"]),
+        _number(row["holdout"]),
+        _pair(row["modules_f1"], row["connections_f1"]),
+        str(row["evaluations"]),
+        "-" if row["first"] is None else str(row["first"]),
+        f"{row['seconds']:.1f}",
+        _verdict(row["success"]),
+    )
+    return _line(f"{_name(row)} {row['seed']}", cells)
+
+
+def heading() -> str:
+    """Names of the columns of `seed_line` and `summary`.
+
+    NRMSE: lowest in the search; answer: of the program it answers with, fitted anew; truth: of the true diagram fitted
+    to the same data; held out: of the answer at an operating point that the search never saw; to limit: evaluations
+    until the NRMSE that counts.
+    """
+    return _line("table inverter data proposer seed", _HEAD)
+
+
+def summary(rows: Iterable[Row]) -> list[str]:
+    """For each inverter, data and proposer the medians over seeds, and how many of them found it; proposers side by side."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        key = (row["table"], row["inverter"], row["data"], row["budget"], row["proposer"])
+        groups.setdefault(key, []).append(row)
+    return [_group_line(group) for group in groups.values()]
+
+
+def _group_line(rows: Sequence[Row]) -> str:
+    known = [row["success"] for row in rows if row["success"] is not None]
+    reached = [row["first"] for row in rows if row["first"] is not None]
+    cells = (
+        *(_number(_median(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
+        _pair(_median(rows, "modules_f1"), _median(rows, "connections_f1")),
+        f"{_median(rows, 'evaluations'):.0f}",
+        f"{median(reached):.0f}" if len(reached) > len(rows) / 2 else "-",
+        f"{_median(rows, 'seconds'):.1f}",
+        f"{sum(known)} of {len(known)}" if known else "-",
+    )
+    return _line(_name(rows[0]), cells)
+
+
+def _median(rows: Sequence[Row], name: str) -> float | None:
+    found = [row[name] for row in rows if row[name] is not None]
+    return median(found) if found else None
+
+
+def _name(row: Row) -> str:
+    return f"{row['table']} {row['inverter']} {row['data']} {row['proposer']}"
+
+
+def _line(name: str, cells: Sequence[str]) -> str:
+    return f"{name:{2 * _WIDTH}}" + " ".join(f"{cell:>11}" for cell in cells)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2e}"
+
+
+def _pair(first: float | None, second: float | None) -> str:
+    return "-" if first is None or second is None else f"{first:.2f}/{second:.2f}"
+
+
+def _verdict(success: bool | None) -> str:
+    return {None: "-", True: "yes", False: "no"}[success]

@@ -1,0 +1,96 @@
+"""The searches that the benchmark makes: which inverter, which data, which rules, which proposer, which seed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ibrid.errors import IbridError, near
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook
+from search.bench.hidden import Hidden
+from search.bench.inverters import hardware, inverter, inverter_names
+
+#: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden inverters.
+TABLES = ("paper", "structure", "inverters")
+#: Rules on the left, the baseline beside it.
+PROPOSERS = ("rules", "random")
+NOISE_DB = (None, 60.0, 40.0)
+#: Clean data of the exact setting end a search here: what remains is rounding.
+SOLVED = 1e-6
+
+PAPER_MODE: Mapping[str, Any] = {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"}
+EXACT_MODE: Mapping[str, Any] = {"parameters": "shared", "equilibrium": "exact", "vocabulary": "extended"}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A search to make. `table` : of `TABLES`. `inverter` : name of a hidden one. `noise_db` : None for clean data."""
+
+    table: str
+    inverter: str
+    proposer: str
+    seed: int
+    budget: int
+    noise_db: float | None = None
+
+    @property
+    def data(self) -> str:
+        """clean, or the noise in words."""
+        return "clean" if self.noise_db is None else f"{self.noise_db:g} dB"
+
+    @property
+    def key(self) -> str:
+        """Names the trial, in the results and as a folder."""
+        data = self.data.replace(" ", "")
+        return f"{self.table}-{self.inverter}-{data}-{self.proposer}-{self.budget}-{self.seed}"
+
+    @property
+    def mode(self) -> Mapping[str, Any]:
+        """Options of the search and of every evaluation."""
+        return PAPER_MODE if self.table == "paper" else EXACT_MODE
+
+    def hidden(self) -> Hidden:
+        """The inverter with the data that the search gets; the noise has the trial's seed."""
+        clean = inverter(self.inverter)
+        return clean if self.noise_db is None else clean.noisy(self.noise_db, self.seed)
+
+    def truth(self, hidden: Hidden) -> Diagram | None:
+        """What should be found: in the paper's setting the benchmark in the paper's kinds; None for hardware."""
+        return textbook("gfl_pll_filter") if self.table == "paper" else hidden.truth
+
+    def target(self, hidden: Hidden) -> float | None:
+        """Where the search may end early: never in the paper's table, whose end is reported, nor on noisy data."""
+        clean = self.noise_db is None and hidden.truth is not None
+        return SOLVED if clean and self.table != "paper" else None
+
+
+def trials(
+    seeds: int, budget: int, *, only: Sequence[str] = (), proposers: Sequence[str] = PROPOSERS, few: bool = False
+) -> Iterator[Trial]:
+    """All searches, seed by seed and proposer beside proposer.
+
+    only : names of tables or inverters; none: all. few : one inverter of each sort instead of all of them.
+    Raises IbridError, at the first one asked for, when a name is unknown.
+    """
+    known = (*TABLES, *inverter_names(), *_hardware_names())
+    for name in only:
+        if name not in known:
+            raise IbridError(f"there is no table and no hidden inverter called {name}; {near(name, known)}")
+    for table, name, noise_db in _cases(few):
+        if not only or table in only or name in only:
+            for seed in range(seeds):
+                for proposer in proposers:
+                    yield Trial(table, name, proposer, seed, budget, noise_db)
+
+
+def _cases(few: bool) -> Iterator[tuple[str, str, float | None]]:
+    yield "paper", "paper_like", None
+    for noise_db in NOISE_DB:
+        yield "structure", "paper_like", noise_db
+    others = ("l_filter", "delay", "droop", "unusual", "random_00") if few else inverter_names()[1:]
+    for name in (*others, *_hardware_names()):
+        yield "inverters", name, None
+
+
+def _hardware_names() -> tuple[str, ...]:
+    return tuple(one.name for one in hardware())

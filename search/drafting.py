@@ -1,0 +1,231 @@
+"""A diagram being edited: modules and wires added, bypassed and removed, then tidied into a whole again."""
+
+import re
+from collections.abc import Iterable
+
+import networkx as nx
+
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.signals import Signal
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
+from ibrid.structure.wiring import split_port
+
+
+class Draft:
+    """A working copy of a diagram. Ports are "NAME.port" or an outer port; nothing is checked until it is parsed again."""
+
+    def __init__(self, diagram: Diagram, kinds: Vocabulary) -> None:
+        self.name = diagram.name
+        self.vocabulary = {kind.name: kind for kind in kinds}
+        self.instances: dict[str, Instance] = {one.name: one for one in diagram.instances}
+        self.wires: list[tuple[str, str]] = [(one.source, one.target) for one in diagram.connections]
+
+    def diagram(self) -> Diagram:
+        """The diagram as it stands."""
+        done = Diagram(self.name)
+        done.extend(self.instances.values(), [Connection(source, target) for source, target in self.wires])
+        return done
+
+    # --- looking -----------------------------------------------------------------------------------------------------
+
+    def kind(self, name: str) -> ModuleKind:
+        """Declaration of a module's kind."""
+        return self.vocabulary[self.instances[name].kind]
+
+    def named(self, *kinds: str) -> list[str]:
+        """Modules of some kinds, in order."""
+        return [name for name, one in self.instances.items() if one.kind in kinds]
+
+    def sources(self, target: str) -> list[str]:
+        """What drives an input."""
+        return [source for source, to in self.wires if to == target]
+
+    def targets(self, source: str) -> list[str]:
+        """What an output drives."""
+        return [to for start, to in self.wires if start == source]
+
+    def signal(self, port: str) -> Signal:
+        """What a port carries."""
+        name, inner = split_port(port)
+        if not name:
+            return Signal.DQ_VEC
+        kind = self.kind(name)
+        return kind.outputs[inner] if inner in kind.outputs else kind.inputs[inner]
+
+    def outputs(self, signal: Signal) -> list[str]:
+        """All sources of a signal, the terminal voltage included."""
+        found = [TERMINAL_VOLTAGE] if signal is Signal.DQ_VEC else []
+        return found + [
+            f"{name}.{port}"
+            for name in self.instances
+            for port, carried in self.kind(name).outputs.items()
+            if carried is signal
+        ]
+
+    def upstream(self, port: str) -> set[str]:
+        """Modules from which an input or output can be reached, its own module left out for an input."""
+        graph = self._graph()
+        name, inner = split_port(port)
+        if name and inner in self.kind(name).outputs:
+            return nx.ancestors(graph, name) | {name}
+        starts = {split_port(one)[0] for one in self.sources(port)} - {""}
+        return starts.union(*(nx.ancestors(graph, one) for one in starts)) if starts else set()
+
+    def _graph(self) -> nx.DiGraph:
+        graph = nx.DiGraph()
+        graph.add_nodes_from(self.instances)
+        graph.add_edges_from((split_port(s)[0] or s, split_port(t)[0] or t) for s, t in self.wires)
+        return graph
+
+    # --- changing ----------------------------------------------------------------------------------------------------
+
+    def add(self, kind: str, stem: str, **bindings: Binding) -> str:
+        """Add a module, named after `stem`; returns its name."""
+        name, number = stem, 2
+        while name in self.instances:
+            name, number = f"{stem}_{number}", number + 1
+        self.instances[name] = Instance(kind, name, bindings)
+        return name
+
+    def connect(self, source: str, target: str) -> None:
+        """Add a wire, once."""
+        if (source, target) not in self.wires:
+            self.wires.append((source, target))
+
+    def disconnect(self, source: str, target: str) -> None:
+        """Remove a wire."""
+        self.wires = [wire for wire in self.wires if wire != (source, target)]
+
+    def chain(self, *ports: str) -> None:
+        """connect(ports[0], ports[1]), connect(ports[2], ports[3]) and so on."""
+        for index in range(0, len(ports), 2):
+            self.connect(ports[index], ports[index + 1])
+
+    def negated(self, source: str) -> str:
+        """The port that carries minus a source: an existing Negate of it, or a new one."""
+        vector = self.signal(source) is Signal.DQ_VEC
+        kind = "Negate_dq" if vector else "Negate"
+        for target in self.targets(source):
+            name = split_port(target)[0]
+            if name and self.instances[name].kind == kind and len(self.sources(target)) == 1:
+                return f"{name}.out"
+        name = self.add(kind, "minus_" + re.sub(r"\W", "_", split_port(source)[1]))
+        self.connect(source, f"{name}.in_")
+        return f"{name}.out"
+
+    def insert(self, source: str, targets: Iterable[str], kind: str, stem: str, **bindings: Binding) -> str:
+        """Put a block of one input and one output between a source and some of its targets; returns its name."""
+        name = self.add(kind, stem, **bindings)
+        for target in targets:
+            self.disconnect(source, target)
+            self.connect(f"{name}.out", target)
+        self.connect(source, f"{name}.in_")
+        return name
+
+    def insert_before(self, target: str, kind: str, stem: str, **bindings: Binding) -> str:
+        """Put a block between an input and the sum of all that drives it; returns its name."""
+        name = self.add(kind, stem, **bindings)
+        for source in self.sources(target):
+            self.disconnect(source, target)
+            self.connect(source, f"{name}.in_")
+        self.connect(f"{name}.out", target)
+        return name
+
+    def replace(self, name: str, kind: str, stem: str) -> str:
+        """Put another kind in a module's place; ports of the same name keep their wires, others lose them."""
+        new, ports = self.vocabulary[kind], self.kind(name)
+        kept = {port for port, signal in {**new.inputs, **new.outputs}.items()
+                if {**ports.inputs, **ports.outputs}.get(port) is signal}  # fmt: skip
+        fresh = self.add(kind, stem)
+
+        def moved(port: str) -> str | None:
+            owner, inner = split_port(port)
+            return port if owner != name else f"{fresh}.{inner}" if inner in kept else None
+
+        wires = [(moved(source), moved(target)) for source, target in self.wires]
+        self.wires = [(source, target) for source, target in wires if source is not None and target is not None]
+        order = {fresh if key == name else key: value for key, value in self.instances.items() if key != fresh}
+        order[fresh] = self.instances[fresh]
+        self.instances = order
+        self._forget(name, fresh)
+        return fresh
+
+    def bypass(self, name: str) -> None:
+        """Take a block of one input and one output away and join what it stood between."""
+        before, after = self.sources(f"{name}.in_"), self.targets(f"{name}.out")
+        self.remove(name)
+        for source in before:
+            for target in after:
+                self.connect(source, target)
+
+    def remove(self, name: str) -> None:
+        """Take a module and its wires away."""
+        del self.instances[name]
+        self.wires = [wire for wire in self.wires if name not in (split_port(wire[0])[0], split_port(wire[1])[0])]
+        self._forget(name, None)
+
+    def bind(self, name: str, **bindings: Binding) -> None:
+        """Add or replace bindings of a module."""
+        one = self.instances[name]
+        self.instances[name] = Instance(one.kind, name, {**one.bindings, **bindings})
+
+    def unbind(self, name: str, *parameters: str) -> None:
+        """Let parameters of a module be free and its own."""
+        one = self.instances[name]
+        self.instances[name] = Instance(
+            one.kind, name, {key: value for key, value in one.bindings.items() if key not in parameters}
+        )
+
+    def _forget(self, name: str, successor: str | None) -> None:
+        """Names shared with a module that is gone: the next of the same kind, if any, lends its own."""
+        for other, one in self.instances.items():
+            gone = [k for k, v in one.bindings.items() if isinstance(v, str) and v.split(".")[0] == name]
+            if (
+                gone
+                and sum(v == one.bindings[gone[0]] for each in self.instances.values() for v in each.bindings.values())
+                == 1
+            ):
+                self.unbind(other, *gone)
+
+    def tidy(self) -> None:
+        """Make the draft whole: nothing undriven, nothing without a way to the terminal current.
+
+        An input that nothing drives takes its module away, but for an axis of a PackDQ and the plant's frequency,
+        which get zero. ConstZero where something else drives too is taken away.
+        """
+        while self._repair() or self._prune():
+            pass
+
+    def _repair(self) -> bool:
+        for name in list(self.instances):
+            kind = self.kind(name)
+            bare = [port for port in kind.inputs if not self.sources(f"{name}.{port}")]
+            if not bare:
+                continue
+            plant, pack = "delta_omega" in kind.inputs and "u_r" in kind.inputs, kind.name == "PackDQ"
+            if plant and bare == ["delta_omega"]:
+                self.connect(f"{self.add('ConstZero', 'no_frequency')}.out", f"{name}.delta_omega")
+            elif pack and len(bare) == 1 and not self._constant(f"{name}.{({'in_d', 'in_q'} - set(bare)).pop()}"):
+                self.connect(f"{self.add('ConstZero', 'zero')}.out", f"{name}.{bare[0]}")
+            elif plant:
+                continue  # nothing to be done here: the grammar will refuse it
+            else:
+                self.remove(name)
+            return True
+        return False
+
+    def _constant(self, target: str) -> bool:
+        return all(self.instances[split_port(one)[0]].kind == "ConstZero" for one in self.sources(target))
+
+    def _prune(self) -> bool:
+        useful = nx.ancestors(self._graph(), TERMINAL_CURRENT) if TERMINAL_CURRENT in self._graph() else set()
+        idle = [name for name in self.instances if name not in useful]
+        for name in self.named("ConstZero"):
+            for target in self.targets(f"{name}.out"):
+                if len(self.sources(target)) > 1:
+                    self.disconnect(f"{name}.out", target)
+                    return True
+        for name in idle:
+            self.remove(name)
+        return bool(idle)

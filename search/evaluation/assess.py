@@ -1,0 +1,65 @@
+"""What is done for one candidate: a quick fit from its parent's values, and a thorough one when that promises something."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import FitSettings
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.structure.program import parse_program
+from search.evaluation.job import Job
+
+#: Most candidates get this: one wave of few starts, and the parent's values.
+QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
+#: What promises something gets this on top.
+THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16)
+#: A quick error below this part of the best known error promises something.
+PROMISING = 0.95
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What all jobs of a search share: data, physics, the effort of the quick and the thorough fit. It travels to workers."""
+
+    sweep: Sweep
+    parameters: str = "shared"
+    equilibrium: str = "exact"
+    kinds: Vocabulary = VOCABULARY
+    holdout_op: tuple[str, ...] = ()
+    fit: FitSettings = QUICK
+    thorough: FitSettings = THOROUGH
+    seed: int = 0
+
+    def record_of(
+        self, program: str, settings: FitSettings, warm: Mapping[str, Mapping[str, float]] | None = None
+    ) -> Record:
+        """The record of a program with a given effort, `warm` values tried beside the starts."""
+        return evaluate(
+            parse_program(program),
+            self.sweep,
+            parameters=self.parameters,
+            equilibrium=self.equilibrium,
+            vocabulary=self.kinds,
+            holdout_op=self.holdout_op,
+            seed=self.seed,
+            settings=settings,
+            warm=warm,
+        )
+
+
+def assess(job: Job, subject: Subject) -> Record:
+    """Fit a candidate quickly, and thoroughly when its error comes out below `PROMISING` times `job.promising`.
+
+    job.warm : parameters of its parent's record. job.promising : least error known when it was proposed; None: thorough.
+    """
+    record = subject.record_of(job.program, subject.fit, job.warm)
+    if record.outcome != Outcome.OK or record.nrmse is None:
+        return record
+    if job.promising is None or record.nrmse < PROMISING * job.promising:
+        again = subject.record_of(job.program, subject.thorough, record.parameters)
+        if again.outcome == Outcome.OK and again.nrmse is not None and again.nrmse <= record.nrmse:
+            return replace(again, seconds=record.seconds + again.seconds)
+    return record

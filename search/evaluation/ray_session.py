@@ -1,0 +1,149 @@
+"""A Ray of one's own on the loopback interface, or a cluster that exists; closed without touching anybody else's."""
+
+import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import IbridError
+
+#: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
+ANSWER = 20.0
+#: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
+SHARED_MEMORY = 80 * 2**20
+#: Tells whether a cluster answers, in a process that can be stopped.
+_PROBE = """
+import logging, sys, ray
+ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICAL)
+"""
+
+
+class RaySession:
+    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here, so that `close` ends it."""
+
+    def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None):
+        self.ray = ray
+        self.owned = owned
+        self._folder = folder
+
+    def close(self) -> None:
+        """End what was started here: a local Ray, or the connection to a cluster. Again does nothing."""
+        if self.owned:
+            self.owned = False
+            self.ray.shutdown()
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def open_session(workers: int, address: str | None = None) -> RaySession:
+    """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT or "auto").
+
+    Where this process is connected already, that connection is used and left open.
+
+    Raises IbridError when Ray is not installed, does not start, or no cluster answers.
+    """
+    ray = _import_ray(local=address is None)
+    if ray.is_initialized():
+        return RaySession(ray, owned=False)
+    with _own_signals():
+        return _start(ray, workers) if address is None else _connect(ray, address)
+
+
+def _import_ray(*, local: bool) -> Any:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    if local and "ray" not in sys.modules:
+        # read once, at import: without it Ray takes localhost for the address of the network card
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    try:
+        import ray
+    except ImportError:
+        raise IbridError(
+            "more than one worker needs Ray, which is not installed; pip install 'ibrid[ray]', or use one worker"
+        ) from None
+    return ray
+
+
+def _start(ray: Any, workers: int) -> RaySession:
+    folder = Path(tempfile.mkdtemp(prefix="ibrid-ray-", dir="/tmp" if os.path.isdir("/tmp") else None))
+    try:
+        ray.init(
+            address="local",
+            num_cpus=workers,
+            num_gpus=0,
+            include_dashboard=False,
+            object_store_memory=SHARED_MEMORY,
+            log_to_driver=False,
+            logging_level=logging.CRITICAL,
+            _temp_dir=str(folder),
+        )
+    except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
+        ray.shutdown()
+        shutil.rmtree(folder, ignore_errors=True)
+        raise IbridError(f"a local Ray did not start ({_line(error)}); use one worker, or free memory") from None
+    return RaySession(ray, owned=True, folder=folder)
+
+
+def _connect(ray: Any, address: str) -> RaySession:
+    if "://" in address:
+        raise IbridError(
+            f"--ray takes HOST:PORT of the cluster's head or auto, found {address!r}; from outside a cluster send the "
+            "search there with ray job submit"
+        )
+    _probe(address)
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL)
+    except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
+        raise _no_cluster(address, _line(error)) from None
+    return RaySession(ray, owned=True)
+
+
+def _probe(address: str) -> None:
+    """Raise IbridError unless the cluster answers."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _PROBE, address],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=ANSWER,
+        )
+    except subprocess.TimeoutExpired:
+        raise _no_cluster(address, f"no answer within {ANSWER:g} s") from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.strip()]
+        raise _no_cluster(address, lines[-1].strip() if lines else f"status {done.returncode}")
+
+
+def _no_cluster(address: str, found: str) -> IbridError:
+    return IbridError(
+        f"no Ray cluster at {address} can be used from this machine ({found[:300]}); give the HOST:PORT that ray start "
+        "--head printed, and run the search on a node of the cluster"
+    )
+
+
+@contextmanager
+def _own_signals() -> Iterator[None]:
+    """Ray takes SIGTERM for itself; where the program has a handler of its own, that one comes back."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        if callable(before):
+            signal.signal(signal.SIGTERM, before)
+
+
+def _line(error: BaseException) -> str:
+    """The first line of a message, short."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0][:300]

@@ -1,0 +1,64 @@
+"""From a proposal to a candidate that is worth a fit, or to the reason why not; cheap questions first."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ibrid.errors import DiagramError, ProgramError
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import examine
+from ibrid.structure.program import parse_program, program_text
+from search.edits import EditError, apply_edit
+from search.gates import implausible
+from search.proposal import Proposal, Task
+from search.step import Status
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`status` : PENDING for a candidate to be fitted. `reason` : a sentence for the proposer. `same_as` : the step with
+    this structure. `program` : what the edit made of the parent, in the canonical print when it is a program."""
+
+    status: Status
+    reason: str = ""
+    program: str = ""
+    hash: str = ""
+    same_as: int | None = None
+
+
+def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: Callable[[str], int | None]) -> Verdict:
+    """Apply the edit, parse, hash, compare with what is known, ask the grammar and the gates, in this order.
+
+    parent, parent_hash : program and structure of the parent. known : structure hash -> step that has it, or None.
+    """
+    if proposal.failure:
+        return Verdict(Status.NO_ANSWER, proposal.failure)
+    try:
+        text = apply_edit(proposal.edit, parent)
+    except EditError as error:
+        return Verdict(error.status, error.reason)
+    return judge_program(text, task, known, parent_hash)
+
+
+def judge_program(
+    text: str, task: Task, known: Callable[[str], int | None] = lambda _: None, parent_hash: str = ""
+) -> Verdict:
+    """The same questions about a whole program: parse, hash, compare with what is known, grammar, gates."""
+    try:
+        diagram = parse_program(text, "the edited program")
+    except ProgramError as error:
+        return Verdict(Status.UNREADABLE, str(error), text)
+    text = program_text(diagram)
+    try:
+        digest = structure_hash(diagram, task.kinds, equilibrium=task.equilibrium)
+    except DiagramError:
+        digest = ""  # a kind or port that does not exist: the grammar says which
+    if digest and digest == parent_hash:
+        return Verdict(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
+    if digest and (same := known(digest)) is not None:
+        return Verdict(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
+    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
+    if violations:
+        return Verdict(Status.ILLEGAL, "; ".join(map(str, violations)), text, digest)
+    if reason := implausible(warnings):
+        return Verdict(Status.IMPLAUSIBLE, reason, text, digest)
+    return Verdict(Status.PENDING, "", text, digest)

@@ -1,0 +1,95 @@
+"""By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+
+from ibrid.evaluation.reward import reward
+from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.sweep import Sweep
+from search.step import Step
+from search.trajectory import eligible
+
+#: Error of a fit that is exact but for rounding.
+EXACT = 1e-7
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The NRMSE that the noise of the data leaves: `nrmse` and its standard deviation; `source` : how it is known.
+
+    Without a known noise it is that of an exact fit, `EXACT`.
+    """
+
+    nrmse: float
+    deviation: float
+    source: str
+
+    def reached(self, error: float) -> bool:
+        """True when an error is no larger than noise would leave it, within two standard deviations."""
+        return error <= self.nrmse + 2 * self.deviation
+
+
+def noise_floor(sweep: Sweep) -> Floor:
+    """Law: mean over operating points of sqrt(2) |sigma|_F / |Y|_F, sigma of each real and imaginary part.
+
+    sigma as given or from repeats (smoothness gives only an upper bound, which must not end a search); the deviation is
+    that of a mean of n squared numbers.
+    """
+    known = [estimate_point(point) for point in sweep.points]
+    if any(one.sigma is None or one.source not in ("sigma", "repeats") for one in known):
+        return Floor(EXACT, 0.0, "unknown noise")
+    levels = [
+        sqrt(2.0) * float(np.linalg.norm(one.sigma) / np.linalg.norm(point.admittance))
+        for one, point in zip(known, sweep.points, strict=True)
+    ]
+    numbers = 8 * sum(len(point.frequency) for point in sweep.points)
+    level = max(float(np.mean(levels)), EXACT)
+    return Floor(level, level / sqrt(2.0 * numbers), known[0].source)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What the best of a run is: the least ln(max(NRMSE, `EXACT`)) + price x free numbers (of one operating point, when
+    each has its own).
+
+    With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony` : the price by
+    which the archive ranks parents.
+    """
+
+    floor: Floor
+    price: float
+    parsimony: float
+    alone: int = 1
+
+    def value(self, nrmse: float, free: int) -> float:
+        """The lower, the better."""
+        return log(max(nrmse, EXACT)) + self.price * free / self.alone
+
+    def best(self, steps: Iterable[Step]) -> Step | None:
+        """The best eligible step; of equal ones that of the lower order, then the first."""
+        fit = [step for step in steps if eligible(step)]
+        return min(fit, key=self._key, default=None)
+
+    def _key(self, step: Step) -> tuple[float, int, int]:
+        return self.value(step.nrmse or 0.0, step.free or 0), step.order or 0, step.number
+
+    def merit(self, nrmse: float, free: int) -> float:
+        """What the archive ranks by, the higher, the better."""
+        return reward(max(nrmse, EXACT)) - self.parsimony * free / self.alone
+
+
+#: Price of a free number when the noise is not known: it breaks ties.
+TIE = 1e-3
+
+
+def criterion(sweep: Sweep, parameters: str, parsimony: float) -> Criterion:
+    """The criterion for the operating points that are fitted."""
+    floor = noise_floor(sweep)
+    numbers = 8 * sum(len(point.frequency) for point in sweep.points)
+    alone = len(sweep.points) if parameters == "per-op" else 1
+    known = floor.source != "unknown noise"
+    return Criterion(floor, log(numbers) * alone / (2 * numbers) if known else TIE, parsimony, alone)

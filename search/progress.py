@@ -1,0 +1,163 @@
+"""Live progress of a search: how far it is, how good, what becomes of the proposals, how long it takes; and milestones."""
+
+import math
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Self, TextIO
+
+from ibrid.errors import IbridError
+from ibrid.report.numbers import error
+from search.display import WAYS, choose_display, make_display
+from search.tally import Tally
+from search.trajectory import Milestone
+
+#: Seconds that the rate looks back.
+RECENT = 30.0
+#: Characters of a note in a milestone's row.
+NOTE = 38
+#: The head of the milestone table.
+HEAD = f"{'evaluation':>10}  {'what changed':<{NOTE}}  {'NRMSE':<22}  band that got better"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Where a search stands. `step` : number of the last proposal. `evaluations` : done, the start not counted.
+
+    `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the proposals.
+    """
+
+    step: int = 0
+    evaluations: int = 0
+    best: float | None = None
+    tally: Tally = field(default_factory=Tally)
+
+
+class Progress:
+    """Shows snapshots and milestones where the user looks.
+
+    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits. every : seconds between plain lines.
+    stream, out : for the state and for the milestones; the error stream and the standard output when not given.
+    clock : seconds, for tests.
+
+    Raises IbridError for any other `show`.
+    """
+
+    def __init__(
+        self,
+        show: str = "auto",
+        *,
+        every: float = 10.0,
+        stream: TextIO | None = None,
+        out: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if show not in ("auto", *WAYS):
+            raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
+        stream = sys.stderr if stream is None else stream
+        out = sys.stdout if out is None else out
+        self._display = make_display(choose_display(stream, out) if show == "auto" else show, stream, out, every)
+        self._clock = clock
+        self._total: int | None = None
+        self._seen: deque[tuple[float, int]] = deque()
+        self._last: Snapshot | None = None
+        self._drawn: Snapshot | None = None
+        self._shown = -math.inf
+        self._headed = False
+
+    def start(self, total: int | None, done: int = 0) -> None:
+        """Begin; `total` : evaluations at most, None for no limit. `done` : those of an earlier sitting of the same run."""
+        self._total = total
+        self._seen = deque([(self._clock(), done)])
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take note of where the search stands, and show it unless that was done just now."""
+        now = self._clock()
+        self._last = snapshot
+        if not self._seen:
+            self._seen.append((now, snapshot.evaluations))
+        if snapshot.evaluations != self._seen[-1][1]:
+            self._seen.append((now, snapshot.evaluations))
+        while len(self._seen) > 2 and now - self._seen[1][0] > RECENT:
+            self._seen.popleft()
+        if now - self._shown >= self._display.pause:
+            self._draw(now)
+
+    def milestone(self, text: str) -> None:
+        """Print a row of the milestone table (`milestone_row`), its head before the first."""
+        if not self._headed:
+            self._headed = True
+            self._display.row(HEAD)
+            self._display.row("-" * len(HEAD))
+        self.say(text)
+
+    def say(self, text: str) -> None:
+        """Print a line that stays."""
+        self._display.row(printable(text))
+
+    def finish(self) -> None:
+        """Show the last state, once, and leave the line."""
+        if self._last is not None and self._last is not self._drawn:
+            self._draw(self._clock())
+        self._last = None
+        self._display.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.finish()
+
+    def _draw(self, now: float) -> None:
+        if self._last is not None:
+            began, before = self._seen[0]
+            done = self._last.evaluations - before
+            rate = done / (now - began) if done > 0 and now > began else None
+            self._display.state(progress_line(self._last, self._total, rate, self._display.width))
+            self._shown, self._drawn = now, self._last
+
+
+def progress_line(snapshot: Snapshot, total: int | None, rate: float | None, width: int | None = None) -> str:
+    """One line; the shares come in short words, and at last not at all, where the width does not allow more.
+
+    rate : evaluations per second, None while it is not known.
+    """
+    tally = snapshot.tally
+    far = f"{snapshot.evaluations}/{total}" if total is not None else str(snapshot.evaluations)
+    main = f"{far} evaluations, step {snapshot.step}, best {error(snapshot.best)}"
+    if rate is not None:
+        main += f", {rate:.3g}/s"
+        if total is not None:
+            main += f", ETA {clock_time(max(0, total - snapshot.evaluations) / rate)}"
+    names = ["valid", "duplicate", "unchanged", "refused", *(["failed"] if tally.failed else [])]
+    long = "  ".join(f"{name} {tally.share(name):.0%}" for name in names)
+    short = " ".join(f"{name[:3]} {tally.share(name):.0%}" for name in names)
+    for line in (f"{main} | {long}", f"{main} | {short}"):
+        if width is None or len(line) <= width:
+            return line
+    return main[:width]
+
+
+def milestone_row(one: Milestone) -> str:
+    """A row of the milestone table: evaluation, what changed, NRMSE before and after, which band got better."""
+    before = "" if one.before is None else f"{error(one.before)} -> "
+    note = printable(one.note)
+    note = note if len(note) <= NOTE else note[: NOTE - 3].rstrip() + "..."
+    band = f"{one.band} Hz, {error(one.band_before)} -> {error(one.band_after)}" if one.band else ""
+    return f"{one.evaluation:>10}  {note:<{NOTE}}  {before + error(one.after):<22}  {band}".rstrip()
+
+
+def clock_time(seconds: float) -> str:
+    """A duration as h:mm:ss or m:ss."""
+    if seconds >= 360_000:  # a hundred hours: nobody waits for the minutes
+        return f"{seconds / 86_400:.0f} days"
+    whole = round(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+def printable(text: str) -> str:
+    """The text on one line, without what would move the cursor: notes come from outside."""
+    return "".join(one if one.isprintable() else " " for one in text)

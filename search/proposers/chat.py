@@ -1,0 +1,77 @@
+"""A conversation with a language model, wherever it runs: what is asked, what comes back, and what goes wrong."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any, Protocol, runtime_checkable
+
+from ibrid.errors import IbridError
+
+#: One turn in the words of the OpenAI interface: {"role": "system" | "user" | "assistant" | "tool", "content": text, ...}.
+Message = Mapping[str, Any]
+
+#: Characters that a token stands for on average, where nobody has counted; program text has fewer than prose.
+CHARACTERS_PER_TOKEN = 3.5
+#: Characters of an answer that are kept.
+LONGEST_ANSWER = 400_000
+
+
+class ChatError(IbridError):
+    """A model that gives no answer, in one sentence. `usage` : what was spent on it all the same."""
+
+    def __init__(self, sentence: str, usage: Mapping[str, Any] | None = None) -> None:
+        super().__init__(sentence)
+        self.usage = dict(usage or {})
+
+
+@dataclass(frozen=True)
+class ToolCall:
+    """A tool that the model wants called. `arguments` : JSON text as the model wrote it, which may be wrong."""
+
+    name: str
+    arguments: str
+    id: str = ""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a model said.
+
+    `text` : thinking, where the server gives it apart, stands in front between think tags. `cut` : the token or time limit
+    ended it. `usage` : model, prompt_tokens, completion_tokens (thinking included), cost, seconds, retries.
+    """
+
+    text: str
+    tool_calls: tuple[ToolCall, ...] = ()
+    usage: Mapping[str, Any] = field(default_factory=dict)
+    cut: bool = False
+
+
+@runtime_checkable
+class Chat(Protocol):
+    """A model that answers. `name` : for messages and records."""
+
+    @property
+    def name(self) -> str: ...
+
+    def complete(
+        self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
+    ) -> Answer:
+        """The next turn of the assistant.
+
+        `tools` : {"type": "function", "function": {"name", "description", "parameters"}}; a model that does not know
+        how to call them answers with text. `rng_seed` : of the sampling, where the model has one.
+
+        Raises ChatError for everything that a server or a model can do wrong.
+        """
+        ...
+
+
+def estimated_tokens(text: str) -> int:
+    """About the number of tokens of a text; the same every time."""
+    return ceil(len(text) / CHARACTERS_PER_TOKEN)
+
+
+def prompt_text(messages: Sequence[Message]) -> str:
+    """All that is said in some messages, for counting and for models without a template."""
+    return "\n\n".join(f"{one.get('role', 'user')}: {one.get('content') or ''}" for one in messages)

@@ -1,0 +1,33 @@
+"""From a move to a proposal: the parent's diagram edited, made whole, and written as SEARCH/REPLACE blocks."""
+
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import examine
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import program_text
+from search.drafting import Draft
+from search.edits import edit_between
+from search.gates import implausible
+from search.proposal import Context, Proposal
+from search.proposers.moves.family import Move, View
+
+
+def edited(view: View, move: Move) -> Diagram:
+    """The parent after a move."""
+    draft = Draft(view.diagram, view.kinds)
+    move.change(draft)
+    draft.tidy()
+    return draft.diagram()
+
+
+def new_structure(diagram: Diagram, context: Context) -> bool:
+    """True for a legal, plausible structure that the run has not met."""
+    task = context.task
+    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
+    if violations or implausible(warnings):
+        return False
+    return not context.seen(structure_hash(diagram, task.kinds, equilibrium=task.equilibrium))
+
+
+def proposal_of(view: View, move: Move, diagram: Diagram) -> Proposal:
+    """The proposal whose edit turns the parent into `diagram`."""
+    return Proposal(edit_between(program_text(view.diagram), program_text(diagram)), note=move.note)

@@ -1,0 +1,133 @@
+"""The proposer `llm`: one question to a language model, one edit; several models with weights, limits for the whole run."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from search.blocks import LONGEST_EDIT, EditError, read_blocks, shown, strip_thinking, write_block
+from search.context import prompt
+from search.proposal import Context, Proposal
+from search.proposers.chat import Chat, ChatError, estimated_tokens
+from search.proposers.model_names import model_of
+
+#: Characters of a reply that are kept.
+LONGEST_REPLY = 400_000
+_CHANGE = "change:"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;
+    seconds of waiting for answers."""
+
+    tokens: float = inf
+    cost: float = inf
+    seconds: float = inf
+
+    def __post_init__(self) -> None:
+        if not min(self.tokens, self.cost, self.seconds) > 0:
+            raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
+
+
+class LanguageModel:
+    """Asks a model for an edit of the parent; a proposer in the sense of `search.proposal`.
+
+    `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one
+    question, see `search.context.prompt`. `spent` : tokens, cost and seconds so far.
+    """
+
+    name = "llm"
+    attempts = 2
+    window: int | None = None
+
+    def __init__(
+        self,
+        models: Sequence[tuple[Chat, float]],
+        *,
+        limits: Limits | None = None,
+        prompt_tokens: int = 16_000,
+    ) -> None:
+        weights = np.array([weight for _, weight in models], dtype=float)
+        if not len(models) or not np.isfinite(weights).all() or (weights < 0).any() or not weights.sum() > 0:
+            raise IbridError(
+                "the proposer llm needs at least one model and weights that are not negative; name a model"
+            )
+        self.models = tuple(chat for chat, _ in models)
+        self.weights = weights / weights.sum()
+        self.limits = limits or Limits()
+        self.prompt_tokens = prompt_tokens
+        self.spent: Counter[str] = Counter()
+
+    @classmethod
+    def from_options(
+        cls,
+        models: Sequence[str],
+        *,
+        limits: Limits | None = None,
+        prompt_tokens: int = 16_000,
+        **settings: Any,
+    ) -> "LanguageModel":
+        """Models by name: see `search.proposers.model_names.model_of`; `settings` go to every ChatServer.
+
+        Raises IbridError for a name that says nothing, a folder without a model or a package that is not installed.
+        """
+        return cls([model_of(one, **settings) for one in models], limits=limits, prompt_tokens=prompt_tokens)
+
+    def count(self, usage: Mapping[str, Any]) -> None:
+        """Count what an answer has cost; a run that resumes does so for the steps of its store."""
+        for name in ("prompt_tokens", "completion_tokens", "cost", "seconds"):
+            value = usage.get(name, 0)
+            if isinstance(value, int | float) and 0 <= value < inf:
+                self.spent["tokens" if name.endswith("tokens") else name] += value
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit of `context.parent`; a failure in one sentence for whatever a server or a model does wrong."""
+        chat = self.models[int(rng.choice(len(self.models), p=self.weights))]
+        seed = int(rng.integers(2**31))
+        for name, unit in (("tokens", "tokens"), ("cost", "of cost"), ("seconds", "s")):
+            limit = getattr(self.limits, name)
+            if self.spent[name] >= limit:
+                return Proposal(
+                    "", failure=f"the limit of {limit:g} {unit} of this run is spent; raise it or use another proposer"
+                )
+        try:
+            answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens), rng_seed=seed)
+        except IbridError as error:
+            usage = error.usage if isinstance(error, ChatError) else {}
+            self.count(usage)
+            return Proposal("", usage=usage, failure=str(error))
+        self.count(answer.usage)
+        return read_answer(answer.text, {**answer.usage, **({"cut": True} if answer.cut else {})}, chat.name)
+
+
+def read_answer(text: str, usage: Mapping[str, Any], name: str) -> Proposal:
+    """The edit in an answer of model `name`. The thinking is kept, counted, and never read for edits."""
+    thinking, rest = strip_thinking(text)
+    if thinking and "thinking_tokens" not in usage:
+        usage = {**usage, "thinking_tokens": estimated_tokens(thinking)}
+    reply = text[:LONGEST_REPLY]
+    if not rest.strip():
+        why = "thought until it was cut off and gave no answer" if thinking else "answered nothing"
+        return Proposal("", reply=reply, usage=usage, failure=f"the model {name} {why}")
+    if len(rest) > LONGEST_EDIT:
+        failure = f"the model {name} answered with {len(rest)} characters; an answer has at most {LONGEST_EDIT}"
+        return Proposal("", reply=reply, usage=usage, failure=failure)
+    try:
+        edit = "\n".join(write_block(one.search, one.replace) for one in read_blocks(rest))
+    except EditError:
+        edit = rest
+    return Proposal(edit, note=_note(rest), reply=reply, usage=usage)
+
+
+def _note(answer: str) -> str:
+    """The line that says what changes; otherwise the last line before the first block."""
+    before = [line for line in answer.partition("<<<<<")[0].splitlines() if line.strip(" `#*\t")]
+    said = next((line for line in before if line.strip(" #*").lower().startswith(_CHANGE)), None)
+    if said is not None:
+        return shown(said.strip(" #*")[len(_CHANGE) :].strip(" *"))
+    return shown(before[-1].strip(" #*")) if before else ""

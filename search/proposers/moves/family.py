@@ -1,0 +1,50 @@
+"""A family of edits: one engineering idea, the places where it applies, and where in frequency it usually shows."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from search.drafting import Draft
+from search.roles import Roles, roles
+
+
+@dataclass(frozen=True)
+class Move:
+    """One edit. `note` : what changes, in a line. `change` : makes it in a draft of the parent."""
+
+    note: str
+    change: Callable[[Draft], None]
+
+
+@dataclass(frozen=True)
+class View:
+    """The parent as the moves see it: its diagram, a draft to look at, its roles and the kinds that may be used."""
+
+    diagram: Diagram
+    draft: Draft
+    roles: Roles
+    kinds: Vocabulary
+
+    def known(self, *names: str) -> tuple[str, ...]:
+        """Of some kinds, those that this vocabulary has."""
+        return tuple(name for name in names if name in self.draft.vocabulary)
+
+
+@dataclass(frozen=True)
+class Family:
+    """`scale` : local, module or structural. `bands` : how much it usually matters in each frequency band, 0 to 1, in
+    the order of the record. `weight` : how readily an engineer tries it. `moves` : the edits that apply to a parent.
+    """
+
+    name: str
+    scale: str
+    bands: tuple[float, float, float, float]
+    weight: float
+    moves: Callable[[View], Iterator[Move]]
+
+
+def view_of(diagram: Diagram, kinds: Vocabulary) -> View | None:
+    """A parent as the moves see it; None when its roles cannot be told."""
+    found = roles(diagram, kinds)
+    return None if found is None else View(diagram, Draft(diagram, kinds), found, kinds)

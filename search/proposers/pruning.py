@@ -1,0 +1,51 @@
+"""What does not pay goes: proposals that take one thing away from a candidate, and nothing else."""
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.structure.wiring import split_port
+from search.proposal import Context, Proposal
+from search.proposers.edited import edited, new_structure, proposal_of
+from search.proposers.moves.components import removals
+from search.proposers.moves.family import Move, View, view_of
+from search.proposers.moves.sub_loops import loop_removals
+from search.proposers.moves.wiring import cut_wires, shared_parameters
+
+
+class Pruning:
+    """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see first."""
+
+    name = "pruning"
+    attempts = 1
+    window = None
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """The first removal that leads to a legal structure not met before; no edit when none is left."""
+        view = view_of(context.parent.diagram, context.task.kinds)
+        if view is None:
+            return Proposal("", failure="the pruning knows diagrams with exactly one LCL or LFilter")
+        unseen = unseen_modules(context.parent.record)
+        moves = list(removal_moves(view))
+        order = rng.permutation(len(moves))
+        ranked = sorted(order, key=lambda index: not any(name in moves[index].note.split() for name in unseen))
+        for index in ranked:
+            found = edited(view, moves[index])
+            if new_structure(found, context):
+                return proposal_of(view, moves[index], found)
+        return Proposal("", failure="everything that could be taken away has been tried")
+
+
+def removal_moves(view: View) -> Iterator[Move]:
+    """Every edit that takes something away."""
+    return chain(removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
+
+
+def unseen_modules(record: Record) -> set[str]:
+    """Modules with a parameter at a bound of its box, or one that the data leave open."""
+    names = {split_port(entry.split()[0])[0] for entry in record.at_bound}
+    for intervals in record.intervals.values():
+        names |= {split_port(name)[0] for name, interval in intervals.items() if interval is None}
+    return names

@@ -1,0 +1,80 @@
+"""The offline default: reads where the error lies, knows the textbook's blocks, and tries what an engineer would try."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.fit.objective import BAND_NAMES
+from search.proposal import Context, Proposal
+from search.proposers.edited import edited, new_structure, proposal_of
+from search.proposers.moves.components import COMPONENTS
+from search.proposers.moves.family import Family, view_of
+from search.proposers.moves.sub_loops import SUB_LOOPS
+from search.proposers.moves.wiring import WIRING
+
+FAMILIES: tuple[Family, ...] = (*SUB_LOOPS, *COMPONENTS, *WIRING)
+
+#: Share of proposals that ignore where the error lies and how usual a family is.
+CURIOSITY = 0.2
+#: Least part of a family's weight that the residual cannot take away.
+LEAST_RELEVANCE = 0.1
+
+
+class Rules:
+    """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
+
+    One edit adds, replaces or removes at most one sub-loop. Edits that lead to an illegal or already known structure
+    are passed over; a scale without any edit left falls back to the others.
+    """
+
+    name = "rules"
+    attempts = 1
+    window = None
+
+    def __init__(self, families: Sequence[Family] = FAMILIES) -> None:
+        self.families = tuple(families)
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit of the parent that leads to a structure which the run has not met."""
+        view = view_of(context.parent.diagram, context.task.kinds)
+        if view is None:
+            return Proposal("", failure="the rules know diagrams with exactly one LCL or LFilter; use another proposer")
+        bands = residual_bands(context.parent.record)
+        for scale in sorted(LARGEST_FIRST, key=lambda scale: scale != context.scale):
+            options = {family: list(family.moves(view)) for family in self.families if family.scale == scale}
+            while options := {family: moves for family, moves in options.items() if moves}:
+                family = _drawn(list(options), bands, rng)
+                move = options[family].pop(int(rng.integers(len(options[family]))))
+                found = edited(view, move)
+                if new_structure(found, context):
+                    return proposal_of(view, move, found)
+        return Proposal("", failure="every edit that the rules know leads to a structure met before")
+
+
+#: The scales, in the order in which they stand in for one that has no edit left.
+LARGEST_FIRST = ("structural", "module", "local")
+
+
+def residual_bands(record: Record) -> np.ndarray:
+    """How much each frequency band matters (4,), adding up to 1: half its share of the squared error, half how badly
+    the band itself is met."""
+    share = np.array([_number(record.share_by_band, name) for name in BAND_NAMES])
+    relative = np.array([_number(record.nrmse_by_band, name) for name in BAND_NAMES])
+    total = np.zeros(len(BAND_NAMES))
+    for part in (share, relative):
+        if part.sum() > 0:
+            total += part / part.sum()
+    return total / total.sum() if total.sum() > 0 else np.full(len(BAND_NAMES), 1 / len(BAND_NAMES))
+
+
+def _number(table: Mapping[str, float | None], name: str) -> float:
+    value = table.get(name)
+    return value if value is not None and np.isfinite(value) else 0.0
+
+
+def _drawn(families: Sequence[Family], bands: np.ndarray, rng: np.random.Generator) -> Family:
+    weights = np.ones(len(families))
+    if rng.random() >= CURIOSITY:
+        weights = np.array([one.weight * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families])
+    return families[int(rng.choice(len(families), p=weights / weights.sum()))]

@@ -1,0 +1,83 @@
+"""Entries of the archive in order, best first: kept sorted as they come and go, and drawn by rank."""
+
+from bisect import bisect_left, insort
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native."""
+
+    step: int
+    hash: str
+    parent: int | None
+    island: int
+    reward: float
+    nrmse: float
+    order: int
+    free: int
+    stable: bool
+    program: str
+
+
+class Ranking:
+    """Entries by reward, the highest first; of equal ones those with fewer free parameters, of lower order, earlier."""
+
+    def __init__(self) -> None:
+        self._keys: list[tuple[Any, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __getitem__(self, place: int) -> Entry:
+        return self._keys[place][-1]
+
+    def __iter__(self) -> Iterator[Entry]:
+        return (key[-1] for key in self._keys)
+
+    def __reversed__(self) -> Iterator[Entry]:
+        return (key[-1] for key in reversed(self._keys))
+
+    def __contains__(self, entry: Entry) -> bool:
+        place = self.place(entry)
+        return place < len(self._keys) and self[place].hash == entry.hash
+
+    def place(self, entry: Entry) -> int:
+        """Number of entries before this one, whether it is here or not."""
+        return bisect_left(self._keys, _key(entry))
+
+    def top(self, number: int) -> tuple[Entry, ...]:
+        """The best ones, at most `number`."""
+        return tuple(key[-1] for key in self._keys[:number])
+
+    def add(self, entry: Entry) -> None:
+        """Put an entry in its place, unless it is there."""
+        if entry not in self:
+            insort(self._keys, (*_key(entry), entry))
+
+    def discard(self, entry: Entry) -> None:
+        """Take an entry out, when it is there."""
+        if entry in self:
+            del self._keys[self.place(entry)]
+
+
+class RankLaw:
+    """Draws with probability proportional to rank^-power; power 0 is uniform. `most` : entries that it can tell apart."""
+
+    def __init__(self, power: float, most: int) -> None:
+        self._weight = np.cumsum(np.arange(1, most + 1, dtype=float) ** -power)
+        self._most = most
+
+    def draw(self, ranking: Ranking, place: float, most: int) -> Entry:
+        """The entry at a place in [0, 1) of the distribution over the first `most` of a ranking that is not empty."""
+        number = min(len(ranking), most, self._most)
+        drawn = np.searchsorted(self._weight[:number], place * self._weight[number - 1], side="right")
+        return ranking[min(int(drawn), number - 1)]
+
+
+def _key(entry: Entry) -> tuple[Any, ...]:
+    return -entry.reward, entry.free, entry.order, entry.step, entry.hash

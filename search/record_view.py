@@ -1,0 +1,159 @@
+"""A record as an agent reads it: where the error lies, worst first, what each parameter came to, and what stays open."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, near
+from ibrid.evaluation.errors_by_part import ENTRIES
+from ibrid.evaluation.record import Record
+from ibrid.fit.objective import BAND_NAMES, band_index
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.report.parameter_rows import parameter_rows
+from ibrid.report.verdict import verdict
+
+#: Parts of the error and single frequencies that are shown.
+WORST_PARTS, WORST_FREQUENCIES = 12, 8
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part of the error is asked for; None for all. `op` : name of an operating point, `band` : such as "5-50" (Hz),
+    `entry` : dd, dq, qd or qq."""
+
+    op: str | None = None
+    band: str | None = None
+    entry: str | None = None
+
+    @property
+    def chosen(self) -> bool:
+        """True when it is not the whole."""
+        return (self.op, self.band, self.entry) != (None, None, None)
+
+
+def summary(record: Record) -> dict[str, Any]:
+    """One candidate in a list: error, size, stability."""
+    return {
+        "nrmse": record.nrmse,
+        "order": record.order,
+        "modules": record.modules,
+        "residual_modules": record.residual_modules,
+        "free_parameters": record.free_parameters,
+        "stable": all(record.stable.values()),
+        **({"holdout": record.holdout} if record.holdout else {}),
+    }
+
+
+def record_view(record: Record, sweep: Sweep, part: Part | None = None) -> dict[str, Any]:
+    """Everything of a fitted record that helps to decide on the next edit.
+
+    `share` of a part : its squared error, each operating point relative to its own measurement, over the whole squared
+    error; all shares add up to 1. `error` : relative to the measured norm of the same part. With a `part`, the
+    frequencies of that part are listed instead of the worst ones.
+
+    Raises IbridError for a part that the data lack.
+    """
+    part = part or Part()
+    _require(part, record)
+    cells = list(_cells(record, sweep))
+    whole = sum(cell["squared"] for cell in cells) or 1.0
+    chosen = sorted((cell for cell in cells if _within(cell, part)), key=lambda cell: -cell["squared"])
+    return {
+        "verdict": verdict(record),
+        **summary(record),
+        "stable": record.stable,
+        "nrmse_by_op": record.nrmse_by_op,
+        "nrmse_by_band_hz": record.nrmse_by_band,
+        "nrmse_by_entry": record.nrmse_by_entry,
+        "worst_parts": _parts(chosen, whole)[:WORST_PARTS],
+        "frequencies" if part.chosen else "worst_frequencies": [
+            _frequency(cell, whole) for cell in (chosen if part.chosen else chosen[:WORST_FREQUENCIES])
+        ],
+        "at_bound": record.at_bound,
+        "parameters": [_parameter(row) for row in parameter_rows(record)],
+        "identifiability": record.identifiability,
+        "warnings": record.warnings,
+    }
+
+
+def _require(part: Part, record: Record) -> None:
+    for what, value, known in (
+        ("operating point", part.op, tuple(record.nrmse_by_op)),
+        ("band", part.band, BAND_NAMES),
+        ("entry", part.entry, ENTRIES),
+    ):
+        if value is not None and value not in known:
+            raise IbridError(f"the fitted data have no {what} {value[:60]!r}; {near(value[:60], known)}")
+
+
+def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
+    """One for each operating point, frequency and entry."""
+    for op in record.nrmse_by_op:
+        point: PointSweep = sweep.point(op)
+        model = record.response(op, point.frequency)
+        norm = float(np.linalg.norm(point.admittance)) ** 2
+        for k, band in enumerate(band_index(point.frequency)):
+            for entry, place in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True):
+                measured, found = complex(point.admittance[k][place]), complex(model[k][place])
+                yield {
+                    "op": op,
+                    "band": BAND_NAMES[band],
+                    "entry": entry,
+                    "hz": float(point.frequency[k]),
+                    "measured": measured,
+                    "model": found,
+                    "squared": abs(found - measured) ** 2 / norm,
+                    "size": abs(measured) ** 2 / norm,
+                }
+
+
+def _within(cell: Mapping[str, Any], part: Part) -> bool:
+    return all(
+        wanted is None or cell[key] == wanted
+        for key, wanted in (("op", part.op), ("band", part.band), ("entry", part.entry))
+    )
+
+
+def _parts(cells: list[dict[str, Any]], whole: float) -> list[dict[str, Any]]:
+    sums: dict[tuple[str, str, str], list[float]] = {}
+    for cell in cells:
+        both = sums.setdefault((cell["op"], cell["band"], cell["entry"]), [0.0, 0.0])
+        both[0] += cell["squared"]
+        both[1] += cell["size"]
+    ranked = sorted(sums.items(), key=lambda one: -one[1][0])
+    return [
+        {
+            "op": op,
+            "band_hz": band,
+            "entry": entry,
+            "share": squared / whole,
+            "error": (squared / size) ** 0.5 if size > 0 else None,
+        }
+        for (op, band, entry), (squared, size) in ranked
+    ]
+
+
+def _frequency(cell: Mapping[str, Any], whole: float) -> dict[str, Any]:
+    return {
+        "op": cell["op"],
+        "hz": cell["hz"],
+        "entry": cell["entry"],
+        "share": cell["squared"] / whole,
+        "measured": _polar(cell["measured"]),
+        "model": _polar(cell["model"]),
+    }
+
+
+def _polar(value: complex) -> str:
+    return f"{abs(value):.4g} at {np.degrees(np.angle(value)):.1f} deg"
+
+
+def _parameter(row: Any) -> dict[str, Any]:
+    found = {"name": row.name, "value": row.value, "unit": row.unit, "interval_95": row.interval or "open"}
+    if row.where != "all":
+        found["op"] = row.where
+    if row.at_bound:
+        found["at_bound_of"] = row.box_words
+    return found

@@ -1,0 +1,1 @@
+"""The sections of the page about a run; `search.page` puts them together."""

@@ -1,0 +1,194 @@
+"""What was found beside the start and, where it is given, the truth: diagrams, comparison and frequency response."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import PointSweep
+from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
+from ibrid.report.bode import ENTRIES, Curves, draw_bode
+from ibrid.report.figure import inline_svg
+from ibrid.report.markup import cell, escape, head, paragraph, row, scroll, table
+from ibrid.report.numbers import error
+from ibrid.report.style import DASHES
+from ibrid.structure.compare import Comparison
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import parse_program
+from search.report.run_data import RunData
+
+#: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
+POINTS = 6
+DENSE = 240
+#: A drawing may shrink to this before it gets a line of its own.
+WIDEST = "68rem"
+#: Wider than the text where the window is, so that diagrams find room beside each other.
+_BREAKOUT = "width:max(100%,100vw - 3rem);margin-left:calc((100% - max(100%,100vw - 3rem))/2)"
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A line of the figures. `index` : of its colour and dashes."""
+
+    name: str
+    record: Record
+    index: int
+
+
+def diagrams_html(run: RunData) -> str:
+    """The start, what was found and the truth, beside each other where there is room."""
+    shown = [
+        (words, diagram)
+        for words, diagram in (
+            ("The start", None if run.start is None else _parsed(run.start.program)),
+            ("Found", None if run.answer is None else _parsed(run.answer.program)),
+            ("The given truth", run.truth),
+        )
+        if diagram is not None
+    ]
+    if not shown:
+        return paragraph("There is no diagram to draw yet.")
+    figures = "".join(_drawn(words, block_diagram_svg(diagram, run.kinds)) for words, diagram in shown)
+    note = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
+    return (
+        paragraph(note, "note")
+        + _families(run, [diagram for _, diagram in shown])
+        + f'<div class="beside" style="{_BREAKOUT}">{figures}</div>'
+    )
+
+
+def _drawn(words: str, svg: str) -> str:
+    """A figure as wide as its drawing, or narrower where there is no room."""
+    width = re.search(r"max-width:(\d+)px", svg)
+    room = f"min({width[1]}px,{WIDEST})" if width else "auto"
+    style = f"flex:0 1 {room};max-width:{width[1] + 'px' if width else 'none'};flex-grow:1"
+    return f'<figure style="{style}"><figcaption>{escape(words)}</figcaption>{scroll(words, svg)}</figure>'
+
+
+def _parsed(text: str) -> Diagram | None:
+    try:
+        return parse_program(text) if text else None
+    except IbridError:
+        return None
+
+
+def _families(run: RunData, diagrams: Iterable[Diagram]) -> str:
+    families = {kind.name: kind.family for kind in run.kinds}
+    used = dict.fromkeys(families.get(one.kind, "unknown") for diagram in diagrams for one in diagram.instances)
+    words = "".join(
+        f'<li><span class="swatch {escape(name.replace(" ", "-"))}"></span>{escape(FAMILIES.get(name, name))}</li>'
+        for name in used
+    )
+    return f'<ul class="legend">{words}</ul>'
+
+
+def comparison_html(found: Comparison) -> str:
+    """What the found diagram has in common with the given truth, up to naming and canonical rewriting."""
+    rows = [
+        row(name, [*(cell(f"{value:.3f}", numeric=True) for value in (one.precision, one.recall, one.f1)),
+                   cell(f"{one.common} / {one.first} / {one.second}", numeric=True)])
+        for name, one in (("modules", found.modules), ("connections", found.connections))
+    ]  # fmt: skip
+    names = ["", "precision", "recall", "F1", "common / found / true"]
+    words = (
+        "Modules and connections are matched up to naming; signs, fixed gains, slices and packs belong to connections."
+    )
+    shown = table("Comparison", words, head(names, numeric=(1, 2, 3, 4)) + f"<tbody>{''.join(rows)}</tbody>")
+    verdict = (
+        "The found structure is the given one." if found.same else "The found structure differs from the given one."
+    )
+    matched = "; ".join(f"{a} = {b}" for a, b in found.matched)
+    lines = [f"Matched, found = true: {matched}."] if matched else []
+    lines += [f"Only found: {', '.join(found.only_first)}."] if found.only_first else []
+    lines += [f"Only in the truth: {', '.join(found.only_second)}."] if found.only_second else []
+    return paragraph(verdict) + shown + "".join(paragraph(line, "note") for line in lines)
+
+
+def response_html(run: RunData) -> str:
+    """Measured dots and model lines of every entry, operating point by operating point."""
+    models = _models(run)
+    if not models:
+        return paragraph("No candidate has been fitted yet.")
+    names = list(models[0].record.parameters)
+    held = set(models[0].record.holdout)
+    shown = "".join(_point_html(run, models, op, index, op in held) for index, op in enumerate(names[:POINTS]))
+    left = names[POINTS:]
+    note = paragraph(f"Not drawn: {', '.join(left)}.", "note") if left else ""
+    words = "Admittance per unit, current out of the inverter."
+    return paragraph(words, "note") + _legend(models, run.sweep is not None) + shown + note
+
+
+def _models(run: RunData) -> list[_Model]:
+    """Found, start and truth, as far as they were fitted; each keeps its colour."""
+    answer = None if run.answer is None else run.records.of(run.answer.number)
+    start = None if run.start is None else run.records.of(run.start.number)
+    found = [_Model("found", answer, 0)] if answer is not None and answer.parameters else []
+    if start is not None and start.parameters and (run.answer is None or run.answer.number != 0):
+        found.append(_Model("start", start, 3))
+    if run.truth_record is not None:
+        found.append(_Model("given truth (refitted)", run.truth_record, 1))
+    return found
+
+
+def _point_html(run: RunData, models: list[_Model], op: str, place: int, held: bool) -> str:
+    point = run.sweep.point(op) if run.sweep is not None and op in run.sweep.names else None
+    shown, notes = [], []
+    for number, model in enumerate(models):
+        try:
+            shown.append(_curves(model, op, point if number == 0 else None, point))
+        except IbridError as problem:
+            notes.append(f"No line of {model.name}: {problem}")
+    errors = ", ".join(
+        f"{model.name} {error(value)}"
+        for model in models
+        if (value := {**model.record.nrmse_by_op, **model.record.holdout}.get(op)) is not None
+    )
+    words = f"NRMSE: {errors}." + (" Held out: predicted, not fitted." if held else "")
+    figures = "".join(_figure(entry, op, place, tuple(shown)) for entry in ENTRIES) if shown else ""
+    return (
+        f"<h3>{escape(op)}</h3>{paragraph(words, 'note')}"
+        + "".join(paragraph(note, "bad") for note in notes)
+        + f'<div class="four">{figures}</div>'
+    )
+
+
+def _curves(model: _Model, op: str, dots: PointSweep | None, point: PointSweep | None) -> Curves:
+    low, high = model.record.settings["frequency_hz"]
+    frequency = np.geomspace(low, max(high, low * 1.001), DENSE)
+    if point is not None:  # the line meets the dots exactly
+        frequency = np.union1d(frequency, point.frequency)
+    return Curves(model.name, model.index, dots, frequency, model.record.response(op, frequency))
+
+
+def _figure(entry: str, op: str, place: int, shown: tuple[Curves, ...]) -> str:
+    label = f"Bode plot of Y_{entry} at {op}: measured, {', '.join(one.name for one in shown)}."
+    svg = inline_svg(
+        lambda axes: draw_bode(axes, entry, shown),
+        name=f"bode-{place}-{entry}",
+        label=label,
+        size=(5.2, 3.8),
+        rows=2,
+        heights=(1.25, 1.0),
+    )
+    return f"<figure><figcaption>Y<sub>{entry}</sub></figcaption>{svg}</figure>"
+
+
+def _legend(models: list[_Model], measured: bool) -> str:
+    """Circle for the measurement, a line as in the figures for each model."""
+    items = ['<circle cx="17" cy="7" r="4"/>', "measured", 0] if measured else []
+    entries = [tuple(items)] if items else []
+    for model in models:
+        dashes = DASHES[model.index]
+        pattern = (
+            "" if isinstance(dashes, str) else f' stroke-dasharray="{" ".join(f"{1.5 * one:g}" for one in dashes[1])}"'
+        )
+        entries.append((f'<path d="M0 7h34" stroke-width="2"{pattern}/>', model.name, model.index))
+    shown = "".join(
+        f'<li><svg width="34" height="14" viewBox="0 0 34 14" aria-hidden="true">'
+        f'<g fill="none" stroke="var(--series-{index})" stroke-width="1.6">{shape}</g></svg>{escape(str(name))}</li>'
+        for shape, name, index in entries
+    )
+    return f'<ul class="legend">{shown}</ul>'

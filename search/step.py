@@ -1,0 +1,98 @@
+"""One step of a search: a proposal, what became of it, and the words for every way it can end."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from collections.abc import Mapping
+
+
+class Status(StrEnum):
+    """How a proposal ended. Every refusal has a word of its own, in the order in which they are asked."""
+
+    NO_ANSWER = "no answer"  # the proposer's server gave nothing usable
+    NO_EDIT = "no edit"  # an answer without a SEARCH/REPLACE block
+    NO_MATCH = "no match"  # a block whose search text is not in the program
+    AMBIGUOUS = "ambiguous"  # a block whose search text is there more than once
+    UNREADABLE = "unreadable"  # the edited text is no program
+    ILLEGAL = "illegal"  # the grammar refuses the diagram
+    UNCHANGED = "unchanged"  # the same structure as its parent
+    DUPLICATE = "duplicate"  # a structure met before in this run; its evaluation stands
+    IMPLAUSIBLE = "implausible"  # a cheap physical gate refuses it
+    PENDING = "pending"  # waits for its evaluation
+    OK = "ok"
+    FAILED = "failed"  # no fit exists
+    TIMEOUT = "timeout"  # stopped by the wall limit, twice
+    LOST = "lost"  # its workers died, several times: not the candidate's fault
+    REQUIRED = "required"  # fitted, but not what --require asks for
+
+
+#: Ends of a proposal before any evaluation.
+REFUSED = (
+    Status.NO_ANSWER,
+    Status.NO_EDIT,
+    Status.NO_MATCH,
+    Status.AMBIGUOUS,
+    Status.UNREADABLE,
+    Status.ILLEGAL,
+    Status.IMPLAUSIBLE,
+)
+#: Ends that have an evaluation of their own.
+EVALUATED = (Status.OK, Status.FAILED, Status.TIMEOUT, Status.LOST, Status.REQUIRED)
+
+#: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a lost one none.
+_PENALTY = {
+    Status.NO_ANSWER: -0.4,
+    Status.NO_EDIT: -0.4,
+    Status.NO_MATCH: -0.4,
+    Status.AMBIGUOUS: -0.4,
+    Status.UNREADABLE: -0.25,
+    Status.ILLEGAL: -0.25,
+    Status.UNCHANGED: -0.3,
+    Status.DUPLICATE: -0.3,
+    Status.IMPLAUSIBLE: -0.2,
+    Status.FAILED: -0.2,
+    Status.TIMEOUT: -0.2,
+    Status.REQUIRED: -0.2,
+}
+
+
+def rl_reward(status: Status, reward: float | None) -> float | None:
+    """The reward that learning uses: max(reward, 0) when valid, a fixed penalty otherwise, None when nothing is known."""
+    if status is Status.OK and reward is not None:
+        return max(reward, 0.0)
+    return _PENALTY.get(status)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A row of the store.
+
+    `number` : 0 for the start, then one for every proposal. `parent` : number of the parent's step. `scale` : of the
+    edit asked for. `note` : what changes, in a line. `edit` : SEARCH/REPLACE blocks. `reply` : the whole answer of a
+    language model. `diagnosis` : a paragraph an agent wrote. `usage` : tokens, cost, seconds, retries. `reason` : why
+    it was refused. `hash` : of the structure. `same_as` : the step with the same structure. `program` : text after
+    the edit. `nrmse`, `reward`, `stable`, `order`, `free` : of its evaluation.
+    """
+
+    number: int
+    parent: int | None = None
+    island: int = 0
+    scale: str = ""
+    proposer: str = ""
+    note: str = ""
+    edit: str = ""
+    reply: str = ""
+    diagnosis: str = ""
+    usage: Mapping[str, Any] = field(default_factory=dict)
+    status: Status = Status.PENDING
+    reason: str = ""
+    hash: str = ""
+    same_as: int | None = None
+    program: str = ""
+    nrmse: float | None = None
+    reward: float | None = None
+    stable: bool | None = None
+    order: int | None = None
+    free: int | None = None
+    seconds: float = 0.0

@@ -1,0 +1,178 @@
+"""A tool as an agent sees it: declared once, so that a server and a proposer show and call the same thing."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, near
+
+#: Characters of JSON that an answer has at most.
+LONGEST_ANSWER = 12_000
+#: (items of a list, characters of a text) that are kept, tried in turn until an answer is short enough.
+_CUTS = ((40, 8_000), (20, 4_000), (10, 2_000), (5, 1_000), (3, 400), (1, 100), (1, 30))
+
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "string": (str,),
+    "integer": (int,),
+    "number": (int, float),
+    "boolean": (bool,),
+    "array": (list, tuple),
+    "object": (Mapping,),
+}
+
+
+@dataclass(frozen=True)
+class Tool:
+    """`description` : what it answers and when to use it, for a model. `arguments` : name -> JSON schema.
+    `required` : those that must be given. `function` : called with them by name, answers with plain data."""
+
+    name: str
+    description: str
+    arguments: Mapping[str, Mapping[str, Any]]
+    function: Callable[..., Mapping[str, Any]]
+    required: tuple[str, ...] = ()
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of all arguments."""
+        return {
+            "type": "object",
+            "properties": {name: dict(one) for name, one in self.arguments.items()},
+            "required": list(self.required),
+            "additionalProperties": False,
+        }
+
+    def call(self, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+        """The answer, at most `longest` characters as JSON; {"error": one sentence} for a wrong call, never an exception
+        for what a caller can do wrong."""
+        given = {} if arguments is None else arguments
+        try:
+            wrong = complaint(given, self.schema, f"the arguments of {self.name}")
+            if wrong is not None:
+                raise IbridError(wrong)
+            return capped(self.function(**given), longest)
+        except (IbridError, TimeoutError) as error:
+            return failed(str(error))
+
+
+def call_by_name(tools: Sequence[Tool], name: Any, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+    """Call the tool of that name; an unknown one is an answer with the near names."""
+    for tool in tools:
+        if tool.name == name:
+            return tool.call(arguments, longest=longest)
+    return failed(f"there is no tool {str(name)[:60]!r}; {near(str(name)[:60], (tool.name for tool in tools))}")
+
+
+def failed(sentence: str) -> dict[str, Any]:
+    """The answer to a call that cannot be answered."""
+    return {"error": _text(" ".join(sentence.split())[:2_000])}
+
+
+def complaint(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
+    """What is wrong with a value under a JSON schema (types, enum, bounds, lengths, properties); None when nothing is."""
+    names = schema.get("type", tuple(_TYPES))
+    wanted = (names,) if isinstance(names, str) else tuple(names)
+    if not any(_is(value, name) for name in wanted):
+        return f"{what} must be of type {' or '.join(wanted)}, found {_shown(value)}"
+    if "enum" in schema and value not in schema["enum"]:
+        return f"{what} must be one of {', '.join(map(str, schema['enum']))}, found {_shown(value)}"
+    if isinstance(value, Mapping):
+        return _complaint_of_object(value, schema, what)
+    if isinstance(value, list | tuple):
+        found = (complaint(one, schema.get("items", {}), f"entry {k} of {what}") for k, one in enumerate(value, 1))
+        return next((one for one in found if one is not None), None)
+    if isinstance(value, str):
+        most = schema.get("maxLength", math.inf)
+        return None if len(value) <= most else f"{what} must have at most {most} characters, found {len(value)}"
+    return _complaint_of_number(value, schema, what)
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can carry: numbers with six digits, None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value if value is None else _text(value)
+
+
+def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+    """The answer as plain data; long lists and texts are cut, with a word about it, where it is longer than `longest`."""
+    whole = plain(answer)
+    if _length(whole) <= longest:
+        return whole
+    for items, characters in _CUTS:
+        shorter = _cut(whole, items, characters)
+        if _length(shorter) <= longest:
+            return shorter
+    return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
+
+
+def _is(value: Any, name: str) -> bool:
+    if isinstance(value, bool):
+        return name == "boolean"
+    return isinstance(value, _TYPES[name])
+
+
+def _complaint_of_object(value: Mapping[str, Any], schema: Mapping[str, Any], what: str) -> str | None:
+    known: Mapping[str, Any] = schema.get("properties", {})
+    for name in schema.get("required", ()):
+        if name not in value:
+            return f"{what} lack {name!r}"
+    for name, one in value.items():
+        if name not in known:
+            return f"{what} have no {str(name)[:60]!r}; {near(str(name)[:60], known)}"
+        if (found := complaint(one, known[name], f"{name!r}")) is not None:
+            return found
+    return None
+
+
+def _complaint_of_number(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    low, high = schema.get("minimum", -math.inf), schema.get("maximum", math.inf)
+    return None if low <= value <= high else f"{what} must lie within {low:g} and {high:g}, found {_shown(value)}"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value if isinstance(value, str | int | float | bool | None) else type(value).__name__)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _text(value: Any) -> str:
+    """Text that UTF-8 can carry."""
+    return str(value).encode("utf-8", "replace").decode("utf-8")
+
+
+def _length(answer: Any) -> int:
+    return len(json.dumps(answer, ensure_ascii=False))
+
+
+def _cut(value: Any, items: int, characters: int) -> Any:
+    if isinstance(value, dict):
+        return {key: _cut(one, items, characters) for key, one in value.items()}
+    if isinstance(value, list):
+        kept = [_cut(one, items, characters) for one in value[:items]]
+        return kept if len(value) <= items else [*kept, f"... and {len(value) - items} more"]
+    if isinstance(value, str) and len(value) > characters:
+        return f"{value[:characters]} ... ({len(value) - characters} more characters)"
+    return value
+
+
+def listed(tools: Iterable[Tool]) -> str:
+    """The tools as lines for a prompt: name, arguments, description."""
+    return "\n".join(
+        f"- {tool.name}({', '.join(name if name in tool.required else name + '?' for name in tool.arguments)}): "
+        f"{tool.description}"
+        for tool in tools
+    )

@@ -1,0 +1,266 @@
+"""The tools of agents: what they answer, what they refuse, and that no text they get is ever more than text."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
+from ibrid.structure.library import textbook_text
+from search.logbook import Effort, Logbook
+from search.proposal import Task
+from search.step import Status
+from search.tool import Tool, call_by_name, capped, complaint, listed
+from search.workbench import Workbench
+
+NAIVE = textbook_text("naive")
+EFFORT = Effort(restarts=0)
+L_FILTER_WITH_PI = """\
+def build(g):
+    g.add("LFilter", "plant")
+    g.add("PI_dq", "current")
+    g.add("Negate_dq", "minus")
+    g.add("ConstZero", "no_frequency")
+    g.connect("v_DQ", "plant.v_in")
+    g.connect("plant.i_g", "minus.in_")
+    g.connect("minus.out", "current.in_")
+    g.connect("current.out", "plant.u_r")
+    g.connect("no_frequency.out", "plant.delta_omega")
+    g.connect("plant.i_g", "i_DQ")
+"""
+UNWIRED = 'def build(g):\n    g.add("LCL", "plant")\n'
+HOSTILE = (
+    "",
+    "../../etc/passwd",
+    "/etc/passwd",
+    "import os\nos.system('true')\n",
+    "def f(g):\n    __import__('os').system('true')\n",
+    "def f(g):\n    g.add('__import__', 'os')\n",
+    "def f(g):\n    g.add('LCL', 'plant', L_F=open('x'))\n",
+    "def f(g):\n" + "    g.add('Gain', 'g')\n" * 4_000,
+    "(" * 100_000,
+    "\x00",
+    "def f(g):\n    g.add('LCL', '\ud800')\n",
+)
+
+
+@pytest.fixture(scope="module")
+def sweep() -> Sweep:
+    return ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+
+
+@pytest.fixture(scope="module")
+def bench(sweep: Sweep) -> Workbench:
+    """Step 0: naive, step 1: a current loop, step 2: illegal."""
+    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    for program in (NAIVE, L_FILTER_WITH_PI, UNWIRED):
+        ask(bench, "evaluate_program", program=program)
+    return bench
+
+
+def ask(bench: Workbench, tool: str, **arguments: object) -> dict:
+    """The answer, which always is JSON of bounded length."""
+    answer = call_by_name(bench.all, tool, arguments)
+    assert len(json.dumps(answer, allow_nan=False, ensure_ascii=False)) <= 12_000
+    return answer
+
+
+def test_an_evaluated_program_answers_with_its_error_and_where_it_lies(sweep: Sweep):
+    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    answer = ask(bench, "evaluate_program", program=NAIVE)
+    record = ibrid.evaluate(ibrid.parse_program(NAIVE), sweep, restarts=0)
+    assert (answer["step"], answer["status"]) == (0, "ok")
+    assert answer["nrmse"] == pytest.approx(record.nrmse, rel=1e-5)  # shown with six digits
+    assert answer["worst_parts"]
+
+
+def test_the_shares_of_all_parts_add_up_to_one_and_come_worst_first(sweep: Sweep, bench: Workbench):
+    shares = [
+        part["share"]
+        for op in sweep.names
+        for band in ("5-50", "50-500", "500-2000", "2000-5000")
+        for part in ask(bench, "show_record", step=0, op=op, band=band)["worst_parts"]
+    ]
+    assert sum(shares) == pytest.approx(1.0, rel=1e-4)  # six digits each
+    shown = [part["share"] for part in ask(bench, "show_record", step=0)["worst_parts"]]
+    assert shown == sorted(shares, reverse=True)[: len(shown)]
+
+
+def test_the_error_of_a_part_is_that_of_the_record(sweep: Sweep, bench: Workbench):
+    record = bench.steps.record(0)
+    for part in ask(bench, "show_record", step=0)["worst_parts"]:
+        expected = record.nrmse_by_part[part["op"]][part["band_hz"]][part["entry"]]
+        assert part["error"] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(sweep: Sweep, bench: Workbench):
+    op = sweep.names[0]
+    answer = ask(bench, "show_record", step=0, op=op, band="5-50", entry="qq")
+    frequency = sweep.point(op).frequency
+    assert sorted(one["hz"] for one in answer["frequencies"]) == pytest.approx(frequency[frequency < 50], rel=1e-5)
+    k = int(np.argmin(abs(frequency - answer["frequencies"][0]["hz"])))
+    measured = sweep.point(op).admittance[k, 1, 1]
+    assert answer["frequencies"][0]["measured"].startswith(f"{abs(measured):.4g} at ")
+
+
+def test_a_part_that_the_data_lack_is_named_with_the_known_ones(bench: Workbench):
+    assert "known are: dd, dq, qd, qq" in ask(bench, "show_record", step=0, entry="xx")["error"]
+    assert "operating point" in ask(bench, "show_record", step=0, op="p=7")["error"]
+
+
+def test_an_illegal_program_is_refused_with_every_violation_and_remedy(bench: Workbench):
+    answer = ask(bench, "evaluate_program", program=UNWIRED)
+    assert answer["status"] == "illegal"
+    assert len(answer["violations"]) == 4  # three inputs and i_DQ
+    assert all("connect" in one["message"] or "add" in one["message"] for one in answer["violations"])
+    assert answer["violations"] == ask(bench, "check_grammar", program=UNWIRED)["violations"]
+
+
+def test_a_structure_met_before_is_not_evaluated_again(bench: Workbench):
+    renamed = NAIVE.replace('"gain', '"k')
+    answer = ask(bench, "evaluate_program", program=renamed)
+    assert (answer["status"], answer["same_as"]) == ("duplicate", 0)
+    assert answer["nrmse"] == ask(bench, "show_record", step=0)["nrmse"]
+    assert ask(bench, "check_grammar", program=renamed)["met_before"] == "step 0"
+
+
+def test_another_seed_is_another_evaluation(bench: Workbench):
+    assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "ok"
+    assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "duplicate"
+
+
+def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(sweep: Sweep, bench: Workbench):
+    out = sweep.names[1]
+    answer = ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, settings={"holdout_op": [out]})
+    assert set(answer["holdout"]) == {out}
+    assert answer["step"] not in [one["step"] for one in ask(bench, "list_best", count=20)["best"]]
+
+
+def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
+    logbook = Logbook(Task(sweep, VOCABULARY), effort=EFFORT)
+    for program in (NAIVE, L_FILTER_WITH_PI):
+        logbook.submit(program)
+    errors = [one.record.nrmse or 0.0 for one in logbook.best(2)]
+    assert errors == sorted(errors)
+    first = logbook.best(1)[0].step
+    logbook._steps[first] = replace(logbook.steps[first], stable=False)
+    assert logbook.best(2)[-1].step == first
+
+
+def test_a_time_limit_ends_an_evaluation_and_more_time_may_be_tried(sweep: Sweep):
+    logbook = Logbook(Task(sweep, VOCABULARY))
+    program = textbook_text("gfl")
+    assert logbook.submit(program, effort=Effort(seconds=0.1)).status is Status.TIMEOUT
+    assert logbook.known(ibrid.parse_program(program)) is None
+
+
+def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
+    bench = Workbench(Logbook(Task(sweep, PAPER_VOCABULARY, "paper", "per-op"), effort=EFFORT))
+    program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("Delay", "gain")')
+    answer = ask(bench, "check_grammar", program=program)
+    assert not answer["legal"]
+    assert "Delay" in answer["violations"][0]["message"]
+    assert "Delay" not in [one["kind"] for one in ask(bench, "describe_vocabulary")["kinds"]]
+
+
+def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
+    answer = ask(bench, "describe_vocabulary")
+    assert [one["kind"] for one in answer["kinds"]] == [kind.name for kind in VOCABULARY]
+    in_full = ask(bench, "describe_vocabulary", kind="LCL")
+    assert [one["name"] for one in in_full["parameters"]] == ["L_F", "R_F", "C_F", "L_g", "R_g"]
+    assert "did you mean Delay?" in ask(bench, "describe_vocabulary", kind="Dely")["error"]
+
+
+def test_steps_and_programs_are_compared(bench: Workbench):
+    assert ask(bench, "compare_programs", a=0, b=NAIVE)["same"]
+    assert not ask(bench, "compare_programs", a=0, b=1)["same"]
+    assert "not legal" in ask(bench, "compare_programs", a=0, b=UNWIRED)["error"]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workbench, text: str):
+    assert ask(bench, "evaluate_program", program=text)["status"] in ("unreadable", "illegal")
+    assert ask(bench, "check_grammar", program=text)["violations"]
+    assert ask(bench, "compare_programs", a=text, b=0)["error"]
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "words"),
+    [
+        ("evaluate_program", {}, "lack 'program'"),
+        ("evaluate_program", {"program": 5}, "of type string, found 5"),
+        ("evaluate_program", {"program": "x" * 5_000_000}, "at most 200000 characters"),
+        ("evaluate_program", {"program": NAIVE, "settings": {"seconds": 1e9}}, "must lie within"),
+        ("evaluate_program", {"program": NAIVE, "settings": {"restart": 1}}, "did you mean restarts?"),
+        ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": ["nowhere"]}}, "no operating point"),
+        ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": [1]}}, "entry 1"),
+        ("show_record", {"step": "../../etc/passwd"}, "of type integer"),
+        ("show_record", {"step": True}, "of type integer"),
+        ("show_record", {"step": 10**9}, "no step"),
+        ("show_record", {"step": 2}, "has no fit"),
+        ("list_best", {"count": -1}, "must lie within"),
+        ("list_best", ["count"], "of type object"),
+        ("list_bset", {}, "did you mean list_best?"),
+        ("x" * 1000, {}, "there is no tool"),
+        (None, {}, "there is no tool"),
+    ],
+)
+def test_a_wrong_call_is_answered_in_one_sentence(bench: Workbench, tool: object, arguments: object, words: str):
+    answer = call_by_name(bench.all, tool, arguments)
+    assert list(answer) == ["error"]
+    assert words in answer["error"]
+    assert len(answer["error"]) < 400
+
+
+def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Workbench):
+    for tool in bench.all:
+        assert set(tool.required) <= set(tool.arguments)
+        assert set(tool.arguments) <= set(tool.function.__code__.co_varnames)
+        json.dumps(tool.schema)
+        assert tool.name in listed(bench.all)
+
+
+def test_the_reading_tools_evaluate_nothing(bench: Workbench):
+    names = {tool.name for tool in bench.reading}
+    assert names == {tool.name for tool in bench.all} - {"evaluate_program"}
+
+
+def test_a_long_answer_is_cut_with_a_word_about_it():
+    answer = capped({"list": list(range(10_000)), "text": "x" * 50_000}, 3_000)
+    assert len(json.dumps(answer)) <= 3_000
+    assert "more" in str(answer["list"][-1])
+    assert "more characters" in answer["text"]
+    assert "more than" in capped({f"key {k}": k for k in range(1_000)}, 3_000)["error"]
+
+
+def test_numbers_that_json_lacks_become_null():
+    assert capped({"a": float("nan"), "b": np.float64("inf"), "c": np.int64(3), "d": np.bool_(True)}) == {
+        "a": None,
+        "b": None,
+        "c": 3,
+        "d": True,
+    }
+
+
+def test_a_tool_that_takes_too_long_answers_so():
+    def slow() -> dict:
+        raise TimeoutError("stopped after 1 s")
+
+    assert Tool("slow", "", {}, slow).call({}) == {"error": "stopped after 1 s"}
+
+
+def test_an_unknown_option_is_refused_before_any_work(sweep: Sweep):
+    with pytest.raises(IbridError, match="parameters must be one of"):
+        Logbook(Task(sweep, VOCABULARY, parameters="split"))
+
+
+@pytest.mark.parametrize(
+    ("value", "schema"),
+    [(1.5, {"type": "integer"}), ("a", {"enum": ["b"]}), (None, {"type": "string"}), (float("nan"), {"minimum": 0})],
+)
+def test_what_a_schema_excludes_is_complained_of(value: object, schema: dict):
+    assert complaint(value, schema, "it")

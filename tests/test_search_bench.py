@@ -1,0 +1,260 @@
+"""The benchmark of the search scores answers against what is hidden, keeps what it has measured, and says what failed."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ibrid
+from ibrid.errors import IbridError
+from search.bench.__main__ import main
+from search.bench.inverters import inverter
+from search.bench.ledger import NAME, Ledger
+from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
+from search.bench.speed import archive_milliseconds, candidates
+from search.bench.tables import heading, seed_line, summary
+from search.bench.trials import PROPOSERS, TABLES, Trial, trials
+
+FOLDER = Path("nowhere")
+NAIVE = ibrid.program_text(ibrid.textbook("naive"))
+TRUTH = inverter("paper_like").program
+
+
+@dataclass(frozen=True)
+class Found:
+    """An answer of a search that was never made."""
+
+    answer_program: str
+    best: Any
+    evaluations: int = 40
+    seconds: float = 3.0
+    trajectory: tuple = ((0, 0.9, 0.9), (1, None, 0.9), (2, 0.04, 0.04), (3, 0.05, 0.04), (4, 1e-9, 1e-9))
+
+
+def answering(program: str, seen: list | None = None, **changes: Any):
+    """A search that gives this program whatever it sees."""
+
+    def search(sweep, folder, *, parameters, equilibrium, vocabulary, **options):
+        if seen is not None:
+            seen.append((sweep, folder, options))
+        fit = ibrid.evaluate(
+            ibrid.parse_program(program), sweep, parameters=parameters, equilibrium=equilibrium, vocabulary=vocabulary
+        )
+        return Found(program, fit, **changes)
+
+    return search
+
+
+def trial(**changes: Any) -> Trial:
+    return replace(Trial("structure", "paper_like", "rules", 0, 500), **changes)
+
+
+def row_of(one: Trial, program: str, **changes: Any) -> dict[str, Any]:
+    return perform(one, FOLDER, search=answering(program, **changes), workers=1)
+
+
+def test_the_true_program_scores_full_marks():
+    row = row_of(trial(), TRUTH)
+    assert row["success"] is True
+    assert (row["modules_f1"], row["connections_f1"]) == (1.0, 1.0)
+    # a solved fit ends below 1e-7
+    assert max(row["nrmse"], row["answer_nrmse"], row["truth_nrmse"], row["holdout"]) < 1e-6
+    assert row["first"] == 4
+    assert json.loads(json.dumps(row, allow_nan=False)) == row
+
+
+def test_the_naive_program_scores_what_it_is_worth():
+    row = row_of(trial(), NAIVE)
+    assert row["success"] is False
+    assert row["answer_nrmse"] > 0.5
+    assert row["holdout"] > 0.5
+    assert row["modules_f1"] < 0.5
+
+
+def test_a_good_fit_is_no_success_without_the_structure_nor_when_it_is_unstable():
+    row = row_of(trial(), TRUTH)
+    for change in (
+        {"connections_f1": 0.89},
+        {"modules_f1": 0.89},
+        {"answer_stable": False},
+        {"answer_nrmse": 1.01 * EXACT_ERROR},
+        {"answer_nrmse": None},
+    ):
+        assert succeeded(trial(), {**row, **change}) is False
+
+
+def test_the_search_never_gets_the_held_out_point():
+    seen: list[Any] = []
+    perform(trial(seed=3), FOLDER, search=answering(TRUTH, seen), workers=2)
+    ((sweep, folder, options),) = seen
+    assert sweep.names == inverter("paper_like").sweep.names
+    assert folder == FOLDER
+    assert options == {
+        "proposer": "rules", "budget": 500, "seed": 3, "workers": 2, "target": 1e-6, "holdout_op": (),
+    }  # fmt: skip
+
+
+def test_noise_asks_for_no_less_than_the_refitted_truth_and_has_the_trials_seed():
+    noisy = trial(noise_db=40.0, seed=2)
+    row = row_of(noisy, TRUTH)
+    assert row["success"] is True
+    assert row["data"] == "40 dB"
+    # 1 % of noise; a fit takes a little of it away
+    assert row["noise_floor"] == pytest.approx(0.01, rel=0.01)
+    assert 0.005 < row["answer_nrmse"] < 0.012
+    assert row["holdout"] < row["answer_nrmse"]  # the held-out point is clean
+    assert row_of(noisy, NAIVE)["success"] is False
+    other = replace(noisy, seed=3)
+    sweeps = [one.hidden().sweep.points[0].admittance for one in (noisy, noisy, other)]
+    np.testing.assert_array_equal(sweeps[0], sweeps[1])
+    assert (sweeps[0] != sweeps[2]).all()
+    assert noisy.target(noisy.hidden()) is None
+
+
+def test_the_papers_table_asks_for_its_error_in_time():
+    paper = trial(table="paper")
+    assert paper.target(paper.hidden()) is None
+    program = ibrid.program_text(ibrid.textbook("gfl_pll_filter"))
+    row = row_of(paper, program)
+    # paper mode predicts nothing; the reference value of the contract
+    assert row["holdout"] is None
+    assert row["truth_nrmse"] == pytest.approx(0.0432, abs=1e-4)
+    assert row["truth_nrmse"] < PAPER_ERROR
+    assert (row["first"], row["success"]) == (2, True)
+    for change in ({"seconds": 601.0}, {"first": 501}, {"first": None}):
+        assert succeeded(paper, {**row, **change}) is False
+
+
+def test_the_error_counts_as_reached_at_the_first_evaluation_with_such_a_best():
+    course = ((0, None, None), (1, 0.5, 0.5), (2, 0.02, 0.5), (3, 0.04, 0.04), (4, 0.03, 0.03))
+    assert first_at(course, 0.0435) == 3  # evaluation 2 was unstable
+    assert first_at(course, 0.5) == 1
+    assert first_at(course, 0.01) is None
+
+
+def test_without_a_truth_there_is_no_verdict():
+    measured = replace(inverter("l_filter"), program="", values=None)
+    one = trial(table="inverters", inverter="l_filter")
+    assert one.target(measured) is None
+    fit = ibrid.evaluate(ibrid.parse_program(inverter("l_filter").program), measured.sweep)
+    row = score(one, measured, Found(fit.program, fit))
+    assert row["success"] is None
+    assert row["modules_f1"] is None
+    assert row["holdout"] < 1e-6
+    assert seed_line({**row, "table": "inverters", "inverter": "x", "data": "clean", "proposer": "rules", "seed": 0})
+
+
+def test_every_search_has_its_own_name_and_the_baseline_beside_it():
+    found = list(trials(10, 500))
+    assert len({one.key for one in found}) == len(found)
+    assert {one.table for one in found} == set(TABLES)
+    assert {one.noise_db for one in found if one.table == "structure"} == {None, 60.0, 40.0}
+    assert len({one.inverter for one in found if one.table == "inverters"}) >= 20
+    for first, second in zip(found[::2], found[1::2], strict=True):
+        assert (first.proposer, second.proposer) == PROPOSERS
+        assert replace(first, proposer="") == replace(second, proposer="")
+    assert {one.inverter for one in trials(1, 5, only=["droop"])} == {"droop"}
+    assert {one.table for one in trials(1, 5, only=["paper"])} == {"paper"}
+    assert len(list(trials(1, 5, few=True))) < len(list(trials(1, 5)))
+
+
+def test_a_finished_benchmark_measures_nothing_again(tmp_path, capsys):
+    seen: list[Any] = []
+    arguments = ["--only", "l_filter", "--seeds", "2", "--budget", "7", "--out", str(tmp_path)]
+    program = inverter("l_filter").program
+    assert main(arguments, search=answering(program, seen)) == 0
+    first = capsys.readouterr().out
+    assert len(seen) == 4
+    assert first.count("yes") == 4
+    assert "2 of 2" in first
+    assert len((tmp_path / NAME).read_text(encoding="utf-8").splitlines()) == 4
+    assert main(arguments, search=answering(program, seen)) == 0
+    assert len(seen) == 4
+    assert capsys.readouterr().out == first
+    assert main([*arguments, "--proposer", "other"], search=answering(program, seen)) == 0
+    assert len(seen) == 6
+
+
+def test_a_search_that_fails_is_said_and_tried_again(tmp_path, capsys):
+    program = inverter("l_filter").program
+    good = answering(program)
+
+    def moody(sweep, folder, **options):
+        if options["proposer"] == "random":
+            raise IbridError("the server must answer; it did not")
+        return good(sweep, folder, **options)
+
+    arguments = ["--only", "l_filter", "--seeds", "1", "--out", str(tmp_path)]
+    assert main(arguments, search=moody) == 1
+    assert "l_filter-clean-random-500-0: the server must answer" in capsys.readouterr().out
+    assert main(arguments, search=good) == 0
+    assert "1 of 1" in capsys.readouterr().out
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path, capsys):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    assert main(["--only", "l_filter", "--out", str(tmp_path)], search=stopped) == 1
+    assert f"--out {tmp_path}" in capsys.readouterr().err
+
+
+def test_an_unknown_name_gets_one_sentence_with_the_near_ones(tmp_path, capsys):
+    assert main(["--only", "drop", "--out", str(tmp_path)], search=answering(NAIVE)) == 2
+    assert "droop" in capsys.readouterr().err
+
+
+def test_the_torn_last_line_of_a_killed_benchmark_is_dropped(tmp_path):
+    Ledger(tmp_path).add({"key": "a", "nrmse": 1.0})
+    with (tmp_path / NAME).open("a", encoding="utf-8") as stream:
+        stream.write('{"key": "b", "nrm')
+    again = Ledger(tmp_path)
+    assert set(again.rows) == {"a"}
+    again.add({"key": "c", "nrmse": None})
+    assert set(Ledger(tmp_path).rows) == {"a", "c"}
+
+
+def test_a_line_that_is_no_result_is_refused_with_its_number(tmp_path):
+    (tmp_path / NAME).write_text('{"key": "a"}\n[1]\n', encoding="utf-8")
+    with pytest.raises(IbridError, match="line 2"):
+        Ledger(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_gets_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(IbridError, match="another --out"):
+        Ledger(tmp_path / "file")
+
+
+def test_the_summary_gives_medians_and_counts_of_each_group():
+    row = {
+        "table": "structure", "inverter": "droop", "data": "clean", "proposer": "rules", "budget": 5, "nrmse": 1e-3,
+        "answer_nrmse": 2e-3, "truth_nrmse": 0.0, "holdout": None, "modules_f1": 1.0, "connections_f1": 0.5,
+        "evaluations": 10, "first": 4, "seconds": 2.0, "success": True, "seed": 0,
+    }  # fmt: skip
+    worse = {**row, "nrmse": 3e-3, "first": None, "success": False, "seconds": 4.0, "seed": 1}
+    lines = summary([row, worse, {**row, "proposer": "random"}])
+    assert len(lines) == 2
+    assert lines[0].split()[4:] == [
+        *("2.00e-03", "2.00e-03", "0.00e+00", "-", "1.00/0.50", "10"),
+        "-",  # unknown: half of the seeds never got to the limit
+        *("3.0", "1", "of", "2"),
+    ]
+    assert lines[1].split()[-4:] == ["2.0", "1", "of", "1"]
+    assert len(seed_line(row)) == len(heading())
+
+
+def test_the_candidates_of_the_speed_table_are_80_structures_of_13_states():
+    programs = candidates()
+    diagrams = [ibrid.parse_program(text) for text in programs]
+    assert all(ibrid.violations(one) == () for one in diagrams)
+    assert len({ibrid.structure_hash(one, ibrid.VOCABULARY, equilibrium="exact") for one in diagrams}) == 80
+    kinds = {kind.name: kind for kind in ibrid.VOCABULARY}
+    assert {sum(kinds[part.kind].order for part in one.instances) for one in diagrams} == {13}
+
+
+def test_the_archive_is_timed_at_its_cap():
+    assert 0 < archive_milliseconds(entries=300, rounds=50) < 1e3
