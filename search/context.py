@@ -11,26 +11,14 @@ from itertools import zip_longest
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
-from search.blocks import shown, write_block
+from search.blocks import write_block
 from search.language import api_text, kinds_text, rules_text
 from search.priors import PRIORS, SCALE_TEXTS
 from search.proposal import Context, Evaluated, Task
 from search.proposers.chat import Message, estimated_tokens
+from search.quoting import FENCE, fenced, quoted
 from search.record_text import record_text, score_text
 from search.step import Step
-
-#: Characters of a failed edit and of a reason that are shown.
-LONGEST_SHOWN, LONGEST_REASON = 2_000, 600
-_FENCE = "````"
-#: What ends a fence, a turn or a thought in the templates of models, and what is shown in its place.
-_MARKS = (
-    ("```", "'''"),
-    ("<|", "< |"),
-    ("|>", "| >"),
-    ("think>", "think >"),
-    ("[INST", "[ INST"),
-    ("[/INST", "[ /INST"),
-)
 
 
 def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens) -> list[Message]:
@@ -83,18 +71,9 @@ def answer_form(kinds: Vocabulary) -> str:
     )
 
 
-def fenced(text: str, *, longest: int = LONGEST_SHOWN) -> str:
-    """Text from outside as a block that it cannot leave: fences, turn and think marks in it are broken up, length is cut."""
-    cut = text[:longest] + ("\n(cut)" if len(text) > longest else "")
-    clean = "".join(one if one.isprintable() or one == "\n" else " " for one in cut)
-    for mark, harmless in _MARKS:
-        clean = clean.replace(mark, harmless)
-    return f"{_FENCE}\n{clean.strip(chr(10))}\n{_FENCE}"
-
-
 def _objective(task: Task) -> str:
     points = "; ".join(
-        f"{shown(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
+        f"{quoted(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
         f"frequencies from {one.frequency[0]:.4g} to {one.frequency[-1]:.4g} Hz"
         for one in task.sweep.points
     )
@@ -119,12 +98,12 @@ def _question(context: Context, short: bool) -> Iterator[str]:
     yield f"# The program to edit (step {parent.step})\n{_program(parent)}"
     yield f"# Its record\n{record_text(parent.record, short=short)}"
     if context.last is not None and context.last.number == parent.step and context.last.note:
-        yield f"It came from step {context.last.parent} by this change: {shown(context.last.note)}"
+        yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
     yield f"# What to do\nWrite {SCALE_TEXTS[context.scale]}"
     if context.complaint is not None:
         yield (
             "# Your first answer could not be used\n"
-            f"{fenced(context.complaint.edit)}\nReason: {_reason(context.complaint.reason)}\n"
+            f"{fenced(context.complaint.edit)}\nReason: {quoted(context.complaint.reason)}\n"
             "Answer again, with a whole edit of the program above."
         )
 
@@ -151,20 +130,13 @@ def _candidate(one: Evaluated) -> str:
 
 
 def _failure(step: Step) -> str:
-    what = f", {shown(step.note)}" if step.note else ""
+    what = f", {quoted(step.note)}" if step.note else ""
     edit = f"\n{fenced(step.edit)}" if step.edit else ""
-    return f"Step {step.number} ({step.status}{what}): {_reason(step.reason)}{edit}"
+    return f"Step {step.number} ({step.status}{what}): {quoted(step.reason) or 'no reason given'}{edit}"
 
 
 def _program(one: Evaluated) -> str:
-    return f"{_FENCE}python\n{program_text(one.diagram)}{_FENCE}"
-
-
-def _reason(reason: str) -> str:
-    line = " ".join("".join(one if one.isprintable() else " " for one in reason[:LONGEST_REASON]).split())
-    for mark, harmless in _MARKS:
-        line = line.replace(mark, harmless)
-    return line or "not said"
+    return f"{FENCE}python\n{program_text(one.diagram)}{FENCE}"
 
 
 def _one_in_one_out(kinds: Vocabulary) -> str:

@@ -142,5 +142,6 @@ def _in_a_sentence(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        reason = _REASONS.get(getattr(error, "sqlite_errorcode", 0) & 0xFF, f"{error}; see that the run is open")
+        otherwise = f"{str(error).rstrip('.')}; open it again, in the thread that uses it"
+        reason = _REASONS.get(getattr(error, "sqlite_errorcode", 0) & 0xFF, otherwise)
         raise IbridError(f"{path}: {reason}") from error

@@ -11,20 +11,21 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.plan import make_plan
 from ibrid.evaluation.record import Record
+from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.settings import FitSettings
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.writing import write_whole
+from search.blocks import shown
 from search.proposal import Evaluated, Task
 from search.step import Status, Step
 from search.store import Store
 
-#: Characters of an unreadable program that are kept.
+#: Characters that are kept of a refused program, and of the reasons.
 KEPT = 20_000
 _STATUS = {
-    Outcome.OK: Status.OK,
     Outcome.INVALID: Status.ILLEGAL,
     Outcome.FAILED: Status.FAILED,
     Outcome.TIMEOUT: Status.TIMEOUT,
@@ -80,23 +81,35 @@ class Logbook:
         number = self.known(diagram)
         return None if number is None else f"step {number}"
 
-    def submit(self, program: str, *, note: str = "", effort: Effort | None = None) -> Step:
+    def submit(self, program: str, *, note: str = "", parent: int | None = None, effort: Effort | None = None) -> Step:
         """Check and evaluate a program; the step says how it ended, whatever the text is.
 
-        Raises IbridError for an effort that makes no sense, such as a held-out point that the data lack.
+        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage.
+        Raises IbridError for an effort that makes no sense, such as a held-out point that the data lack, and for a
+        parent that has no fit.
         """
         effort = effort or self.effort
         self._require(effort)
-        step = Step(len(self._steps), proposer="tools", note=note, usage=_unusual(effort, self.effort))
+        if parent is not None:
+            self.record(parent)
+        step = Step(len(self._steps), parent, proposer="tools", note=shown(note), usage=_unusual(effort, self.effort))
         try:
             diagram = parse_program(program)
         except ProgramError as error:
             return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
         step = replace(step, program=program_text(diagram))
-        if found := violations(diagram, self.task.kinds, equilibrium=self.task.equilibrium):
+        try:
+            with time_limit(effort.seconds):
+                found = violations(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
+                structure = "" if found else self._hash(diagram)
+        except TimeoutError as error:
+            return self._keep(
+                replace(step, status=Status.TIMEOUT, reason=f"the check was {error}; simplify the diagram")
+            )
+        if found:
             reason = "; ".join(map(str, found))[:KEPT]
-            return self._keep(replace(step, status=Status.ILLEGAL, reason=reason))
-        step = replace(step, hash=self._hash(diagram))
+            return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
+        step = replace(step, hash=structure)
         if (same := self._known.get(_key(step.hash, step.usage))) is not None:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
@@ -148,40 +161,51 @@ class Logbook:
         return structure_hash(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
 
     def _evaluate(self, step: Step, diagram: Diagram, effort: Effort) -> Step:
-        settings = FitSettings(seconds=effort.seconds)
         if self._store is not None:
             self._store.propose(step)
-        record = evaluate(
-            diagram,
-            self.task.sweep,
-            parameters=self.task.parameters,
-            equilibrium=self.task.equilibrium,
-            vocabulary=self.task.kinds,
-            restarts=effort.restarts,
-            seed=effort.seed,
-            holdout_op=effort.holdout_op,
-            settings=settings,
-        )
-        fitted = record.outcome == Outcome.OK
-        step = replace(
+        try:
+            record = evaluate(
+                diagram,
+                self.task.sweep,
+                parameters=self.task.parameters,
+                equilibrium=self.task.equilibrium,
+                vocabulary=self.task.kinds,
+                restarts=effort.restarts,
+                seed=effort.seed,
+                holdout_op=effort.holdout_op,
+                settings=FitSettings(seconds=effort.seconds),
+            )
+        except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
+            reason = f"{type(error).__name__}: {error}"
+            self._conclude(replace(step, status=Status.LOST, reason=reason), None)
+            raise
+        if record.outcome != Outcome.OK:
+            status, reason = _STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
+            return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
+        fitted = replace(
             step,
-            status=_STATUS[Outcome(record.outcome)],
-            reason="; ".join(record.reasons),
+            status=Status.OK,
             nrmse=record.nrmse,
-            reward=record.reward if fitted else None,
-            stable=all(record.stable.values()) if fitted else None,
-            order=record.order if fitted else None,
-            free=record.free_parameters if fitted else None,
+            reward=record.reward,
+            stable=all(record.stable.values()),
+            order=record.order,
+            free=record.free_parameters,
             seconds=record.seconds,
         )
+        self._conclude(fitted, record)
+        self._show_best(fitted, record)
+        return fitted
+
+    def _conclude(self, step: Step, record: Record | None) -> Step:
         self._steps.append(step)
-        self._records[step.number] = record
+        if record is not None:
+            self._records[step.number] = record
         if _final(step):
             self._known[_key(step.hash, step.usage)] = step.number
         if self._store is not None:
-            kept = record if fitted else None
-            self._store.conclude(step.number, status=step.status, reason=step.reason, record=kept, seconds=step.seconds)
-        self._show_best(step, record)
+            self._store.conclude(
+                step.number, status=step.status, reason=step.reason, record=record, seconds=step.seconds
+            )
         return step
 
     def _keep(self, step: Step) -> Step:
@@ -204,8 +228,8 @@ def _final(step: Step) -> bool:
 
 
 def _unusual(effort: Effort, usual: Effort) -> dict[str, Any]:
-    """What an effort asks for beyond the usual, apart from its time limit."""
-    asked = {name: getattr(effort, name) for name in ("restarts", "seed", "holdout_op")}
+    """What an effort asks for beyond the usual."""
+    asked = {name: getattr(effort, name) for name in ("restarts", "seed", "seconds", "holdout_op")}
     return {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in asked.items()

@@ -19,6 +19,7 @@ from search.merit import Criterion
 from search.proposal import SCALES, Complaint, Context, Evaluated, Proposer, Task
 from search.proposers.pruning import Pruning
 from search.requirements import Requirements
+from search.roles import roles
 from search.settings import SearchSettings
 from search.step import EVALUATED, Status, Step
 from search.store import Store
@@ -123,7 +124,9 @@ class Loop:
     def _require_a_start(self) -> None:
         first = self.steps[0]
         if first.status is not Status.OK:
-            raise IbridError(f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start")
+            raise IbridError(
+                f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
+            )
 
     def _restore(self) -> None:
         """Take over the steps of the store; those that wait for their evaluation are handed over again."""
@@ -215,10 +218,11 @@ class Loop:
         return tuple(step for step, _ in zip(refused, range(number), strict=False))
 
     def _evaluated(self, entry: Entry) -> Evaluated:
-        record = self._record(entry.step)
+        record = self.record(entry.step)
         return Evaluated(entry.step, parse_program(entry.program), record)
 
-    def _record(self, number: int) -> Record:
+    def record(self, number: int) -> Record:
+        """The record of a step, read from the store."""
         if number not in self._records:
             if len(self._records) > 256:
                 self._records.clear()
@@ -228,7 +232,7 @@ class Loop:
     # --- evaluating and admitting ------------------------------------------------------------------------------------
 
     def _submit(self, step: Step, promising: float | None) -> None:
-        warm = self._record(step.parent).parameters if step.parent is not None else None
+        warm = self.record(step.parent).parameters if step.parent is not None else None
         self.evaluator.submit(Job(step.number, step.program, warm, promising))
 
     def _absorb(self, until: int) -> None:
@@ -270,12 +274,14 @@ class Loop:
 
     def _entry(self, step: Step) -> Entry:
         nrmse, free = float(step.nrmse or 0.0), int(step.free or 0)
+        found = roles(parse_program(step.program), self.task.kinds)
+        missing = 0 if found is None else found.missing_layers
         return Entry(
             step=step.number,
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free),
+            reward=self.criterion.merit(nrmse, free, missing),
             nrmse=nrmse,
             order=int(step.order or 0),
             free=free,

@@ -29,6 +29,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook
 from ibrid.structure.program import program_text
 from search.logbook import Effort
+from search.priors import PRIORS
 from search.proposal import Task
 from search.sitting import open_logbook
 from search.tool import Tool, call_by_name, failed
@@ -50,6 +51,9 @@ Work in a loop: look at the worst parts of the best record (list_best, show_reco
 change one thing, check_grammar, evaluate_program, and write down what the result says about your guess. A smaller diagram
 that fits as well is better; an unstable one is no answer, because the device was measured in steady state.
 describe_vocabulary tells how programs are written and which modules there are.
+
+{priors}
+
 Data: {points}; {frequencies} frequencies from {low:g} to {high:g} Hz. Parameters {parameters}, equilibrium {equilibrium}.
 """
 
@@ -159,6 +163,7 @@ def _guarded(tools: Sequence[Tool], name: str, arguments: Any) -> dict[str, Any]
 def _instructions(task: Task) -> str:
     points = task.sweep.points
     return INSTRUCTIONS.format(
+        priors=PRIORS,
         points=f"operating point{'' if len(points) == 1 else 's'} {', '.join(task.sweep.names)}",
         frequencies=len(points[0].frequency),
         low=min(float(one.frequency[0]) for one in points),

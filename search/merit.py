@@ -56,14 +56,15 @@ class Criterion:
     each has its own).
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
-    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony` : the price by
-    which the archive ranks parents.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer` : prices of
+    a free number and of a missing control layer in the order of the parents.
     """
 
     floor: Floor
     price: float
     parsimony: float
     alone: int = 1
+    layer: float = 0.0
 
     def value(self, nrmse: float, free: int) -> float:
         """The lower, the better."""
@@ -77,19 +78,19 @@ class Criterion:
     def _key(self, step: Step) -> tuple[float, int, int]:
         return self.value(step.nrmse or 0.0, step.free or 0), step.order or 0, step.number
 
-    def merit(self, nrmse: float, free: int) -> float:
-        """What the archive ranks by, the higher, the better."""
-        return reward(max(nrmse, EXACT)) - self.parsimony * free / self.alone
+    def merit(self, nrmse: float, free: int, missing: int = 0) -> float:
+        """What the archive ranks parents by, the higher, the better. `missing` : control layers that are not there."""
+        return reward(max(nrmse, EXACT)) - self.parsimony * free / self.alone - self.layer * missing
 
 
 #: Price of a free number when the noise is not known: it breaks ties.
 TIE = 1e-3
 
 
-def criterion(sweep: Sweep, parameters: str, parsimony: float) -> Criterion:
+def criterion(sweep: Sweep, parameters: str, parsimony: float, layer: float) -> Criterion:
     """The criterion for the operating points that are fitted."""
     floor = noise_floor(sweep)
     numbers = 8 * sum(len(point.frequency) for point in sweep.points)
     alone = len(sweep.points) if parameters == "per-op" else 1
     known = floor.source != "unknown noise"
-    return Criterion(floor, log(numbers) * alone / (2 * numbers) if known else TIE, parsimony, alone)
+    return Criterion(floor, log(numbers) * alone / (2 * numbers) if known else TIE, parsimony, alone, layer)

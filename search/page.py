@@ -1,7 +1,7 @@
 """report.html of a search: one self-contained page, during the run and after it, in the look of `ibrid report`."""
 
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 from ibrid.measurement.sweep import Sweep
@@ -87,10 +87,10 @@ def _header(run: RunData) -> str:
 
 
 def _when(text: str) -> str:
-    """A moment in words; seconds since 1970 become a date."""
+    """A moment in words, from a date of ISO 8601; anything else as it stands."""
     try:
-        return datetime.fromtimestamp(float(text), UTC).strftime("%Y-%m-%d %H:%M UTC")
-    except (ValueError, OverflowError, OSError):
+        return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M %Z").strip()
+    except ValueError:
         return " ".join(text.split())
 
 
@@ -100,7 +100,7 @@ def _verdict(run: RunData) -> str:
     if answer is None:
         tried = sum(step.status in EVALUATED for step in run.steps.values())
         return f"No stable candidate has been fitted yet; {tried} were tried, and the reasons are below."
-    record = run.records.of(answer.number)
+    record = run.record
     words = [f"NRMSE {error(answer.nrmse)}."] if record is None else [verdict(record)]
     if answer.number == 0:
         words.append("It is the start itself: nothing better has been found.")
@@ -128,7 +128,7 @@ def _sections(run: RunData) -> Iterator[Section]:
     yield "diagram", "Block diagrams", diagrams_html(run)
     if run.comparison is not None:
         yield "comparison", "Comparison with the given truth", comparison_html(run.comparison)
-    record = None if run.answer is None else run.records.of(run.answer.number)
+    record = run.record
     if record is not None:
         yield "response", "Frequency response", response_html(run)
         yield "error", "Where the error lies", error_tables(record)

@@ -24,7 +24,7 @@ HEAD = f"{'evaluation':>10}  {'what changed':<{NOTE}}  {'NRMSE':<22}  band that 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Where a search stands. `step` : number of the last proposal. `evaluations` : done, the start not counted.
+    """Where a search stands. `step` : number of the last proposal. `evaluations` : begun and done, the start included.
 
     `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the proposals.
     """
@@ -120,21 +120,22 @@ class Progress:
 
 
 def progress_line(snapshot: Snapshot, total: int | None, rate: float | None, width: int | None = None) -> str:
-    """One line; the shares come in short words, and at last not at all, where the width does not allow more.
+    """One line, with shorter words, and at last without the shares, where the width does not allow more.
 
     rate : evaluations per second, None while it is not known.
     """
     tally = snapshot.tally
     far = f"{snapshot.evaluations}/{total}" if total is not None else str(snapshot.evaluations)
-    main = f"{far} evaluations, step {snapshot.step}, best {error(snapshot.best)}"
+    good = f"best {error(snapshot.best)}"
     if rate is not None:
-        main += f", {rate:.3g}/s"
+        good += f", {rate:.3g}/s"
         if total is not None:
-            main += f", ETA {clock_time(max(0, total - snapshot.evaluations) / rate)}"
+            good += f", ETA {clock_time(max(0, total - snapshot.evaluations) / rate)}"
     names = ["valid", "duplicate", "unchanged", "refused", *(["failed"] if tally.failed else [])]
     long = "  ".join(f"{name} {tally.share(name):.0%}" for name in names)
     short = " ".join(f"{name[:3]} {tally.share(name):.0%}" for name in names)
-    for line in (f"{main} | {long}", f"{main} | {short}"):
+    main = f"{far} evaluations, step {snapshot.step}, {good}"
+    for line in (f"{main} | {long}", f"{main} | {short}", f"{far}, {good} | {short}"):
         if width is None or len(line) <= width:
             return line
     return main[:width]

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ibrid.evaluation.record import Record
-from search.blocks import shown
+from search.quoting import quoted
 
 
 def score_text(record: Record) -> str:
@@ -43,14 +43,14 @@ def _lines(record: Record, short: bool) -> Iterator[str]:
         return
     for op, bands in record.nrmse_by_part.items():
         rows = "; ".join(f"{band}: {_pairs(entries)}" for band, entries in bands.items())
-        yield f"error by band and entry at {shown(op)}: {rows}"
+        yield f"error by band and entry at {quoted(op)}: {rows}"
     yield f"stability: {_stability(record)}"
     yield f"fitted parameters: {_parameters(record)}"
     if record.at_bound:
-        yield f"at a bound of their box: {', '.join(map(shown, record.at_bound))}"
+        yield f"at a bound of their box: {', '.join(map(quoted, record.at_bound))}"
     for heading, sentences in (("what the data say", record.identifiability), ("doubtful", record.warnings)):
         for sentence in sentences:
-            yield f"{heading}: {sentence}"
+            yield f"{heading}: {quoted(sentence)}"
 
 
 def _stability(record: Record) -> str:
@@ -58,7 +58,7 @@ def _stability(record: Record) -> str:
     for op, stable in record.stable.items():
         worst = max(record.poles.get(op, ()), key=lambda pole: pole[0], default=None)
         if not stable and worst is not None:
-            found.append(f"at {shown(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s")
+            found.append(f"at {quoted(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s")
     return "UNSTABLE, " + "; ".join(found) if found else "stable at every operating point"
 
 
@@ -69,12 +69,12 @@ def _parameters(record: Record) -> str:
     for name in names:
         values = [values[name] for values in record.parameters.values() if name in values]
         same = all(value == values[0] for value in values)
-        parts.append(f"{shown(name)} {_number(values[0]) if same else ' / '.join(map(_number, values))}")
+        parts.append(f"{quoted(name)} {_number(values[0]) if same else ' / '.join(map(_number, values))}")
     return ", ".join(parts) or "none"
 
 
 def _pairs(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{shown(name)} {_number(value)}" for name, value in values.items())
+    return ", ".join(f"{quoted(name)} {_number(value)}" for name, value in values.items())
 
 
 def _number(value: float | None) -> str:

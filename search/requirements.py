@@ -45,7 +45,9 @@ def parse_requirements(text: str | None) -> Requirements:
         elif band is not None:
             passive.append(_band(word, band[1], band[2]))
         elif word:
-            hint = "write the band in Hz, such as passive:100-2000" if word.startswith("passive") else near(word, _WORDS)
+            hint = (
+                "write the band in Hz, such as passive:100-2000" if word.startswith("passive") else near(word, _WORDS)
+            )
             raise IbridError(f"--require takes stable and passive:LO-HI, found {word[:40]!r}; {hint}")
     return Requirements(stable, tuple(passive))
 
@@ -56,7 +58,9 @@ def _band(word: str, low: str, high: str) -> tuple[float, float]:
     except ValueError:
         band = (0.0, 0.0)
     if not 0 < band[0] < band[1] < 1e7:
-        raise IbridError(f"--require {word}: a band goes from a lower to a higher frequency in Hz, such as passive:100-2000")
+        raise IbridError(
+            f"--require {word}: a band goes from a lower to a higher frequency in Hz, such as passive:100-2000"
+        )
     return band
 
 

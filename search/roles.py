@@ -37,6 +37,12 @@ class Roles:
     power: tuple[str, ...]
     outer: tuple[str, ...]
 
+    @property
+    def missing_layers(self) -> int:
+        """Of synchronisation, an inner loop of current or voltage, and outer loops: those that are not there."""
+        inner = self.current_loop is not None or self.voltage_loop is not None
+        return (self.frequency is None) + (not inner) + (not self.outer and self.voltage_loop is None)
+
 
 def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
     """Recognise the roles in a legal diagram; None where the plant is not one with a command input."""

@@ -1,11 +1,8 @@
 """Every number of a search, with the paper's values where it gives them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
-
-from ibrid.errors import IbridError, near
 
 
 @dataclass(frozen=True)
@@ -17,6 +14,7 @@ class SearchSettings:
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power` : parents are drawn with probability rank^-rank_power among elites and within islands, 0 for all alike.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
+    `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
 
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees.
@@ -36,6 +34,7 @@ class SearchSettings:
     migrants: float = 0.1
     rank_power: float = 1.0
     parsimony: float = 0.05
+    layer: float = 0.5
     scales: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )

@@ -1,10 +1,9 @@
 """One step of a search: a proposal, what became of it, and the words for every way it can end."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
-
-from collections.abc import Mapping
 
 
 class Status(StrEnum):

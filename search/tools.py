@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+from ibrid.commands.vocabulary import kind_in_full
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
@@ -13,10 +14,10 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program
 from ibrid.structure.wiring import wire
+from search.language import api_text, kinds_text, rules_text
 from search.proposal import Evaluated, Task
 from search.record_view import Part, record_view, summary
 from search.tool import Tool
-from search.vocabulary_view import LANGUAGE, in_full, in_short
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
@@ -151,9 +152,14 @@ class Tools:
 
     def describe_vocabulary(self, kind: str | None = None) -> dict[str, Any]:
         """All kinds in a line each, or one in full."""
+        kinds, equilibrium = self.task.kinds, self.task.equilibrium
         if kind is not None:
-            return in_full(find_kind(kind, self.task.kinds))
-        return {"language": LANGUAGE, "kinds": [in_short(one) for one in self.task.kinds]}
+            return {"kind": kind, "lines": kind_in_full(find_kind(kind, kinds)).splitlines()}
+        return {
+            "language": api_text().splitlines(),
+            "rules": rules_text(kinds, equilibrium).splitlines(),
+            "kinds": kinds_text(kinds, equilibrium).splitlines(),
+        }
 
     def compare_programs(self, a: str | int, b: str | int) -> dict[str, Any]:
         """`ibrid compare` of two legal programs."""

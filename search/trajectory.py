@@ -1,7 +1,7 @@
 """The course of a search, computed from its steps: the best so far, and the milestones on the way.
 
-An evaluation is a step with a fit of its own (`search.step.EVALUATED`), counted in the order of the steps; the start
-counts 0. Only stable candidates that meet what was required count as best.
+An evaluation is a step with a fit of its own (`search.step.EVALUATED`), counted in the order of the steps from 1, the
+start. Only stable candidates that meet what was required count as best.
 """
 
 import csv
@@ -89,7 +89,7 @@ def trajectory(steps: Iterable[Step]) -> tuple[Point, ...]:
             better = improves(mark, _error(step))
             mark = _error(step) if better else mark
             best = _error(step) if best is None else min(best, _error(step))
-        points.append(Point(len(points), step.number, step.nrmse, best, step.note, eligible(step), better))
+        points.append(Point(len(points) + 1, step.number, step.nrmse, best, step.note, eligible(step), better))
     return tuple(points)
 
 

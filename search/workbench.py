@@ -49,6 +49,7 @@ class Workbench(Tools):
                 {
                     "program": PROGRAM,
                     "note": {"type": "string", "maxLength": 500, "description": "what changes and why, in a line"},
+                    "parent": {"type": "integer", "minimum": 0, "description": "step that the program was made from"},
                     "settings": settings,
                 },
                 self.evaluate_program,
@@ -58,11 +59,11 @@ class Workbench(Tools):
         )
 
     def evaluate_program(
-        self, program: str, note: str = "", settings: Mapping[str, Any] | None = None
+        self, program: str, note: str = "", parent: int | None = None, settings: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """How the step ended, and its record."""
         best = self.logbook.best(1)
-        step = self.logbook.submit(program, note=note, effort=self._effort(settings or {}))
+        step = self.logbook.submit(program, note=note, parent=parent, effort=self._effort(settings or {}))
         answer: dict[str, Any] = {"step": step.number, "status": step.status}
         if best:
             answer["best_before"] = {"step": best[0].step, "nrmse": best[0].record.nrmse}

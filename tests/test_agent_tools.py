@@ -1,7 +1,9 @@
 """The tools of agents: what they answer, what they refuse, and that no text they get is ever more than text."""
 
 import json
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +11,15 @@ import pytest
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import Sweep
+from ibrid.modules.static import GAIN_DQ
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.library import textbook_text
 from search.logbook import Effort, Logbook
+from search.mcp_server import Options, serve
 from search.proposal import Task
-from search.step import Status
+from search.sitting import open_logbook
+from search.step import Status, Step
+from search.store import Store
 from search.tool import Tool, call_by_name, capped, complaint, listed
 from search.workbench import Workbench
 
@@ -128,6 +134,13 @@ def test_a_structure_met_before_is_not_evaluated_again(bench: Workbench):
     assert ask(bench, "check_grammar", program=renamed)["met_before"] == "step 0"
 
 
+def test_the_step_that_a_program_was_made_from_is_kept_for_the_lineage(sweep: Sweep):
+    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    ask(bench, "evaluate_program", program=NAIVE)
+    ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, parent=0, note="a current\nloop")
+    assert [(one.parent, one.note) for one in bench.logbook.steps] == [(None, ""), (0, "a current loop")]
+
+
 def test_another_seed_is_another_evaluation(bench: Workbench):
     assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "ok"
     assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "duplicate"
@@ -151,11 +164,19 @@ def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
     assert logbook.best(2)[-1].step == first
 
 
-def test_a_time_limit_ends_an_evaluation_and_more_time_may_be_tried(sweep: Sweep):
-    logbook = Logbook(Task(sweep, VOCABULARY))
-    program = textbook_text("gfl")
-    assert logbook.submit(program, effort=Effort(seconds=0.1)).status is Status.TIMEOUT
-    assert logbook.known(ibrid.parse_program(program)) is None
+def test_a_time_limit_stops_what_hangs_and_the_structure_may_be_tried_again(sweep: Sweep):
+    declared: list[bool] = []
+
+    def hang(k: float) -> tuple:
+        if declared:  # a declaration is tried once when it is made
+            time.sleep(60)
+        return GAIN_DQ.state_space(k=k)
+
+    kinds = (*VOCABULARY, replace(GAIN_DQ, name="Hang", state_space=hang))
+    declared.append(True)
+    program = NAIVE.replace('g.add("Gain_dq"', 'g.add("Hang"')
+    logbook = Logbook(Task(sweep, kinds), effort=Effort(seconds=0.2))
+    assert [logbook.submit(program).status for _ in range(2)] == [Status.TIMEOUT, Status.TIMEOUT]
 
 
 def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
@@ -164,14 +185,15 @@ def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
     answer = ask(bench, "check_grammar", program=program)
     assert not answer["legal"]
     assert "Delay" in answer["violations"][0]["message"]
-    assert "Delay" not in [one["kind"] for one in ask(bench, "describe_vocabulary")["kinds"]]
+    assert "Delay" not in "\n".join(ask(bench, "describe_vocabulary")["kinds"])
 
 
 def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     answer = ask(bench, "describe_vocabulary")
-    assert [one["kind"] for one in answer["kinds"]] == [kind.name for kind in VOCABULARY]
-    in_full = ask(bench, "describe_vocabulary", kind="LCL")
-    assert [one["name"] for one in in_full["parameters"]] == ["L_F", "R_F", "C_F", "L_g", "R_g"]
+    listed = [line.strip().split(":")[0] for line in answer["kinds"]]
+    assert {kind.name for kind in VOCABULARY} <= set(listed)
+    in_full = "\n".join(ask(bench, "describe_vocabulary", kind="LCL")["lines"])
+    assert all(name in in_full for name in ("L_F", "R_F", "C_F", "L_g", "R_g"))
     assert "did you mean Delay?" in ask(bench, "describe_vocabulary", kind="Dely")["error"]
 
 
@@ -198,6 +220,7 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
         ("evaluate_program", {"program": NAIVE, "settings": {"restart": 1}}, "did you mean restarts?"),
         ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": ["nowhere"]}}, "no operating point"),
         ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": [1]}}, "entry 1"),
+        ("evaluate_program", {"program": NAIVE, "parent": 2}, "step 2 has no fit"),
         ("show_record", {"step": "../../etc/passwd"}, "of type integer"),
         ("show_record", {"step": True}, "of type integer"),
         ("show_record", {"step": 10**9}, "no step"),
@@ -264,3 +287,66 @@ def test_an_unknown_option_is_refused_before_any_work(sweep: Sweep):
 )
 def test_what_a_schema_excludes_is_complained_of(value: object, schema: dict):
     assert complaint(value, schema, "it")
+
+
+def test_a_sitting_in_a_folder_goes_on_where_the_last_one_ended(sweep: Sweep, tmp_path: Path):
+    task = Task(sweep, VOCABULARY)
+    for number, status in enumerate((Status.OK, Status.DUPLICATE)):
+        with open_logbook(task, EFFORT, tmp_path / "run", NAIVE) as logbook:
+            assert len(logbook.steps) == number
+            assert logbook.submit(NAIVE).status is status
+            best = logbook.best(1)[0].record.nrmse
+            assert logbook.record(number).nrmse == best
+    assert ibrid.read_record(tmp_path / "run" / "best.json").nrmse == best
+    assert ibrid.parse_program((tmp_path / "run" / "best.py").read_text(encoding="utf-8"))
+
+
+def test_an_evaluation_that_was_cut_off_is_lost_and_may_be_asked_for_again(sweep: Sweep, tmp_path: Path):
+    task = Task(sweep, VOCABULARY)
+    with open_logbook(task, EFFORT, tmp_path, NAIVE) as logbook:
+        logbook.submit(UNWIRED)
+    with Store.open(tmp_path / "archive.sqlite") as store:
+        store.propose(Step(1, program=NAIVE, hash=ibrid.structure_hash(ibrid.parse_program(NAIVE))))
+    with open_logbook(task, EFFORT, tmp_path, NAIVE) as logbook:
+        assert [one.status for one in logbook.steps] == [Status.ILLEGAL, Status.LOST]
+        assert logbook.submit(NAIVE).status is Status.OK
+
+
+def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
+    sweep: Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path, NAIVE) as logbook:
+        with monkeypatch.context() as patch:
+            patch.setattr("search.logbook.evaluate", lambda *_, **__: 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                logbook.submit(NAIVE)
+        assert logbook.submit(NAIVE).status is Status.OK
+        assert [one.status for one in logbook.steps] == [Status.LOST, Status.OK]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [({"equilibrium": "paper"}, "made with equilibrium = exact"), ({"sweep": None}, "other data")]
+)
+def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change: dict, words: str):
+    task = Task(sweep, VOCABULARY)
+    with open_logbook(task, EFFORT, tmp_path, NAIVE):
+        pass
+    if "sweep" in change:
+        change = {"sweep": sweep.only(sweep.names[:1])}
+    with pytest.raises(IbridError, match=words), open_logbook(replace(task, **change), EFFORT, tmp_path, NAIVE):
+        pass
+
+
+def test_a_place_that_is_no_folder_is_refused(sweep: Sweep, tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(IbridError, match="cannot be made"),
+        open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path / "file", NAIVE),
+    ):
+        pass
+
+
+def test_without_the_sdk_the_server_says_what_to_install(sweep: Sweep, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(IbridError, match=r"pip install 'ibrid\[mcp\]'"):
+        serve(sweep, Options())

@@ -250,12 +250,14 @@ def test_small_rings_show_nothing_twice(islands, guests):
 
 def test_an_island_sees_no_more_than_its_part_of_the_population_and_always_its_own_best():
     settings = replace(SMALL, sweep=10, migrants=1.0)
-    archive = started(settings)
-    for step in range(1, 60):  # island 2 is worse than all it is shown
+    archive, room = started(settings), settings.population // settings.islands
+    for step in range(1, 61):  # island 2 is worse than all it is shown
         archive.admit(entry(step, -50.0 - step if step % 5 == 2 else float(step), island=step % 5))
-    room = settings.population // settings.islands
-    assert max(len(steps) for steps in seen(archive, settings)) == room
-    assert 2 in seen(archive, settings)[2]
+        visible = seen(archive, settings)
+        assert max(len(steps) for steps in visible) <= room
+        assert step < 2 or 2 in visible[2]
+    assert archive.statistics().migrations == 6
+    assert {len(steps) for steps in visible} == {room}
 
 
 # eviction
@@ -293,6 +295,17 @@ def test_no_elite_no_islands_best_and_no_start_is_ever_evicted():
     assert [one.reward for one in archive.elites] == sorted(rewards, reverse=True)[: SMALL.elites]
 
 
+def test_elites_stay_when_everything_else_is_unstable_and_better():
+    archive = started()
+    elites = [entry(step, -float(step), island=step % 5) for step in range(1, SMALL.elites)]
+    for one in elites:
+        archive.admit(one)
+    for step in range(100, 200):
+        archive.admit(entry(step, float(step), stable=False))
+    assert len(archive) == SMALL.population
+    assert set(archive.elites) == {START, *elites}
+
+
 def test_the_worst_entry_of_a_full_archive_is_refused_and_an_evicted_one_does_not_return():
     archive = started()
     children = [entry(step, float(step), island=0) for step in range(1, 100)]
@@ -311,6 +324,8 @@ def test_no_island_sees_an_entry_that_was_evicted():
     kept = {one.step for one in archive.entries}
     assert archive.statistics().evicted > 100
     assert all(steps <= kept for steps in seen(archive, settings))
+    guests = [sum(one.step > 0 and one.island != number for one in archive.island(number)) for number in range(5)]
+    assert archive.statistics().guests == tuple(guests)
 
 
 # twenty steps of 512 children, the measurement on which another framework failed
@@ -320,7 +335,8 @@ def test_no_island_sees_an_entry_that_was_evicted():
 def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
     settings = SearchSettings(population=population)
     archive, rng = started(settings), np.random.default_rng(11)
-    home, drawn, admitted, crossed = {0: None}, [], 0, 0
+    home: dict[int, int] = {}
+    drawn, admitted, crossed = [], 0, 0
     for batch in range(20):
         questions = [archive.sample(rng, 512 * batch + number) for number in range(512)]
         for number, (parent, island) in enumerate(questions):
@@ -336,7 +352,7 @@ def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
             if archive.admit(child):
                 admitted += 1
                 home[step] = island
-                if home[parent.step] not in (None, island):
+                if home.get(parent.step, island) != island:
                     crossed += 1
                     assert (home[parent.step] - island) % 10 in (1, 9)
     counts = archive.statistics()

@@ -10,11 +10,12 @@ import pytest
 
 import ibrid
 from ibrid.errors import IbridError
+from search.bench import speed_table
 from search.bench.__main__ import main
 from search.bench.inverters import inverter
 from search.bench.ledger import NAME, Ledger
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
-from search.bench.speed import archive_milliseconds, candidates
+from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local
 from search.bench.tables import heading, seed_line, summary
 from search.bench.trials import PROPOSERS, TABLES, Trial, trials
 
@@ -258,3 +259,29 @@ def test_the_candidates_of_the_speed_table_are_80_structures_of_13_states():
 
 def test_the_archive_is_timed_at_its_cap():
     assert 0 < archive_milliseconds(entries=300, rounds=50) < 1e3
+
+
+def test_the_speed_table_measures_each_figure_once(tmp_path, monkeypatch):
+    measured: list[str] = []
+
+    def once(name: str, value: Any):
+        def measure(*_: Any, **options: Any) -> Any:
+            measured.append(name)
+            return Pace(options["workers"], 100, 10.0 / options["workers"], 9.6) if value is None else value
+
+        return measure
+
+    monkeypatch.setattr(speed_table, "archive_milliseconds", once("archive", 0.06))
+    monkeypatch.setattr(speed_table, "fits_a_second", once("fits", 12.0))
+    monkeypatch.setattr(speed_table, "pace", once("pace", None))
+    lines = list(speed_table.speed_lines(Ledger(tmp_path), answering(NAIVE), tmp_path))
+    assert measured == ["archive", "fits", "fits", "pace", "pace"]
+    assert "0.060 ms" in lines[0]
+    assert "not fitting 4.0%" in lines[3]
+    assert "2.00 x" in lines[4]
+    assert list(speed_table.speed_lines(Ledger(tmp_path), answering(NAIVE), tmp_path)) == lines
+    assert len(measured) == 5
+
+
+def test_programs_become_records_at_a_rate():
+    assert fits_a_second(local, [NAIVE, NAIVE]) > 0

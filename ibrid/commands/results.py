@@ -12,6 +12,9 @@ from ibrid.writing import require_place
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
 
+#: In the folder of a search.
+ARCHIVE = "archive.sqlite"
+
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
@@ -22,7 +25,9 @@ def declare(commands: Any) -> None:
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
     export.set_defaults(run=run_export)
     report = commands.add_parser("report", help="(re)write the HTML page of a record")
-    report.add_argument("record", metavar="RECORD|DIR", help="a record, or a folder with one")
+    report.add_argument(
+        "record", metavar="RECORD|DIR", help="a record, the folder of a search, or a folder with a record"
+    )
     report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
     report.add_argument("--out", metavar="OUT.html", help="default: beside the record")
     report.set_defaults(run=run_report)
@@ -42,6 +47,8 @@ def run_export(arguments: Namespace) -> int:
 
 def run_report(arguments: Namespace) -> int:
     """Write the page and say where it is; whether its data are those of the record is a remark."""
+    if (Path(arguments.record) / ARCHIVE).is_file():
+        return _run_page(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
     out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
@@ -63,6 +70,20 @@ def run_report(arguments: Namespace) -> int:
     print(out)
     if remark:
         complain(f"{source}: {remark} (--data DATA names it)")
+    return 0
+
+
+def _run_page(arguments: Namespace) -> int:
+    """The page of a search, also while it runs."""
+    folder = Path(arguments.record)
+    out = Path(arguments.out) if arguments.out else folder / "report.html"
+    require_place(out)
+    require_distinct({"--out": out}, {"the archive": folder / ARCHIVE})
+    sweep = inputs.data(arguments.data) if arguments.data is not None else None
+
+    from search.page import write_run_page
+
+    print(write_run_page(folder, out, sweep=sweep))
     return 0
 
 

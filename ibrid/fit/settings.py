@@ -13,7 +13,17 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 SEEDS = ("textbook", "vector-fitting")
 
 #: Least value of each count.
-_LEAST = {"restarts": 0, "starts": 1, "kept": 1, "kept_misfit": 1, "agreeing": 1, "hops": 0, "kicked": 1, "warm": 1, "warm_kept": 1}
+_LEAST = {
+    "restarts": 0,
+    "starts": 1,
+    "kept": 1,
+    "kept_misfit": 1,
+    "agreeing": 1,
+    "hops": 0,
+    "kicked": 1,
+    "warm": 1,
+    "warm_kept": 1,
+}
 _LEAST |= {"iterations": 0, "ipopt_iterations": 0}
 
 

@@ -214,12 +214,18 @@ def _amplitude(runs: list[list[_Row]], path: Path) -> np.ndarray | None:
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:
     """Write a sweep as CSV: per unit, current out, q leads, all digits; the file appears whole or not at all.
 
-    Columns v, sigma_dd .. sigma_qq, repeat and amplitude are there when they carry information. With repeats each run
-    is a row and sigma is that of a single run, so that reading gives the same mean and the same sigma of the mean.
-
     header : further comment lines, without "#", put first; the sweep's notes follow.
 
     Raises SweepError when the file cannot be written.
+    """
+    write_atomically(Path(path), sweep_csv(sweep, header=header))
+
+
+def sweep_csv(sweep: Sweep, *, header: Sequence[str] = ()) -> str:
+    """The text that `write_sweep` writes.
+
+    Columns v, sigma_dd .. sigma_qq, repeat and amplitude are there when they carry information. With repeats each run
+    is a row and sigma is that of a single run, so that reading gives the same mean and the same sigma of the mean.
     """
     meant = Header(
         f0_hz=sweep.f0_hz,
@@ -245,8 +251,7 @@ def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -
     writer.writerow(names)
     for point in sweep.points:
         writer.writerows(_rows_of(point, optional))
-    text = "\n".join(lines) + "\n" if lines else ""
-    write_atomically(Path(path), text + table.getvalue())
+    return ("\n".join(lines) + "\n" if lines else "") + table.getvalue()
 
 
 def _as_note(line: str) -> str:

@@ -15,8 +15,11 @@ CHARACTER, LINE = 4.9, 12.0
 #: Characters of a label at most.
 LONGEST = 48
 #: Places that are tried: points to the right, or with a minus to the left, and lines up.
-RIGHT = (10, 24, 45, 80, 130, 190, 260, 340, -10, -24, -45, -80)
+RIGHT = (10, 24, 45, 80, 130, 190, -10, -24, -45, -80)
 UP = (0, 1, 2, 3, -1, 4, 5, -2, 6, 8, 10, 12, -3)
+
+#: Points of detour that a place on the left, under a falling curve, is worth: what is not the best lies on the right.
+AWAY = 40
 
 Box = tuple[float, float, float, float]
 Line = tuple[float, float, float, float]
@@ -25,7 +28,8 @@ Line = tuple[float, float, float, float]
 def label_points(plane: "Axes", points: Sequence[tuple[float, float, str]], curve: Sequence[Line]) -> None:
     """Put a label beside each of `points` (x, y, words in data coordinates), in their order, with a line that leads to it.
 
-    `curve` : straight pieces in data coordinates that no label may cover. A point that finds no place gets no label.
+    `curve` : straight pieces in data coordinates that no label may cover, best of a line that falls to the right. A point
+    that finds no place gets no label.
     """
     from matplotlib.figure import Figure
 
@@ -68,8 +72,8 @@ def _free_place(
 ) -> tuple[Box, Line] | None:
     """The nearest place beside a point for a label, and the line that leads to it."""
     long = CHARACTER * len(text) + 4
-    offsets = [(dx, LINE * dy) for dx in RIGHT for dy in UP]
-    for dx, dy in sorted(offsets, key=lambda one: math.hypot(one[0], 1.6 * one[1])):
+    offsets = [(dx, LINE * dy) for dx in RIGHT for dy in UP if dx < 0 or dy]  # level to the right is the curve
+    for dx, dy in sorted(offsets, key=lambda one: math.hypot(one[0], 1.6 * one[1]) + (AWAY if one[0] > 0 else 0)):
         x, y = at[0] + dx, at[1] + dy
         left = x if dx > 0 else x - long
         box = (left, y - LINE / 2, left + long, y + LINE / 2)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LOWEST = 1e-8
 CEILING = 2.0
 #: Candidates are thinned to one in each cell of a grid of this many by this many cells.
-CELLS = (700, 300)
+CELLS = (200, 80)
 #: Milestones with a label at most.
 LABELS = 14
 
@@ -62,17 +62,15 @@ def draw_trajectory(axes: Sequence["Axes"], shown: Trajectory) -> None:
     plane.set_xlim(-0.015 * last, 1.03 * last)
     plane.set_xlabel("evaluation")
     _dots(plane, shown.evaluation, shown.nrmse, shown.stable, low, high)
-    known = np.isfinite(shown.best)
-    if known.any():
-        x = np.append(shown.evaluation[known], last)
-        y = np.clip(np.append(shown.best[known], shown.best[known][-1]), low, high)
-        plane.plot(x, y, drawstyle="steps-post", color=SERIES_STAND_INS[0], linewidth=1.8)
-    for value, words in ((shown.floor, "noise floor"), (shown.target, "target")):
-        _level(plane, value, words, low)
+    x, y = _corners(shown.evaluation, np.clip(shown.best, low, high), last)
+    plane.plot(x, y, drawstyle="steps-post", color=SERIES_STAND_INS[0], linewidth=1.8)
+    levels = [one for one in (shown.floor, shown.target) if one]
+    _level(plane, shown.floor, "noise floor", low, right=False)
+    _level(plane, shown.target, "target", low, right=True)
     spots = [(x, float(np.clip(y, low, high)), words) for x, y, words in shown.milestones]
     plane.plot([x for x, _, _ in spots], [y for _, y, _ in spots], linestyle="none", marker="o", markersize=4.5,
                color=SERIES_STAND_INS[0], gid="milestones")  # fmt: skip
-    label_points(plane, _worth_a_label(spots), _stairs(x, y) if known.any() else [])
+    label_points(plane, _worth_a_label(spots), _stairs(x, y) + [(0.0, one, last, one) for one in levels])
 
 
 def draw_front(axes: Sequence["Axes"], shown: Front) -> None:
@@ -89,7 +87,7 @@ def draw_front(axes: Sequence["Axes"], shown: Front) -> None:
         x, y = zip(*sorted(shown.front), strict=True)
         plane.plot(x, np.clip(y, low, high), color=SERIES_STAND_INS[0], linewidth=1.5, drawstyle="steps-post", marker="o",
                    markersize=5)  # fmt: skip
-    _level(plane, shown.floor, "noise floor", low)
+    _level(plane, shown.floor, "noise floor", low, right=False)
     if shown.answer is not None:
         plane.plot(shown.answer[0], float(np.clip(shown.answer[1], low, high)), linestyle="none", marker="o",
                    markersize=11, markerfacecolor="none", markeredgewidth=1.8, color=SERIES_STAND_INS[1])  # fmt: skip
@@ -137,11 +135,13 @@ def _thinned(x: np.ndarray, y: np.ndarray, low: float, high: float) -> np.ndarra
     return np.sort(np.unique(np.stack([across, down]), axis=1, return_index=True)[1])
 
 
-def _level(plane: "Axes", value: float | None, words: str, low: float) -> None:
+def _level(plane: "Axes", value: float | None, words: str, low: float, *, right: bool) -> None:
+    """A line across, named above its right end or below its left one, so that two of them do not meet."""
     if value and value >= low:
         plane.axhline(value, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)))
-        plane.annotate(words, (1.0, value), (-4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
-                       fontsize=SIZE, color=MUTED, ha="right")  # fmt: skip
+        plane.annotate(words, (float(right), value), (-4, 3) if right else (4, -3),
+                       xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=SIZE, color=MUTED,
+                       ha="right" if right else "left", va="bottom" if right else "top")  # fmt: skip
 
 
 def _worth_a_label(spots: Sequence[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
@@ -149,6 +149,15 @@ def _worth_a_label(spots: Sequence[tuple[float, float, str]]) -> list[tuple[floa
     falls = [math.inf, *(math.log(a[1] / b[1]) for a, b in pairwise(spots))]
     chosen = sorted(range(len(spots)), key=lambda index: -falls[index])[:LABELS]
     return [spots[index] for index in sorted(chosen)]
+
+
+def _corners(evaluation: np.ndarray, best: np.ndarray, last: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the best falls, and the end of its line; empty before there is a best."""
+    known = np.isfinite(best)
+    if not known.any():
+        return np.array([]), np.array([])
+    falls = np.flatnonzero(known & (best != np.append(np.nan, best[:-1])))
+    return np.append(evaluation[falls], last), np.append(best[falls], best[falls][-1])
 
 
 def _stairs(x: np.ndarray, y: np.ndarray) -> list[Line]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from ibrid.errors import IbridError
 from search.bench.ledger import Ledger
 from search.bench.scoring import Search, perform
+from search.bench.speed_table import speed_lines
 from search.bench.tables import heading, seed_line, summary
 from search.bench.trials import PROPOSERS, TABLES, Trial, trials
 
@@ -75,6 +76,12 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
         seeds, budget, proposers = options.seeds or 10, options.budget or 500, options.proposer or PROPOSERS
         wanted = list(trials(seeds, budget, only=tables, proposers=proposers, few=options.quick))
     ledger = Ledger(options.out)
+    if not options.only or SPEED in options.only:
+        quick = {"evaluations": QUICK["budget"]} if options.quick else {}
+        for line in speed_lines(ledger, search, options.out, **quick):
+            print(line, flush=True)
+    if not wanted:
+        return 0
     print(heading(), flush=True)
     failed = [trial for trial in wanted if not _done(trial, ledger, options, search)]
     print(f"\nMedians over seeds\n{heading()}")

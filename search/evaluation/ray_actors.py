@@ -4,12 +4,15 @@ One thread of this process waits for each actor and starts the next when it dies
 under one condition.
 """
 
+import pickle
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.modules.vocabulary import choose_vocabulary
 from search.evaluation.assess import Subject
 from search.evaluation.job import Job, Result
 from search.evaluation.open_jobs import OpenJobs
@@ -69,7 +72,8 @@ class RayEvaluator:
         self._jobs = OpenJobs()
         self._turns = Turns()
         self._closed = False
-        self._broken = ""
+        self._serving = workers  # threads that can still get an actor
+        self._why = "the evaluator lost all its workers; resume the search"  # said when there are none
         self._crew: dict[Any, str] = {}  # actors that started, and who they are; "" until they are ready
         self._deserted: float | None = time.monotonic()  # since when no actor is ready
         self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
@@ -111,8 +115,8 @@ class RayEvaluator:
                 self._jobs.require(number)
                 if self._jobs.has_result(number):
                     return self._jobs.take(number)
-                if self._broken:
-                    raise IbridError(self._broken)
+                if not self._serving:
+                    raise IbridError(self._why)
                 self._change.wait(self._time_left())
 
     def close(self) -> None:
@@ -150,18 +154,23 @@ class RayEvaluator:
 
     def _serve(self) -> None:
         """The life of a thread: an actor after the other, and with each a job after the other."""
-        while (actor := self._ready_actor()) is not None:
-            while (attempt := self._next_attempt()) is not None:
-                if not self._try(actor, attempt):
-                    break
-            self._dismiss(actor)
+        try:
+            while (actor := self._ready_actor()) is not None:
+                while (attempt := self._next_attempt()) is not None:
+                    if not self._try(actor, attempt):
+                        break
+                self._dismiss(actor)
+        finally:
+            with self._change:
+                self._serving -= 1
+                self._change.notify_all()
 
     def _ready_actor(self) -> Any:
         """A new actor that has loaded everything; None when closed, or when actors cannot be had."""
         error: Exception | None = None
         for _ in range(self.lost):
             with self._change:
-                if self._closed or self._broken:
+                if self._closed:
                     return None
                 actor = self._actor.remote([self._cargo], self.wall)
                 self._crew[actor] = ""
@@ -169,7 +178,7 @@ class RayEvaluator:
                 who = self._ray.get(actor.prepare.remote())
             except self._ray.exceptions.RayTaskError as found:
                 self._dismiss(actor)
-                self._give_up(f"a worker could not load the data and the kinds ({_cause(found)}); {_KINDS_ADVICE}")
+                self._why = f"a worker could not load the data and the kinds ({_cause(found)}); {_KINDS_ADVICE}"
                 return None
             except self._ray.exceptions.RayError as found:
                 self._dismiss(actor)
@@ -180,7 +189,7 @@ class RayEvaluator:
                 self._deserted = None
                 self._change.notify_all()
             return actor
-        self._give_up(f"{self.lost} workers in a row died while they started ({_cause(error)}); look at the logs of Ray")
+        self._why = f"{self.lost} workers in a row died while they started ({_cause(error)}); see the logs of Ray"
         return None
 
     def _next_attempt(self) -> Attempt | None:
@@ -227,10 +236,8 @@ class RayEvaluator:
     def _result(self, attempt: Attempt, after: Attempt, verdict: Verdict, who: str) -> Result:
         record = verdict.record
         if record is not None:
-            record = replace(record, vocabulary=self.subject.kinds)
-        return Result(
-            attempt.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempt.number, who
-        )
+            record = replace(record, vocabulary=choose_vocabulary(self.subject.kinds))
+        return Result(attempt.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempt.number, who)
 
     def _dismiss(self, actor: Any) -> None:
         """The actor is not used any more."""
@@ -241,20 +248,10 @@ class RayEvaluator:
                 self._deserted = time.monotonic()
             self._change.notify_all()
 
-    def _give_up(self, sentence: str) -> None:
-        """Where no worker is left and none can be had, whoever waits is told so."""
-        with self._change:
-            others = any(thread.is_alive() for thread in self._threads if thread is not threading.current_thread())
-            if not self._closed and not others:
-                self._broken = sentence
-            self._change.notify_all()
-
     def _kill(self, actor: Any) -> None:
         """End the actor's process, whatever it is doing."""
-        try:
+        with suppress(self._ray.exceptions.RayError, ValueError, RuntimeError):  # gone already
             self._ray.kill(actor, no_restart=True)
-        except (self._ray.exceptions.RayError, ValueError, RuntimeError):
-            pass  # gone already
 
 
 _KINDS_ADVICE = "write kinds of your own in the notebook or script of the search, or install their module on every node"
@@ -262,8 +259,6 @@ _KINDS_ADVICE = "write kinds of your own in the notebook or script of the search
 
 def _pickled(ray: Any, subject: Subject) -> bytes:
     """The subject as bytes, functions of a notebook included."""
-    import pickle
-
     try:
         return ray.cloudpickle.dumps(subject)
     except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:

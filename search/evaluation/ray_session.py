@@ -4,6 +4,7 @@ import logging
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,8 @@ from ibrid.errors import IbridError
 
 #: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
 ANSWER = 20.0
+#: Something must listen at its address within so many.
+KNOCK = 5.0
 #: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
 SHARED_MEMORY = 80 * 2**20
 #: Tells whether a cluster answers, in a process that can be stopped.
@@ -50,18 +53,48 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
 
     Raises IbridError when Ray is not installed, does not start, or no cluster answers.
     """
+    if address is not None:
+        _look_at(address)
     ray = _import_ray(local=address is None)
     if ray.is_initialized():
+        _require_same(ray.get_runtime_context().gcs_address, address)
         return RaySession(ray, owned=False)
     with _own_signals():
         return _start(ray, workers) if address is None else _connect(ray, address)
 
 
+def _look_at(address: str) -> None:
+    """Raise IbridError, at once in most cases, unless the address can be that of a cluster and something listens there."""
+    if address == "auto":
+        return
+    host, _, port = address.rpartition(":")
+    if not host or "://" in address or not port.isdigit() or not 0 < int(port) < 65536:
+        raise IbridError(
+            f"a Ray cluster is named by HOST:PORT of its head, or auto, found {address!r}; from outside a cluster send "
+            "the search there with ray job submit"
+        )
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=KNOCK).close()
+    except OSError as error:
+        raise _no_cluster(address, _line(error)) from None
+
+
+def _require_same(connected: str, address: str | None) -> None:
+    """Raise IbridError when this process is connected to another cluster than the one asked for."""
+    if address not in (None, "auto", connected):
+        raise IbridError(
+            f"this process is connected to the Ray at {connected} and cannot use {address} beside it; leave the address "
+            "out, or call ray.shutdown() before"
+        )
+
+
 def _import_ray(*, local: bool) -> Any:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    if local and "ray" not in sys.modules:
-        # read once, at import: without it Ray takes localhost for the address of the network card
-        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    if "ray" not in sys.modules:  # both are read once, at import
+        if local:  # without it Ray takes localhost for the address of the network card
+            os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+        # a worker that dies is our business; no line of Ray's belongs between the lines of a search
+        os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")
     try:
         import ray
     except ImportError:
@@ -73,6 +106,7 @@ def _import_ray(*, local: bool) -> Any:
 
 def _start(ray: Any, workers: int) -> RaySession:
     folder = Path(tempfile.mkdtemp(prefix="ibrid-ray-", dir="/tmp" if os.path.isdir("/tmp") else None))
+    started = False
     try:
         ray.init(
             address="local",
@@ -84,19 +118,17 @@ def _start(ray: Any, workers: int) -> RaySession:
             logging_level=logging.CRITICAL,
             _temp_dir=str(folder),
         )
+        started = True
     except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
-        ray.shutdown()
-        shutil.rmtree(folder, ignore_errors=True)
         raise IbridError(f"a local Ray did not start ({_line(error)}); use one worker, or free memory") from None
+    finally:
+        if not started:
+            ray.shutdown()
+            shutil.rmtree(folder, ignore_errors=True)
     return RaySession(ray, owned=True, folder=folder)
 
 
 def _connect(ray: Any, address: str) -> RaySession:
-    if "://" in address:
-        raise IbridError(
-            f"--ray takes HOST:PORT of the cluster's head or auto, found {address!r}; from outside a cluster send the "
-            "search there with ray job submit"
-        )
     _probe(address)
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL)

@@ -12,9 +12,7 @@ from search.evaluation.job import Job
 from search.evaluation.verdict import Verdict, judge
 
 #: One thread of computation per actor, so that as many actors as cores do not get in each other's way.
-ONE_THREAD = {
-    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-}
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 class Worker:

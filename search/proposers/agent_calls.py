@@ -3,10 +3,10 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
-from search.blocks import read_blocks
-from search.edits import EditError, strip_thinking
+from search.blocks import EditError, read_blocks, shown, strip_thinking
 from search.proposers.agent_memory import paragraph
 from search.proposers.chat import Answer
 
@@ -14,7 +14,7 @@ from search.proposers.chat import Answer
 MOST_CALLS, LONGEST_TEXT = 16, 100_000
 #: How calls are set apart in text: a code fence, or the tags that several model families were trained on.
 _BETWEEN = (("```", "```"), ("<tool_call>", "</tool_call>"))
-_DIAGNOSIS = "diagnosis:"
+_DIAGNOSIS, _CHANGE = "diagnosis:", "change:"
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,13 @@ class Call:
 @dataclass(frozen=True)
 class Wish:
     """`said` : the answer without thinking. `calls` : in order. `edit` : SEARCH/REPLACE blocks in the text, or "".
-    `diagnosis` : the paragraph beside them, or ""."""
+    `diagnosis`, `change` : the paragraph beside them and the line that says what changes, or ""."""
 
     said: str
     calls: tuple[Call, ...] = ()
     edit: str = ""
     diagnosis: str = ""
+    change: str = ""
 
 
 def read_wish(answer: Answer) -> Wish:
@@ -47,18 +48,31 @@ def read_wish(answer: Answer) -> Wish:
     if native:
         return Wish(said, native)
     if _has_blocks(said):
-        return Wish(said, edit=said, diagnosis=diagnosis_in(said))
-    return Wish(said, tuple(_calls_in(said[:LONGEST_TEXT])))
+        return Wish(said, edit=said, diagnosis=diagnosis_in(said), change=_change_in(said))
+    return Wish(said, tuple(islice(_calls_in(said[:LONGEST_TEXT]), MOST_CALLS)))
 
 
 def diagnosis_in(text: str) -> str:
     """The paragraph that begins with "Diagnosis:", else the longest one outside the blocks and code fences."""
-    paragraphs = [one for one in map(paragraph, _prose(text).split("\n\n")) if one]
+    lines = [line for line in _prose(text).split("\n") if _after(_CHANGE, line) is None]
+    paragraphs = [one for one in map(paragraph, "\n".join(lines).split("\n\n")) if one]
     for one in paragraphs:
-        at = one[:40].lower().find(_DIAGNOSIS)
-        if at >= 0:
-            return one[at + len(_DIAGNOSIS) :].strip(" *_#")
+        if (found := _after(_DIAGNOSIS, one)) is not None:
+            return found
     return max(paragraphs, key=len, default="")
+
+
+def _change_in(text: str) -> str:
+    found = (_after(_CHANGE, line) for line in _prose(text).split("\n"))
+    return next((one for one in found if one), "")
+
+
+def _after(word: str, text: str) -> str | None:
+    """What follows a word at the beginning of a text, marks of emphasis aside; None when the word is not there."""
+    start = text[:40].lstrip(" *_#`-").lower()
+    if not start.startswith(word):
+        return None
+    return text[text.lower().index(word) + len(word) :].strip(" *_#`")
 
 
 def _has_blocks(text: str) -> bool:
@@ -117,7 +131,7 @@ def _call(found: Any) -> Call | None:
     if name is None and "edit" in found:
         return Call("submit_edit", found)
     arguments = found.get("arguments", found.get("parameters", {}))
-    return Call(name[:60], arguments) if isinstance(name, str) else None
+    return Call(shown(name)[:60], arguments) if isinstance(name, str) else None
 
 
 def _arguments(text: str) -> Any:

@@ -7,6 +7,7 @@ diagnosis; when even those are too many, the oldest go.
 from collections.abc import Iterator, Mapping, Sequence
 
 from search.proposers.chat import Message, estimated_tokens
+from search.quoting import fenced, quoted
 from search.step import Status, Step
 
 #: Characters of a diagnosis, and of a reason for a refusal, that are kept.
@@ -18,16 +19,15 @@ _BEGIN = "Begin. Look at the record of the parent, use the tools where they help
 
 
 def paragraph(text: str) -> str:
-    """A diagnosis as one paragraph of bounded length."""
-    one = " ".join(text.split())
-    return one if len(one) <= LONGEST_DIAGNOSIS else one[: LONGEST_DIAGNOSIS - 3] + "..."
+    """A diagnosis as one paragraph of bounded length that cannot speak for another turn."""
+    return quoted(text, longest=LONGEST_DIAGNOSIS)
 
 
 def outcome(step: Step, parent: Step | None = None) -> str:
     """How a step ended, in a sentence; compared with its parent where that is known."""
     which = f"Step {step.number}, an edit of step {step.parent}," if step.parent is not None else f"Step {step.number}"
     if step.nrmse is None or step.status is not Status.OK:
-        why = f": {' '.join(step.reason.split())[:LONGEST_REASON]}" if step.reason else ""
+        why = f": {quoted(step.reason, longest=LONGEST_REASON)}" if step.reason else ""
         return f"{which} ended as {step.status}{why}."
     size = f"order {step.order}, {step.free} free parameters"
     stable = "stable" if step.stable else "UNSTABLE, so no answer"
@@ -63,7 +63,7 @@ def _against(nrmse: float, parent: Step | None) -> str:
 
 def _said(turn: Step) -> str:
     diagnosis = paragraph(turn.diagnosis) or "(none)"
-    return f"Diagnosis: {diagnosis}\n\n{turn.edit.strip() or '(no edit)'}"
+    return f"Diagnosis: {diagnosis}\n\n{fenced(turn.edit) if turn.edit.strip() else '(no edit)'}"
 
 
 def _result(turn: Step, known: Mapping[int, Step]) -> str:

@@ -18,6 +18,7 @@ SUBMIT = Tool(
     "Ends the turn: the edit of the parent program is evaluated, and its outcome begins the next turn.",
     {
         "edit": {"type": "string", "maxLength": 100_000, "description": "SEARCH/REPLACE blocks for the parent program"},
+        "change": {"type": "string", "maxLength": 2_000, "description": "what changes and why, in a line"},
         "diagnosis": {
             "type": "string",
             "maxLength": 20_000,
@@ -30,6 +31,7 @@ SUBMIT = Tool(
 )
 
 RULES = """
+# Turns
 You work in turns. A turn begins with the outcome of your last edit. In it you may use tools, at most {calls} calls:
 {tools}
 End the turn with submit_edit(edit, diagnosis): SEARCH/REPLACE blocks for the parent program, and one paragraph that says

@@ -1,6 +1,5 @@
 """The proposer `llm`: one question to a language model, one edit; several models with weights, limits for the whole run."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -12,11 +11,10 @@ from ibrid.errors import IbridError
 from search.blocks import LONGEST_EDIT, EditError, read_blocks, shown, strip_thinking, write_block
 from search.context import prompt
 from search.proposal import Context, Proposal
-from search.proposers.chat import Chat, ChatError, estimated_tokens
+from search.proposers.chat import LONGEST_ANSWER, Chat, ChatError, estimated_tokens
+from search.proposers.local_model import LocalModel
 from search.proposers.model_names import model_of
 
-#: Characters of a reply that are kept.
-LONGEST_REPLY = 400_000
 _CHANGE = "change:"
 
 
@@ -30,7 +28,7 @@ class Limits:
     seconds: float = inf
 
     def __post_init__(self) -> None:
-        if not min(self.tokens, self.cost, self.seconds) > 0:
+        if not all(one > 0 for one in (self.tokens, self.cost, self.seconds)):
             raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
 
 
@@ -61,7 +59,7 @@ class LanguageModel:
         self.weights = weights / weights.sum()
         self.limits = limits or Limits()
         self.prompt_tokens = prompt_tokens
-        self.spent: Counter[str] = Counter()
+        self.spent: dict[str, float] = {"tokens": 0, "cost": 0.0, "seconds": 0.0}
 
     @classmethod
     def from_options(
@@ -96,7 +94,8 @@ class LanguageModel:
                     "", failure=f"the limit of {limit:g} {unit} of this run is spent; raise it or use another proposer"
                 )
         try:
-            answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens), rng_seed=seed)
+            count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
+            answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens, count=count), rng_seed=seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
             self.count(usage)
@@ -110,7 +109,7 @@ def read_answer(text: str, usage: Mapping[str, Any], name: str) -> Proposal:
     thinking, rest = strip_thinking(text)
     if thinking and "thinking_tokens" not in usage:
         usage = {**usage, "thinking_tokens": estimated_tokens(thinking)}
-    reply = text[:LONGEST_REPLY]
+    reply = text[:LONGEST_ANSWER]
     if not rest.strip():
         why = "thought until it was cut off and gave no answer" if thinking else "answered nothing"
         return Proposal("", reply=reply, usage=usage, failure=f"the model {name} {why}")

@@ -57,36 +57,14 @@ class LocalModel:
     ) -> Answer:
         """The next turn; see `search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
         started = time.monotonic()
-        torch, model, tokenizer = self._loaded
+        _, model, tokenizer = self._loaded
         prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
         number = int(prompt["input_ids"].shape[1])
         room = getattr(model.config, "max_position_embeddings", None)
         if room is not None and number >= room:
             raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
         most = self.max_tokens if room is None else min(self.max_tokens, room - number)
-        kept = torch.get_num_threads()
-        torch.set_num_threads(self.threads)
-        try:
-            with torch.random.fork_rng(), torch.inference_mode():
-                torch.manual_seed(rng_seed)
-                found = model.generate(
-                    **prompt.to(model.device),
-                    do_sample=True,
-                    temperature=self.temperature,
-                    top_p=self.top_p,
-                    top_k=0,
-                    max_new_tokens=most,
-                    max_time=self.seconds,
-                    pad_token_id=tokenizer.pad_token_id
-                    if tokenizer.pad_token_id is not None
-                    else tokenizer.eos_token_id,
-                )
-        except (RuntimeError, ValueError) as error:  # out of memory, weights that are not numbers
-            raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
-        finally:
-            torch.set_num_threads(kept)
-        new = found[0][number:]
-        text = tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER]
+        new = self._generated(prompt, most, rng_seed)[number:]
         usage = {
             "model": self.name,
             "prompt_tokens": number,
@@ -96,17 +74,49 @@ class LocalModel:
             "retries": 0,
         }
         ends = model.generation_config.eos_token_id
-        ended = bool(len(new)) and int(new[-1]) in (ends if isinstance(ends, list) else [ends])
-        return Answer(text, usage=usage, cut=not ended)
+        cut = not new or new[-1] not in (ends if isinstance(ends, list) else [ends])
+        return Answer(tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut)
+
+    def tokens(self, text: str) -> int:
+        """Number of tokens of a text."""
+        return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
+
+    def _generated(self, prompt: Any, most: int, seed: int) -> list[int]:
+        """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
+        torch, model, tokenizer = self._loaded
+        padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
+        threads = torch.get_num_threads()
+        torch.set_num_threads(self.threads)
+        try:
+            with torch.random.fork_rng(), torch.inference_mode():
+                torch.manual_seed(seed)
+                found = model.generate(
+                    **prompt.to(model.device),
+                    do_sample=True,
+                    temperature=self.temperature,
+                    top_p=self.top_p,
+                    top_k=0,
+                    max_new_tokens=most,
+                    max_time=self.seconds,
+                    pad_token_id=padding,
+                )
+        except (RuntimeError, ValueError) as error:  # out of memory, probabilities that are not numbers
+            raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
+        finally:
+            torch.set_num_threads(threads)
+        return found[0].tolist()
 
     @cached_property
     def _loaded(self) -> tuple[Any, Any, Any]:
         torch, transformers = _require("torch"), _require("transformers")
         transformers.utils.logging.disable_progress_bar()  # the search shows its own
+        damaged = _require("safetensors").SafetensorError
         try:
             tokenizer = transformers.AutoTokenizer.from_pretrained(self.folder, local_files_only=True)
-            model = transformers.AutoModelForCausalLM.from_pretrained(self.folder, local_files_only=True, dtype="auto")
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
+            model = transformers.AutoModelForCausalLM.from_pretrained(
+                self.folder, local_files_only=True, use_safetensors=True, dtype="auto"
+            )
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ImportError, damaged) as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
         return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 

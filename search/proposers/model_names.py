@@ -25,11 +25,11 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
     Raises IbridError, also when the package that the model needs is not installed.
     """
     name, weight = _weight(option)
-    if Path(name).expanduser().is_dir() or name.startswith(("/", "./", "../", "~")):
+    where = re.search(r"@https?://", name)
+    if where is None and ((name and Path(name).expanduser().is_dir()) or name.startswith(("/", "./", "../", "~"))):
         model = LocalModel(name)
         _require("torch", "transformers")
         return model, weight
-    where = re.search(r"@https?://", name)
     url = None
     if where is not None:
         name, url = name[: where.start()], name[where.start() + 1 :]

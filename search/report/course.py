@@ -34,7 +34,7 @@ def trajectory_html(run: RunData) -> str:
         "so far. What lies beyond an edge is drawn at it."
     )
     if first.step == 0:
-        words = f"Evaluation 0 is the start. {words}"
+        words = f"Evaluation 1 is the start. {words}"
     figure = f'<figure style="min-width:44rem">{svg}</figure>'
     return paragraph(words, "note") + scroll("Trajectory", figure) + _milestone_table(run)
 
@@ -45,7 +45,6 @@ def _figure_data(run: RunData) -> Trajectory:
     def column(values: list[float | None]) -> np.ndarray:
         return np.array([math.nan if value is None else value for value in values], dtype=float)
 
-    record = None if run.answer is None else run.records.of(run.answer.number)
     target = run.settings.get("target")
     return Trajectory(
         evaluation=np.array([one.evaluation for one in points], dtype=float),
@@ -55,7 +54,7 @@ def _figure_data(run: RunData) -> Trajectory:
         milestones=tuple(
             (one.evaluation, one.after, f"{shortened(one.note, LABEL)}  {error(one.after)}") for one in run.milestones
         ),
-        floor=None if record is None else record.noise_floor,
+        floor=None if run.record is None else run.record.noise_floor,
         target=float(target) if isinstance(target, int | float) and not isinstance(target, bool) else None,
     )
 

@@ -123,8 +123,7 @@ def response_html(run: RunData) -> str:
 
 def _models(run: RunData) -> list[_Model]:
     """Found, start and truth, as far as they were fitted; each keeps its colour."""
-    answer = None if run.answer is None else run.records.of(run.answer.number)
-    start = None if run.start is None else run.records.of(run.start.number)
+    answer, start = run.record, run.records.get(0)
     found = [_Model("found", answer, 0)] if answer is not None and answer.parameters else []
     if start is not None and start.parameters and (run.answer is None or run.answer.number != 0):
         found.append(_Model("start", start, 3))

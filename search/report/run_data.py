@@ -39,15 +39,18 @@ class Stored(Protocol):
 class RunData:
     """A run as it stands.
 
-    `kinds` : its vocabulary. `answer` : the step that is shown as found, None before the first valid one. `notes` : what
-    could not be had, in sentences. `truth_record` : the given truth, fitted to the same data with the same options.
+    `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the milestones with their parents.
+    `answer` : the step that is shown as found, None before the first valid one. `truth_record` : the given truth, fitted
+    to the same data with the same options. `notes` : what could not be had, in sentences.
     """
 
     meta: Mapping[str, str]
     settings: Mapping[str, Any]
     kinds: tuple[ModuleKind, ...]
     steps: Mapping[int, Step]
-    records: "Records"
+    records: Mapping[int, Record]
+    points: tuple[Point, ...]
+    milestones: tuple[Milestone, ...]
     sweep: Sweep | None
     selection: Selection
     answer: Step | None
@@ -55,19 +58,15 @@ class RunData:
     truth_record: Record | None
     notes: tuple[str, ...]
 
-    @cached_property
-    def points(self) -> tuple[Point, ...]:
-        """Best so far over the evaluations."""
-        return trajectory(self.steps.values())
-
-    @cached_property
-    def milestones(self) -> tuple[Milestone, ...]:
-        """The accepted improvements."""
-        return milestones(self.points, self.steps, self.records.of)
-
     @property
     def start(self) -> Step | None:
+        """The step that the search began with."""
         return self.steps.get(0)
+
+    @property
+    def record(self) -> Record | None:
+        """The record of the answer."""
+        return None if self.answer is None else self.records.get(self.answer.number)
 
     @cached_property
     def comparison(self) -> Comparison | None:
@@ -80,46 +79,68 @@ class RunData:
             return None
 
 
-class Records:
-    """Records of a store, each read once."""
-
-    def __init__(self, store: Stored, kinds: tuple[ModuleKind, ...]) -> None:
-        self._store, self._kinds = store, kinds
-        self._found: dict[int, Record | None] = {}
-
-    def of(self, number: int) -> Record | None:
-        """The record of a step, None where there is none."""
-        if number not in self._found:
-            try:
-                self._found[number] = self._store.record(number, self._kinds)
-            except IbridError:
-                self._found[number] = None
-        return self._found[number]
-
-
 def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None) -> RunData:
-    """Read what a page needs. `sweep` : in place of the data in the store. `kinds` : the vocabulary, where it is not a
-    shipped one."""
+    """Read what a page needs; the store is not needed afterwards.
+
+    sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped one.
+    """
     meta = dict(store.meta)
     settings = _settings(meta.get("settings", ""))
     known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), VOCABULARY)
-    chosen = known if kinds is None else tuple(kinds)
+    known = known if kinds is None else tuple(kinds)
     steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
     notes: list[str] = []
     if sweep is None:
         sweep, remark = _measured(meta.get("data", ""))
         notes += [remark] if remark else []
-    selection = plain_selection(steps.values())
+    plain, chosen = plain_selection(steps.values()), None
     try:
-        selection = read_selection(store.path.parent / FILE) or selection
+        chosen = read_selection(store.path.parent / FILE)
     except IbridError as problem:
         notes.append(str(problem))
-    records = Records(store, chosen)
-    answer = _answer(meta, steps, selection)
-    found = None if answer is None else records.of(answer.number)
+    named = [None if chosen is None else chosen.answer, _number(meta.get("best", "")), plain.answer]
+    answer = _first_fitted(steps, named)
+    points = trajectory(steps.values())
+    records = _records(store, steps, _worth_reading(points, steps, answer), known, notes)
+    found = None if answer is None else records.get(answer.number)
     truth, truth_record, remark = given_truth(meta.get("truth", ""), sweep, found)
     notes += [remark] if remark else []
-    return RunData(meta, settings, chosen, steps, records, sweep, selection, answer, truth, truth_record, tuple(notes))
+    return RunData(
+        meta=meta,
+        settings=settings,
+        kinds=known,
+        steps=steps,
+        records=records,
+        points=points,
+        milestones=milestones(points, steps, records.get),
+        sweep=sweep,
+        selection=chosen or plain,
+        answer=answer,
+        truth=truth,
+        truth_record=truth_record,
+        notes=tuple(notes),
+    )
+
+
+def _worth_reading(points: Sequence[Point], steps: Mapping[int, Step], answer: Step | None) -> set[int]:
+    """Numbers of the steps whose records the page shows."""
+    better = [steps[one.step] for one in points if one.better]
+    numbers = {one.number for one in better} | {one.parent for one in better if one.parent is not None}
+    return numbers | {0} | (set() if answer is None else {answer.number})
+
+
+def _records(
+    store: Stored, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
+) -> dict[int, Record]:
+    """Records of those steps that were fitted; a damaged one becomes a note."""
+    found: dict[int, Record] = {}
+    for number in sorted(numbers):
+        if number in steps and steps[number].nrmse is not None:
+            try:
+                found[number] = store.record(number, kinds)
+            except IbridError as problem:
+                notes.append(str(problem))
+    return found
 
 
 def _settings(text: str) -> dict[str, Any]:
@@ -130,16 +151,17 @@ def _settings(text: str) -> dict[str, Any]:
         return {}
 
 
-def _answer(meta: Mapping[str, str], steps: Mapping[int, Step], selection: Selection) -> Step | None:
-    """The step of the selection; else the one the run calls its best; else what the steps say."""
-    plain = plain_selection(steps.values()).answer
-    stated = meta.get("best", "")
-    named = int(stated) if stated.isascii() and stated.isdecimal() else None
-    for number in (selection.answer if selection.why else None, named, plain):
+def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> Step | None:
+    """The answer: the step of the selection, else the one the run calls its best, else what the steps say."""
+    for number in numbers:
         step = None if number is None else steps.get(number)
         if step is not None and step.nrmse is not None and math.isfinite(step.nrmse):
             return step
     return None
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdecimal() else None
 
 
 def _measured(text: str) -> tuple[Sweep | None, str]:

@@ -301,6 +301,7 @@ def _another(part):
 
 def _lacks(view: View, part) -> bool:
     present = {
+        _plant: view.roles.lcl,
         _synchronisation: view.roles.frequency is not None,
         _power_loops: bool(view.roles.outer),
     }
@@ -308,7 +309,8 @@ def _lacks(view: View, part) -> bool:
 
 
 SUB_LOOPS = (
-    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 1.0, _plant),
+    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 3.0, _missing(_plant)),
+    Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, _another(_plant)),
     Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 3.0, _missing(_synchronisation)),
     Family("other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _another(_synchronisation)),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, _no_synchronisation),

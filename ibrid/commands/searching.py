@@ -1,0 +1,160 @@
+"""`ibrid search DATA --out RUN` and `ibrid mcp DATA`: the search over block diagrams, and its tools for coding agents."""
+
+import os
+from argparse import Namespace
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import complain
+from ibrid.errors import IbridError
+
+if TYPE_CHECKING:
+    from ibrid.structure.diagram import Diagram
+    from search.run import Run
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    search = commands.add_parser("search", help="find the hidden controller: evaluated edits of a naive diagram")
+    search.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    search.add_argument("--out", required=True, metavar="RUN", help="folder of the run; a new one, unless --resume")
+    search.add_argument("--start", metavar="PROGRAM", help="where to begin (naive): " + inputs.PROGRAM_HELP)
+    search.add_argument(
+        "--proposer",
+        default="rules",
+        help="rules (default) | random | llm | agent, or a mix with weights such as rules:0.7,random:0.3",
+    )
+    search.add_argument(
+        "--model",
+        action="append",
+        default=[],
+        metavar="MODEL",
+        help="for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
+        "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY",
+    )
+    search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
+    search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
+    search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
+    search.add_argument("--workers", type=inputs.natural, metavar="N", help="evaluate on so many cores (all)")
+    search.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster, such as auto or ray://host:10001")
+    search.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    search.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
+    search.add_argument("--parameters", default="shared", help="shared (default) | per-op")
+    search.add_argument(
+        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
+    )
+    search.add_argument(
+        "--history", type=inputs.natural, default=0, metavar="N", help="best and failed candidates a proposer sees (0)"
+    )
+    search.add_argument("--require", metavar="WHAT", help="what a candidate must be: stable,passive:LO-HI (Hz)")
+    search.add_argument(
+        "--choose", default="error", help="the answer by: error (default) | frequencies | op, the latter held out"
+    )
+    search.add_argument("--truth", metavar="PROGRAM", help="shown beside the answer; the search does not see it")
+    search.add_argument("--learn", action="store_true", help="train the proposer on the way")
+    search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
+    search.set_defaults(run=run_search)
+    tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
+    tools.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    tools.add_argument(
+        "--out", metavar="RUN", help="keep what is evaluated in this folder, and go on with it if it is there"
+    )
+    tools.add_argument("--start", metavar="PROGRAM", help="step 0 (naive): " + inputs.PROGRAM_HELP)
+    tools.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    tools.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
+    tools.add_argument("--parameters", default="shared", help="shared (default) | per-op")
+    tools.add_argument(
+        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out, repeatable"
+    )
+    tools.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
+    tools.add_argument("--seconds", type=inputs.positive, default=30.0, metavar="S", help="limit of an evaluation (30)")
+    tools.set_defaults(run=run_mcp)
+
+
+def run_search(arguments: Namespace) -> int:
+    """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
+    if arguments.learn:
+        raise IbridError("--learn needs a proposer that learns, which this version does not have; leave it out")
+    sweep = inputs.data(arguments.data)
+    start = None if arguments.start is None else inputs.program(arguments.start)
+    truth = None if arguments.truth is None else inputs.program(arguments.truth)
+
+    import search
+
+    found = search.run(
+        sweep,
+        arguments.out,
+        start=start,
+        proposer=arguments.proposer,
+        models=arguments.model,
+        budget=arguments.budget,
+        target=arguments.target,
+        seed=arguments.seed,
+        workers=_workers(arguments.workers, arguments.ray),
+        ray=arguments.ray,
+        parameters=arguments.parameters,
+        equilibrium=arguments.equilibrium,
+        vocabulary=arguments.vocabulary,
+        holdout_op=arguments.holdout_op,
+        history=arguments.history,
+        require=arguments.require,
+        choose=arguments.choose,
+        truth=truth,
+        resume=arguments.resume,
+        progress="auto",
+    )
+    return _say(found, arguments, truth)
+
+
+def _workers(asked: int | None, ray: str | None) -> int:
+    """As asked; else all cores where Ray is installed, one where it is not."""
+    if asked is not None:
+        return asked
+    return (os.cpu_count() or 1) if ray is not None or find_spec("ray") is not None else 1
+
+
+def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
+    from ibrid.evaluation.record import Record
+
+    print(f"\n{found.evaluations} evaluations in {found.seconds:.0f} s; {found.ending}.")
+    if not found.finished:
+        complain(
+            f"stopped; go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same options)"
+        )
+        return 1
+    if not isinstance(found.best, Record):
+        complain("no candidate was valid and stable; see report.html for the reasons")
+        return 1
+    from ibrid.report.text import format_record
+
+    print(format_record(found.best).rstrip("\n"))
+    if truth is not None:
+        from ibrid.structure.compare import compare, format_comparison
+
+        print()
+        print(format_comparison(compare(found.best.diagram, truth, found.best.vocabulary)).rstrip("\n"))
+    print(f"\n{found.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
+    return 0
+
+
+def run_mcp(arguments: Namespace) -> int:
+    """Serve the tools until the client leaves."""
+    sweep = inputs.data(arguments.data)
+
+    start = None if arguments.start is None else inputs.program(arguments.start)
+
+    from pathlib import Path
+
+    from search.logbook import Effort
+    from search.mcp_server import Options, serve
+
+    options = Options(
+        parameters=arguments.parameters,
+        equilibrium=arguments.equilibrium,
+        vocabulary=arguments.vocabulary,
+        out=None if arguments.out is None else Path(arguments.out),
+        start=start,
+        effort=Effort(seconds=arguments.seconds, seed=arguments.seed, holdout_op=tuple(arguments.holdout_op)),
+    )
+    return serve(sweep, options)

@@ -1,0 +1,65 @@
+"""Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects of one's own."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from ibrid.errors import IbridError, near
+from search.proposal import Proposer
+from search.proposers.agent import Agent
+from search.proposers.language_model import LanguageModel
+from search.proposers.random_edits import RandomEdits
+from search.proposers.rules import Rules
+
+Weighted = tuple[tuple[Proposer, float], ...]
+
+
+def choose_proposers(chosen: str | Proposer | Sequence[tuple[Proposer, float]], models: Sequence[str] = ()) -> Weighted:
+    """Proposers with their weights.
+
+    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models : for "llm" and "agent".
+    Raises IbridError for an unknown name, a weight that is not positive, or models that are missing or not usable.
+    """
+    if isinstance(chosen, str):
+        return _parsed(chosen, _makers(models))
+    pairs = [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen)
+    for one in pairs:
+        if not isinstance(one, tuple) or len(one) != 2 or not isinstance(one[0], Proposer) or not one[1] > 0:
+            raise IbridError(
+                f"a proposer is given by name, as an object, or as (object, weight above zero), found {one!r:.80}"
+            )
+    if not pairs:
+        raise IbridError("a search needs at least one proposer")
+    return tuple(pairs)
+
+
+def _makers(models: Sequence[str]) -> Mapping[str, Callable[[], Proposer]]:
+    return {
+        "rules": Rules,
+        "random": RandomEdits,
+        "llm": lambda: LanguageModel.from_options(_required(models, "llm")),
+        "agent": lambda: Agent.from_options(_required(models, "agent")),
+    }
+
+
+def _required(models: Sequence[str], name: str) -> Sequence[str]:
+    if not models:
+        raise IbridError(
+            f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
+            "set, or --model FOLDER"
+        )
+    return models
+
+
+def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> Weighted:
+    found: list[tuple[Proposer, float]] = []
+    for word in text.split(","):
+        name, _, number = word.strip().partition(":")
+        if name not in makers:
+            raise IbridError(f"--proposer knows {', '.join(makers)}, found {name[:40]!r}; {near(name, makers)}")
+        try:
+            weight = float(number) if number else 1.0
+        except ValueError:
+            weight = 0.0
+        if not 0 < weight < float("inf"):
+            raise IbridError(f"--proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
+        found.append((makers[name](), weight))
+    return tuple(found)

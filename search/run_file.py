@@ -1,0 +1,79 @@
+"""run.toml: the options and versions a run was made with; a resumed run must agree with it."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from platform import python_version
+from typing import Any
+
+from ibrid.errors import IbridError
+
+#: Packages whose versions can change a number.
+_PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "scipy")
+#: Options that may differ when a run is resumed.
+FREE = ("budget", "target", "workers", "ray", "wall")
+
+
+def run_toml(options: Mapping[str, Any]) -> str:
+    """The text of run.toml: options (tables for mappings), then versions."""
+    plain = {key: value for key, value in options.items() if not isinstance(value, Mapping)}
+    tables = {key: value for key, value in options.items() if isinstance(value, Mapping)}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items() if value is not None]
+    for name, table in {**tables, "versions": _versions()}.items():
+        lines += ["", f"[{name}]"]
+        lines += [f"{key} = {_value(value)}" for key, value in table.items() if value is not None]
+    return "\n".join(lines) + "\n"
+
+
+def read_run_toml(text: str, where: str) -> dict[str, Any]:
+    """The options; IbridError when the text is not TOML."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise IbridError(f"{where}: must be TOML, but {error}; restore it, or start a new run") from None
+
+
+def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
+    """Raise IbridError when options that shape the search differ from those of the run."""
+    wanted = read_run_toml(run_toml(now), "the options")
+    for name in sorted((set(before) | set(wanted)) - {"versions", *FREE}):
+        if before.get(name) != wanted.get(name):
+            raise IbridError(
+                f"{where}: the run was made with {name} = {_shown(before.get(name))}, now it is "
+                f"{_shown(wanted.get(name))}; resume with the same, or choose another folder"
+            )
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else f"{value!s:.120}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else ("nan" if math.isnan(value) else "inf" if value > 0 else "-inf")
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return '"' + "".join(_escaped(one) for one in str(value)) + '"'
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\u{ord(character):04x}"
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,153 @@
+"""Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import PointSweep
+from search.evaluation.assess import Subject
+from search.merit import EXACT, Criterion
+from search.report.selection import plain_selection
+from search.requirements import passivity_index
+from search.step import Step
+
+#: Structures of the front that are looked at closely, the least errors first.
+MOST = 10
+#: One frequency in so many is held out.
+EVERY = 4
+#: Ways to choose.
+WAYS = ("error", "frequencies", "op")
+#: Errors within this factor fit equally well, where the noise does not say.
+ALIKE = 1.02
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A structure of the front. `frequencies` : error at frequencies that a refit did not see. `holdout` : at operating
+    points that no fit saw. `passivity` : least eigenvalue of -(Y+Y')/2 over the measured band, per unit.
+    `damping` : least damping ratio of all poles, negative when one is unstable."""
+
+    step: int
+    nrmse: float
+    order: int
+    free_parameters: int
+    stable: bool
+    holdout: float | None
+    frequencies: float | None
+    passivity: float | None
+    damping: float | None
+    note: str
+
+
+def select(
+    steps: Sequence[Step],
+    best: Step,
+    record_of: Callable[[int], Record],
+    subject: Subject,
+    criterion: Criterion,
+    way: str,
+) -> dict[str, Any]:
+    """The content of selection.json.
+
+    way : "error": the best by the criterion of the run; "frequencies", "op": of the front, the least error at
+    held-out frequencies or operating points. The answer is always stable.
+    """
+    front = plain_selection(steps).front[-MOST:]
+    numbers = sorted({one.step for one in front} | {best.number})
+    by_number = {step.number: step for step in steps}
+    found = [_candidate(by_number[number], record_of(number), subject) for number in numbers]
+    answer, why = _chosen(found, best, way)
+    limit = ALIKE * max(float(best.nrmse or 0.0), EXACT, criterion.floor.nrmse + 2 * criterion.floor.deviation)
+    alike = [
+        step.number
+        for step in steps
+        if step.status == "ok" and step.stable and step.nrmse is not None and step.nrmse <= limit
+    ]
+    record = record_of(answer)
+    return {
+        "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
+        "equally_good": alike,
+        "answer": answer,
+        "why": why,
+        "residual_modules": [one.name for one in record.diagram.instances if _kinds(subject)[one.kind].residual],
+    }
+
+
+def selection_json(found: dict[str, Any]) -> str:
+    """The text of selection.json."""
+    return json.dumps(found, indent=1, allow_nan=False) + "\n"
+
+
+def _kinds(subject: Subject) -> dict[str, Any]:
+    return {kind.name: kind for kind in subject.kinds}
+
+
+def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]:
+    if way == "frequencies":
+        able = [one for one in found if one.frequencies is not None and one.stable]
+        if able:
+            one = min(able, key=lambda each: (each.frequencies, each.free_parameters))
+            return one.step, f"of the front it has the least error at held-out frequencies, {one.frequencies:.3g}"
+    if way == "op":
+        able = [one for one in found if one.holdout is not None and one.stable]
+        if able:
+            one = min(able, key=lambda each: (each.holdout, each.free_parameters))
+            return one.step, f"of the front it has the least error at held-out operating points, {one.holdout:.3g}"
+    return best.number, "it is the simplest of those with the least error, and stable at every operating point"
+
+
+def _candidate(step: Step, record: Record, subject: Subject) -> Candidate:
+    low, high = record.settings["frequency_hz"]
+    return Candidate(
+        step=step.number,
+        nrmse=float(step.nrmse or 0.0),
+        order=int(step.order or 0),
+        free_parameters=int(step.free or 0),
+        stable=bool(step.stable),
+        holdout=float(np.mean(list(record.holdout.values()))) if record.holdout else None,
+        frequencies=_at_held_out_frequencies(record, subject),
+        passivity=min(passivity_index(record, name, low, high) for name in record.stable),
+        damping=_least_damping(record),
+        note=step.note,
+    )
+
+
+def _least_damping(record: Record) -> float | None:
+    """Least -Re(p)/|p| over all poles and operating points; None without poles."""
+    poles = [complex(*one) for found in record.poles.values() for one in found]
+    ratios = [-one.real / abs(one) for one in poles if abs(one) > 0]
+    return min(ratios, default=None)
+
+
+def _at_held_out_frequencies(record: Record, subject: Subject) -> float | None:
+    """Error at every fourth frequency of a refit, from the found values, to the others; None where too few are left."""
+    fitted = [name for name in subject.sweep.names if name not in subject.holdout_op]
+    points = {name: subject.sweep.point(name) for name in fitted}
+    if min(len(point.frequency) for point in points.values()) < 2 * EVERY:
+        return None
+    less = {name: _thinned(point, hold=False) for name, point in points.items()}
+    thin = replace(subject.sweep, points=tuple(less.values()))
+    again = replace(subject, sweep=thin, holdout_op=()).record_of(record.program, subject.fit, record.parameters)
+    if again.nrmse is None:
+        return None
+    held = {name: _thinned(point, hold=True) for name, point in points.items()}
+    return float(np.mean([nrmse(again.response(name, point.frequency), point) for name, point in held.items()]))
+
+
+def _thinned(point: PointSweep, *, hold: bool) -> PointSweep:
+    """Every fourth frequency of a point, the ends never among them, or the others."""
+    number = np.arange(len(point.frequency))
+    chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
+    chosen = chosen if hold else ~chosen
+    return replace(
+        point,
+        frequency=point.frequency[chosen],
+        admittance=point.admittance[chosen],
+        sigma=None if point.sigma is None else point.sigma[chosen],
+        repeats=None if point.repeats is None else point.repeats[:, chosen],
+    )

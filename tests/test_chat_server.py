@@ -1,0 +1,261 @@
+"""The client of OpenAI-compatible servers: whatever a server sends is an answer or one sentence."""
+
+import gzip
+import json
+import pickle
+import time
+
+import pytest
+from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
+
+from ibrid.errors import IbridError
+from search.proposers.chat import Chat, ChatError
+from search.proposers.chat_server import ChatServer
+
+pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+
+KEY = "sk-secret-0123456789"
+ASK = [{"role": "system", "content": "You edit programs."}, {"role": "user", "content": "Edit this."}]
+
+
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch):
+    for name in ("OPENAI_BASE_URL", "OPENAI_API_BASE", "OPENAI_ORG_ID", "OPENAI_PROJECT_ID"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+
+
+def chat(script, **settings) -> ChatServer:
+    return ChatServer("small", script.url, **{"timeout": 5.0, "retries": 2, "pause": 0.01, **settings})
+
+
+def failure(script, **settings) -> ChatError:
+    with pytest.raises(ChatError) as found:
+        chat(script, **settings).complete(ASK)
+    message = str(found.value)
+    assert KEY not in message
+    assert "\n" not in message
+    assert len(message) < 600
+    return found.value
+
+
+def test_an_answer_comes_with_what_it_cost():
+    with scripted(says("hello", {"prompt_tokens": 2_000_000, "completion_tokens": 500_000})) as script:
+        answer = chat(script, price=(1.0, 4.0)).complete(ASK, rng_seed=7)
+    assert answer.text == "hello"
+    assert answer.usage["cost"] == 4.0
+    assert (answer.usage["prompt_tokens"], answer.usage["completion_tokens"]) == (2_000_000, 500_000)
+    assert (answer.usage["model"], answer.usage["retries"]) == ("small", 0)
+    request = script.requests[0]
+    assert (request["model"], request["messages"], request["seed"]) == ("small", ASK, 7)
+
+
+def test_a_server_is_a_chat():
+    assert isinstance(ChatServer("small"), Chat)
+
+
+def test_the_address_comes_from_the_environment(monkeypatch):
+    with scripted(says("hello")) as script:
+        monkeypatch.setenv("OPENAI_API_BASE", script.url)
+        assert ChatServer("small", timeout=5.0).complete(ASK).text == "hello"
+        monkeypatch.setenv("OPENAI_BASE_URL", script.url.replace("/v1", "/other"))
+        assert ChatServer("small").url.endswith("/other")
+
+
+def test_a_server_without_keys_is_asked_without_one(monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY")
+    with scripted(says("hello")) as script:
+        assert chat(script).complete(ASK).text == "hello"
+    assert script.headers[0]["authorization"] == "Bearer none"
+
+
+def test_openai_itself_without_a_key_is_not_asked(monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY")
+    with pytest.raises(ChatError, match=r"needs a key in OPENAI_API_KEY; set it, or set OPENAI_BASE_URL"):
+        ChatServer("gpt").complete(ASK)
+
+
+def test_the_key_goes_to_the_server_and_nowhere_else():
+    echo = {"content": f"your key is {KEY}", "tool_calls": [{"function": {"name": "f", "arguments": KEY}}]}
+    with scripted(sends(completion(echo, {"note": KEY})), refuses(401, f"Incorrect API key provided: {KEY}")) as script:
+        server = chat(script)
+        answer = server.complete(ASK)
+        error = failure(script)
+    assert script.headers[0]["authorization"] == f"Bearer {KEY}"
+    assert KEY not in repr((answer, server, vars(server), error.usage)) + pickle.dumps(server).decode("latin-1")
+    assert answer.text == "your key is (key)"
+    assert "check the key" in str(error)
+
+
+def test_the_key_does_not_follow_to_another_server():
+    with scripted(says("hello")) as other, scripted() as first:
+        first.turns.append(sends(b"", 307, location=f"{other.url}/chat/completions"))
+        assert chat(first).complete(ASK).text == "hello"
+    assert "authorization" in first.headers[0]
+    assert "authorization" not in other.headers[0]
+
+
+def test_a_key_of_another_variable_is_taken(monkeypatch):
+    monkeypatch.setenv("MY_KEY", "sk-another-key")
+    with scripted(says("hello")) as script:
+        chat(script, key_from="MY_KEY").complete(ASK)
+    assert script.headers[0]["authorization"] == "Bearer sk-another-key"
+
+
+def test_a_key_that_no_header_can_hold_is_refused_without_showing_it(monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-geheim-ä")
+    with scripted(says("hello")) as script, pytest.raises(ChatError, match="OPENAI_API_KEY holds characters") as found:
+        chat(script).complete(ASK)
+    assert "geheim" not in str(found.value)
+
+
+def test_a_busy_server_is_asked_again():
+    with scripted(refuses(429, "slow down"), refuses(503), closes, says("hello")) as script:
+        answer = chat(script, retries=3).complete(ASK)
+    assert answer.text == "hello"
+    assert answer.usage["retries"] == 3
+
+
+def test_a_pause_that_the_server_asks_for_is_kept():
+    with scripted(refuses(429, retry_after="0.3"), says("hello")) as script:
+        started = time.monotonic()
+        chat(script).complete(ASK)
+    assert time.monotonic() - started >= 0.3
+
+
+@pytest.mark.parametrize(
+    ("turn", "says_why", "asked"),
+    [
+        (refuses(500, "out of memory"), "answered HTTP 500 (out of memory), 3 times", 3),
+        (refuses(404, "no such model"), "HTTP 404 (no such model); check the model's name and the base URL", 1),
+        (sends(b"<html>gateway</html>", 502, "text/html"), "answered HTTP 502, 3 times", 3),
+        (closes, "cannot be reached", 3),
+        (sends(b""), "sent nothing in place of JSON", 1),
+        (sends(b"{'choices': "), "sent something else in place of JSON", 1),
+        (sends(b"\xff\xfe\x00garbage"), "sent something else in place of JSON", 1),
+        (sends(b"<!DOCTYPE html><html>", 200, "text/html"), "sent a web page in place of JSON", 1),
+        (sends(b"[" * 100_000), "in place of JSON", 1),
+        (sends(b"null"), "JSON that is no chat completion", 1),
+        (sends(b'{"choices": []}'), "JSON that is no chat completion", 1),
+        (sends(b'{"choices": [{"message": "hello"}]}'), "JSON that is no chat completion", 1),
+        (sends(b" " * 9_000_000), "sent more than 8000000 bytes", 1),
+        (sends(gzip.compress(b" " * 50_000_000), content_encoding="gzip"), "sent more than 8000000 bytes", 1),
+        (sends(b"no gzip", content_encoding="gzip"), "cannot be reached", 3),
+    ],
+)
+def test_what_a_server_does_wrong_is_one_sentence(turn, says_why, asked):
+    with scripted(turn) as script:
+        assert says_why in str(failure(script))
+    assert len(script.requests) == asked
+
+
+@pytest.mark.parametrize(("turn", "says_why"), [(hangs, "did not answer"), (drips, "did not end its answer")])
+def test_a_server_that_never_ends_is_left_at_the_time_limit(turn, says_why):
+    with scripted(turn) as script:
+        started = time.monotonic()
+        error = failure(script, timeout=0.3, retries=1)
+        assert time.monotonic() - started < 10
+    assert f"{says_why} within 0.3 s, 2 times" in str(error)
+    assert error.usage["retries"] == 1
+
+
+def test_no_server_is_one_sentence():
+    with scripted() as script:
+        pass
+    assert "cannot be reached" in str(failure(script, retries=0))
+
+
+def test_parameters_that_a_server_does_not_know_are_left_out():
+    with scripted(
+        refuses(400, "Unsupported parameter: 'max_tokens'; use 'max_completion_tokens'"),
+        refuses(400, "temperature does not support 0.7"),
+        says("hello"),
+    ) as script:
+        assert chat(script, max_tokens=55, temperature=0.7).complete(ASK).text == "hello"
+    assert script.requests[-1]["max_completion_tokens"] == 55
+    assert not {"max_tokens", "temperature"} & set(script.requests[-1])
+
+
+def test_thinking_that_a_server_gives_apart_is_put_in_front():
+    details = {"prompt_tokens": 9, "completion_tokens": 90, "completion_tokens_details": {"reasoning_tokens": 70}}
+    with scripted(says("the edit", details, reasoning_content="why")) as script:
+        answer = chat(script).complete(ASK)
+    assert answer.text == "<think>why</think>the edit"
+    assert answer.usage["thinking_tokens"] == 70
+
+
+def test_an_answer_in_parts_is_joined_and_a_cut_one_is_marked():
+    parts = [{"type": "text", "text": "a"}, {"type": "image"}, 3, {"text": "b"}]
+    with scripted(says(parts, finish="length")) as script:
+        answer = chat(script).complete(ASK)
+    assert (answer.text, answer.cut) == ("ab", True)
+
+
+@pytest.mark.parametrize(
+    "usage",
+    [
+        "many",
+        {"prompt_tokens": -5, "completion_tokens": 1e99},
+        {"prompt_tokens": True, "completion_tokens": None},
+        {"prompt_tokens": "10", "completion_tokens": 10**30},
+    ],
+)
+def test_counts_that_make_no_sense_are_estimated(usage):
+    with scripted(says("hello " * 70, usage)) as script:
+        found = chat(script).complete(ASK).usage
+    assert found["completion_tokens"] == 150
+    assert 5 < found["prompt_tokens"] < 50
+
+
+def test_tool_calls_are_read_and_nonsense_among_them_is_left_out():
+    calls = [
+        {"id": "1", "type": "function", "function": {"name": "check", "arguments": '{"program": "x"}'}},
+        {"id": 2, "function": {"name": "check", "arguments": {"program": "y"}}},
+        {"function": {"name": 5}},
+        {"function": "check"},
+        "check",
+        None,
+    ]
+    tools = [{"type": "function", "function": {"name": "check", "description": "d", "parameters": {"type": "object"}}}]
+    with scripted(says(None, tool_calls=calls), says(None, tool_calls="all")) as script:
+        first, second = (chat(script).complete(ASK, tools=tools) for _ in range(2))
+    assert [(one.name, json.loads(one.arguments)) for one in first.tool_calls] == [
+        ("check", {"program": "x"}),
+        ("check", {"program": "y"}),
+    ]
+    assert (first.tool_calls[0].id, first.tool_calls[1].id) == ("1", "")
+    assert (second.text, second.tool_calls) == ("", ())
+    assert script.requests[0]["tools"] == tools
+
+
+def test_text_that_no_file_could_hold_is_replaced():
+    body = b'{"choices": [{"message": {"content": "a\\ud800b"}}]}'
+    with scripted(sends(body)) as script:
+        assert chat(script).complete(ASK).text == "a?b"
+
+
+@pytest.mark.parametrize(
+    ("model", "settings", "says_why"),
+    [
+        ("", {}, "a model has a name"),
+        ("a\nb", {}, "a model has a name"),
+        ("m", {"base_url": "localhost:8000"}, "a base URL looks like"),
+        ("m", {"base_url": "file:///etc/passwd"}, "a base URL looks like"),
+        ("m", {"base_url": "http://host:99999999/v1"}, "a base URL looks like"),
+        ("m", {"base_url": "http://me:secret@host/v1"}, "must not hold a password"),
+        ("m", {"key_from": "sk-abc"}, "never the key"),
+        ("m", {"timeout": 0}, "must be positive"),
+        ("m", {"price": (-1.0, 0.0)}, "must be positive"),
+        ("m", {"temperature": float("nan")}, "must be positive"),
+    ],
+)
+def test_settings_without_a_meaning_are_refused(model, settings, says_why):
+    with pytest.raises(IbridError, match=says_why) as found:
+        ChatServer(model, **settings)
+    assert "secret" not in str(found.value)
+
+
+def test_a_bad_address_in_the_environment_is_one_sentence(monkeypatch):
+    monkeypatch.setenv("OPENAI_BASE_URL", "nonsense")
+    with pytest.raises(ChatError, match="a base URL looks like"):
+        ChatServer("m").complete(ASK)

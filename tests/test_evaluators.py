@@ -1,0 +1,458 @@
+"""Candidates evaluated in this process and on Ray actors: the same answers, whatever a candidate does to its worker."""
+
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import types
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.fit.settings import FitSettings
+from ibrid.modules.control import LPF1_DQ
+from ibrid.modules.vocabulary import VOCABULARY
+from search.evaluation.assess import Subject
+from search.evaluation.job import Evaluator, Job, Result
+from search.evaluation.local import LocalEvaluator
+from search.evaluation.ray_actors import RayEvaluator
+from search.evaluation.ray_session import RaySession, open_session
+from search.evaluation.turns import Attempt, Turns
+from search.step import Status
+
+NAIVE = ibrid.program_text(ibrid.textbook("naive"))
+#: Little effort: these tests are about who evaluates, not about the fit.
+QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
+#: Seconds: much more than a candidate takes (0.05 s), also on a busy machine.
+WALL = 3.0
+
+#: What a user types in a notebook: low-pass filters whose law is harmless, or slow or hostile once it is ARMED, which is
+#: after the kind was declared: a declaration is checked by asking for the matrices.
+CELLS = """
+import ctypes, os, time
+from pathlib import Path
+
+ARMED = False
+
+def law(omega_c):
+    return [[-omega_c, 0], [0, -omega_c]], [[omega_c, 0], [0, omega_c]], [[1, 0], [0, 1]], [[0, 0], [0, 0]]
+
+def asleep(omega_c):
+    time.sleep(1000 * ARMED)
+    return law(omega_c)
+
+def blocked(omega_c):
+    "A deadlock in native code that holds the interpreter, so that no Python signal handler ever runs."
+    native, mutex = ctypes.PyDLL(None), ctypes.create_string_buffer(128)
+    native.pthread_mutex_init(mutex, None)
+    for _ in range(1 + ARMED):
+        native.pthread_mutex_lock(mutex)
+    return law(omega_c)
+
+def dying(omega_c):
+    if ARMED:
+        os._exit(1)
+    return law(omega_c)
+
+def leaving(omega_c):
+    if ARMED:
+        raise SystemExit(3)
+    return law(omega_c)
+
+def broken(omega_c):
+    if ARMED:
+        raise KeyError("no such gain")
+    return law(omega_c)
+
+def late(omega_c):
+    "Writes who it is and takes its time, the first time alone."
+    file = Path(FOLDER) / "late"
+    if ARMED and not file.exists():
+        file.write_text(str(os.getpid()))
+        time.sleep(1000)
+    return law(omega_c)
+
+def logged(omega_c):
+    if not ARMED:
+        return law(omega_c)
+    begun = time.monotonic()
+    time.sleep(0.02)
+    with open(Path(FOLDER) / f"log{os.getpid()}", "a") as file:
+        file.write(f"{begun} {time.monotonic()}\\n")
+    return law(omega_c)
+"""
+LAWS = ("law", "asleep", "blocked", "dying", "leaving", "broken", "late", "logged")
+
+
+def own_kinds(folder: Path) -> tuple[ibrid.ModuleKind, ...]:
+    """The kinds as a notebook would have them: their functions belong to `__main__` and exist nowhere else."""
+    cells = {"__name__": "__main__", "FOLDER": str(folder)}
+    exec(CELLS, cells)
+    kinds = tuple(replace(LPF1_DQ, name=f"Mine_{law}", state_space=cells[law], extended=True) for law in LAWS)
+    cells["ARMED"] = True
+    return kinds
+
+
+def program_with(law: str) -> str:
+    """The naive program with one more filter, a user's own kind."""
+    changed = NAIVE.replace('g.connect("gain.out", "plant.u_r")', "", 1)
+    assert changed != NAIVE
+    return (
+        f'{changed}\n    g.add("Mine_{law}", "filter")\n'
+        '    g.connect("gain.out", "filter.in_")\n    g.connect("filter.out", "plant.u_r")\n'
+    )
+
+
+def subject(folder: Path, fit: FitSettings = QUICK) -> Subject:
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    return Subject(sweep, kinds=(*VOCABULARY, *own_kinds(folder)), fit=fit, thorough=fit)
+
+
+def results(evaluator: Evaluator, programs: list[str]) -> list[Result]:
+    for number, program in enumerate(programs):
+        evaluator.submit(Job(number, program, promising=0.0))
+    return [evaluator.collect(number) for number in range(len(programs))]
+
+
+def answers(found: list[Result]) -> list[tuple]:
+    """All of the results but times and workers."""
+    return [
+        (one.number, one.outcome, one.reason, one.attempts, {**one.record.to_json(), "seconds": 0} if one.record else None)
+        for one in found
+    ]  # fmt: skip
+
+
+PROGRAMS = [
+    *(ibrid.program_text(ibrid.textbook(name)) for name in ("naive", "gfl_l_filter", "gfl_exact", "gfl_delay")),
+    program_with("law"),
+    program_with("broken"),
+    program_with("leaving"),
+    NAIVE.replace('g.connect("plant.i_g", "i_DQ")', ""),
+    "not a program",
+]
+
+
+# ---------------------------------------------------------------- in this process
+
+
+def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
+    with LocalEvaluator(subject(tmp_path)) as local:
+        found = results(local, PROGRAMS)
+    assert [one.outcome for one in found] == [Status.OK] * 5 + [Status.FAILED] * 2 + [Status.ILLEGAL, Status.FAILED]
+    assert found[0].record is not None
+    assert found[0].record.program.strip() == NAIVE.strip()
+    assert "KeyError: 'no such gain'" in found[5].reason
+    assert "SystemExit: 3" in found[6].reason
+    assert "i_DQ" in found[7].reason
+    assert found[7].record is not None
+    assert found[8].record is None
+    assert all(bool(one.reason) == (one.outcome is not Status.OK) for one in found)
+    assert all(one.attempts == 1 and one.seconds > 0 for one in found)
+
+
+def test_results_are_collected_by_number_in_any_order(tmp_path: Path):
+    with LocalEvaluator(subject(tmp_path)) as local:
+        for number in (7, 3, 5):
+            local.submit(Job(number, NAIVE))
+        assert local.waiting == (7, 3, 5)
+        assert local.collect(3).number == 3
+        assert local.waiting == (7, 5)
+        assert [local.collect(number).number for number in (5, 7)] == [5, 7]
+
+
+def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
+    local = LocalEvaluator(subject(tmp_path))
+    local.submit(Job(1, NAIVE))
+    with pytest.raises(IbridError, match="two jobs must not have the number 1"):
+        local.submit(Job(1, NAIVE))
+    with pytest.raises(IbridError, match=r"job 2 was not submitted.*open jobs: 1"):
+        local.collect(2)
+    local.collect(1)
+    with pytest.raises(IbridError, match="collected before; open jobs: none"):
+        local.collect(1)
+    local.close()
+    with pytest.raises(IbridError, match="after the evaluator was closed"):
+        local.submit(Job(3, NAIVE))
+
+
+def test_a_kind_that_sleeps_is_stopped_twice_in_process(tmp_path: Path):
+    wall = 0.3
+    started = time.monotonic()
+    with LocalEvaluator(subject(tmp_path, replace(QUICK, seconds=wall)), wall=wall) as local:
+        slow, quick = results(local, [program_with("asleep"), NAIVE])
+    assert (slow.outcome, slow.attempts, slow.record) == (Status.TIMEOUT, 2, None)
+    assert "within the limit of 0.3 s" in slow.reason
+    assert slow.seconds >= 2 * wall
+    assert quick.outcome is Status.OK
+    assert time.monotonic() - started < 10
+
+
+# ---------------------------------------------------------------- whose turn it is
+
+
+def attempts(*numbers: int) -> list[Attempt]:
+    return [Attempt(Job(number, NAIVE)) for number in numbers]
+
+
+def test_jobs_begin_in_the_order_of_their_coming():
+    turns = Turns()
+    for one in attempts(4, 2, 9):
+        turns.add(one)
+    begun = [turns.begin() for _ in range(4)]
+    assert [one and one.job.number for one in begun] == [4, 2, 9, None]
+    assert turns.running == {4, 2, 9}
+
+
+def test_what_a_limit_stopped_runs_again_with_nothing_beside_it():
+    turns = Turns()
+    first, second, third = attempts(1, 2, 3)
+    for one in (first, second, third):
+        turns.add(one)
+    assert turns.begin() == first
+    assert turns.begin() == second
+    turns.end(first)
+    again = replace(first, stops=1)
+    turns.add(again)
+    assert turns.begin() is None  # the second still runs
+    turns.end(second)
+    assert turns.begin() == again
+    assert turns.begin() is None  # the third waits for it
+    turns.end(again)
+    assert turns.begin() == third
+
+
+def test_a_job_whose_worker_was_lost_comes_before_those_that_have_not_begun():
+    turns = Turns()
+    first, second = attempts(1, 2)
+    turns.add(first)
+    turns.add(second)
+    turns.begin()
+    turns.end(first)
+    turns.add(replace(first, losses=1))
+    again = turns.begin()
+    assert again is not None
+    assert (again.job.number, again.number, again.alone) == (1, 2, False)
+
+
+# ---------------------------------------------------------------- on Ray actors
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[RaySession]:
+    """One local Ray for all tests: it takes seconds to start."""
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    opened = open_session(4)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
+    """Two workers; a job is lost after two of them."""
+    with RayEvaluator(subject(tmp_path_factory.mktemp("crew")), 2, wall=WALL, lost=2) as evaluator:
+        yield evaluator
+
+
+def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, crew: RayEvaluator, tmp_path: Path):
+    with LocalEvaluator(subject(tmp_path)) as local:
+        expected = answers(results(local, PROGRAMS))
+    assert answers(results(crew, PROGRAMS)) == expected
+    for workers in (1, 4):
+        with RayEvaluator(subject(tmp_path), workers) as evaluator:
+            assert evaluator.capacity == workers
+            assert answers(results(evaluator, PROGRAMS)) == expected
+
+
+def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEvaluator):
+    (found,) = results(crew, [program_with("law")])
+    assert found.record is not None
+    assert found.record.vocabulary == crew.subject.kinds
+    op = crew.subject.sweep.names[0]
+    assert any(label.startswith("filter.") for label in found.record.state_space(op).state_labels)
+
+
+def test_code_that_never_ends_is_stopped_and_tried_alone_before_it_is_a_timeout(crew: RayEvaluator):
+    started = time.monotonic()
+    asleep, blocked, *others = results(crew, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
+    for one in (asleep, blocked):
+        assert (one.outcome, one.attempts, one.record) == (Status.TIMEOUT, 2, None)
+        assert one.reason == asleep.reason
+        assert one.seconds >= 2 * WALL
+    assert [one.outcome for one in others] == [Status.OK] * 2
+    assert time.monotonic() - started < 4 * (WALL + 1) + 30  # and two new workers
+
+
+def test_a_killed_worker_does_not_count_against_its_candidate(crew: RayEvaluator):
+    note = Path(crew.subject.kinds[-1].state_space.__globals__["FOLDER"]) / "late"
+    crew.submit(Job(0, program_with("late")))
+    deadline = time.monotonic() + 60
+    while not (note.exists() and note.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.kill(int(note.read_text()), signal.SIGKILL)
+    found = crew.collect(0)
+    assert (found.outcome, found.attempts) == (Status.OK, 2)
+    assert not found.worker.endswith(f"pid {note.read_text()}")
+
+
+def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: RayEvaluator):
+    dying, *others = results(crew, [program_with("dying"), NAIVE, program_with("law")])
+    assert (dying.outcome, dying.attempts, dying.record) == (Status.LOST, 2, None)
+    assert dying.reason.startswith("2 workers died on it")
+    assert [(one.outcome, one.attempts) for one in others] == [(Status.OK, 1)] * 2
+
+
+def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
+    folder = Path(crew.subject.kinds[-1].state_space.__globals__["FOLDER"])
+    found = results(crew, [program_with("logged")] * 8)
+    assert len({one.worker for one in found}) <= crew.capacity
+    intervals = []
+    for log in folder.glob("log*"):
+        intervals += [tuple(map(float, line.split())) for line in log.read_text().splitlines()]
+    assert len(intervals) >= 8
+    beside = [sum(begun <= begin < ended for begun, ended in intervals) for begin, _ in intervals]
+    assert max(beside) == crew.capacity  # both work, and never a third
+
+
+def test_kinds_that_cannot_travel_are_refused_in_a_sentence(session: RaySession, tmp_path: Path):
+    with open(os.devnull) as file:  # an open file cannot be pickled
+
+        def law(omega_c):
+            return LPF1_DQ.state_space(omega_c) if file.closed is False else ()
+
+        kind = replace(LPF1_DQ, name="Bound", state_space=law)
+        with pytest.raises(IbridError, match="must be picklable to travel to workers"):
+            RayEvaluator(replace(subject(tmp_path), kinds=(*VOCABULARY, kind)), 1)
+
+
+def test_kinds_that_workers_cannot_import_end_the_search_in_a_sentence(
+    session: RaySession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    module = types.ModuleType("only_here")
+    monkeypatch.setitem(sys.modules, "only_here", module)
+    exec(CELLS, module.__dict__)
+    kind = replace(LPF1_DQ, name="Elsewhere", state_space=module.__dict__["law"])
+    with RayEvaluator(replace(subject(tmp_path), kinds=(*VOCABULARY, kind)), 1) as evaluator:
+        evaluator.submit(Job(0, NAIVE))
+        with pytest.raises(IbridError, match=r"could not load the data and the kinds.*only_here"):
+            evaluator.collect(0)
+
+
+def test_without_a_free_core_the_search_ends_in_a_sentence(session: RaySession, crew: RayEvaluator, tmp_path: Path):
+    with RayEvaluator(subject(tmp_path), 2) as second:  # with the crew, all four cores are taken
+        results(second, [NAIVE] * 4)
+        while len(second.workers) < 2:
+            time.sleep(0.02)
+        with RayEvaluator(subject(tmp_path), 1, patience=0.5) as third:
+            third.submit(Job(0, NAIVE))
+            with pytest.raises(IbridError, match=r"no worker was ready for 0\.5 s"):
+                third.collect(0)
+
+
+def test_a_closed_evaluator_leaves_the_ray_that_it_found(session: RaySession, tmp_path: Path):
+    evaluator = RayEvaluator(subject(tmp_path), 1)
+    evaluator.submit(Job(0, program_with("asleep")))
+    evaluator.close()
+    evaluator.close()
+    assert evaluator.waiting == ()
+    assert session.ray.is_initialized()
+    with pytest.raises(IbridError, match="after the evaluator was closed"):
+        evaluator.submit(Job(1, NAIVE))
+
+
+def test_another_cluster_beside_the_connected_one_is_refused(session: RaySession):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(IbridError, match=f"cannot use {address} beside it"):
+            open_session(1, address)
+
+
+@pytest.mark.parametrize(
+    "address", ["ray://127.0.0.1:10001", "http://127.0.0.1:8265", "head", "head:", "127.0.0.1:99999"]
+)
+def test_an_address_that_names_no_head_is_refused(address: str):
+    with pytest.raises(IbridError, match="HOST:PORT of its head"):
+        open_session(1, address)
+
+
+def test_an_address_where_nothing_listens_is_refused_at_once():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+    started = time.monotonic()
+    with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
+        open_session(1, address)
+    assert time.monotonic() - started < 5
+
+
+def test_without_ray_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(IbridError, match=r"pip install 'ibrid\[ray\]'"):
+        open_session(2)
+
+
+#: A search with a Ray of its own, whose terminal gets Ctrl-C in the middle of a job.
+INTERRUPTED = """
+import os, signal, sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import test_evaluators as cases
+from search.evaluation.job import Job
+from search.evaluation.ray_actors import RayEvaluator
+
+asked = []
+signal.signal(signal.SIGINT, lambda *_: asked.append(True))
+signal.signal(signal.SIGTERM, lambda *_: asked.append(False))
+mine = signal.getsignal(signal.SIGTERM)
+with RayEvaluator(cases.subject(Path(sys.argv[2])), 1) as evaluator:
+    assert signal.getsignal(signal.SIGTERM) is mine
+    evaluator.submit(Job(0, cases.program_with("logged")))
+    while not evaluator.running:
+        time.sleep(0.001)
+    os.killpg(0, signal.SIGINT)
+    found = evaluator.collect(0)
+    folder = evaluator._session.ray._private.worker._global_node.get_session_dir_path()
+print(found.outcome.value, found.attempts, asked, folder)
+"""
+
+
+def test_a_ray_of_ones_own_finishes_what_is_in_flight_at_ctrl_c_and_leaves_nothing(tmp_path: Path):
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script), str(Path(__file__).parent), str(tmp_path)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        start_new_session=True,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert done.stdout.startswith("ok 1 [True] ")
+    folder = Path(done.stdout.split()[-1])
+    assert "ibrid-ray-" in folder.parts[-2]
+    assert not folder.parent.exists()
+    assert not processes_that_mention(str(folder.parent))
+
+
+def processes_that_mention(text: str) -> list[str]:
+    """Command lines with that text; on a system without /proc there is nothing to read."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if text in line:
+            found.append(line)
+    return found

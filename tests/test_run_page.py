@@ -1,0 +1,386 @@
+"""The page about a run: complete, self-contained, safe with what others wrote, during a run as after it."""
+
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from fitted import benchmark, evaluated
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
+from ibrid.measurement.csv_file import read_csv, write_sweep
+from ibrid.plants.benchmarks import benchmarks
+from ibrid.structure.library import textbook_text
+from ibrid.structure.program import parse_program
+from search.page import write_run_page
+from search.report.models import response_html
+from search.report.run_data import read_run
+from search.report.statistics import MEANINGS, speed, statistics_html
+from search.step import Status, Step
+from search.store import Store
+
+HOSTILE = '<script>alert("x")</script>&'
+LIMIT = 5_000_000
+#: Step -> (parent, textbook program, note); the last is the benchmark's own structure.
+WAY = {
+    0: (None, "naive", ""),
+    1: (0, "gfl_exact", "an LCL filter, a PLL and both loops"),
+    3: (1, "gfl", "decoupling by the nominal frequency"),
+    5: (3, "gfl_pll_filter_exact", "low-pass before the PLL"),
+}
+REFUSALS = {2: Status.NO_MATCH, 4: Status.DUPLICATE, 6: Status.ILLEGAL}
+SETTINGS = '[run]\nbudget = 40\nvocabulary = "extended"\nproposer = "rules"\n'
+
+
+def meta(**more: str) -> dict[str, str]:
+    """The texts of a run on the benchmark."""
+    data = Path(benchmarks()["paper_like"]).read_text(encoding="utf-8")
+    return {"data": data, "start": textbook_text("naive"), "truth": "", "settings": SETTINGS, **more}
+
+
+def put(store: Store, step: Step, record: Record | None = None) -> None:
+    """Write a step, and its evaluation where there is one."""
+    if record is None:
+        store.propose(step)
+        return
+    store.propose(dataclasses.replace(step, status=Status.PENDING))
+    store.conclude(step.number, status=step.status, reason=step.reason, record=record)
+
+
+def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, **changes: str) -> Path:
+    """A folder with a run of a few steps; `changes` : fields of every proposal."""
+    folder.mkdir()
+    with Store.create(folder / "archive.sqlite", texts) as store:
+        for number in sorted({*WAY, *REFUSALS}):
+            if number > until:
+                break
+            if number in REFUSALS:
+                given = {"note": "an edit", "reason": f"reason {number}", "proposer": "random", **changes}
+                put(store, Step(number, parent=0, status=REFUSALS[number], program="def b(g):\n", **given))
+                continue
+            parent, name, note = WAY[number]
+            given = {"note": note, "proposer": "rules", "scale": "module", **(changes if number else {})}
+            step = Step(number, parent=parent, status=Status.OK, program=textbook_text(name), island=number, **given)
+            put(store, step, evaluated(name, restarts=0))
+    return folder
+
+
+class Reader(HTMLParser):
+    """Collects tags and words, and checks that elements close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ("meta", "link", "br"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert [tag] == self.open[-1:], f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+def self_contained(text: str) -> Reader:
+    """Read a page that loads and runs nothing."""
+    assert len(text.encode()) < LIMIT
+    reader = Reader(text)
+    assert not reader.open
+    assert not reader.all("script")
+    assert not re.search(r"@import|url\((?!#)|https?://", text)
+    names = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(names) == len(set(names))
+    for _, attributes in reader.tags:
+        assert not any(name.startswith("on") for name in attributes)
+        for name in ("src", "href", "xlink:href"):
+            assert (attributes.get(name) or "#").startswith(("#", "data:"))
+    return reader
+
+
+def read(path: Path) -> Reader:
+    return self_contained(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A run with the hidden structure given as the truth."""
+    return a_run(tmp_path_factory.mktemp("runs") / "run", meta(truth=textbook_text("gfl_pll_filter_exact")))
+
+
+@pytest.fixture(scope="module")
+def page(folder) -> str:
+    return write_run_page(folder).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def reader(page) -> Reader:
+    return self_contained(page)
+
+
+@pytest.fixture
+def few_figures(monkeypatch):
+    """Leaves out the frequency responses, which take most of the time, where a test is about something else."""
+    monkeypatch.setattr("search.page.response_html", lambda _: "")
+
+
+def test_page_begins_with_the_verdict(reader):
+    words = reader.text
+    assert words.index("reproduces the measurement to rounding") < words.index("evaluations")
+    assert "Found as step 5, evaluation 4. It is the structure that was given as the truth." in words
+
+
+def test_page_shows_milestones_with_the_band_that_got_better(reader, folder):
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert [one.step for one in run.milestones] == [0, 1, 3, 5]
+    assert all(one.band for one in run.milestones[1:])
+    for one in run.milestones[1:]:
+        assert f"{one.band.replace('-', '–')} Hz" in reader.text
+        assert reader.text.count(one.note) >= 3  # figure, table, lineage
+
+
+def test_page_draws_start_found_and_truth_and_compares_them(reader):
+    diagrams = [one for one in reader.all("svg") if "diagram" in (one.get("class") or "").split()]
+    assert len(diagrams) == 3
+    assert "The start" in reader.text
+    assert "The given truth" in reader.text
+    assert "The found structure is the given one." in reader.text
+    assert "1.00 / 1.00" in reader.text
+
+
+def test_page_compares_responses_at_every_operating_point(reader, page):
+    for op in benchmark().names:
+        for entry in ("dd", "dq", "qd", "qq"):
+            assert f"Bode plot of Y_{entry} at {op}: measured, found, start, given truth (refitted)." in page
+    assert "given truth (refitted)" in reader.text
+
+
+def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(reader, page):
+    record = evaluated("gfl_pll_filter_exact", restarts=0)
+    shown = {float(one["value"] or "nan") for one in reader.all("data")}
+    assert set(record.nrmse_by_op.values()) <= shown
+    assert {value for values in record.parameters.values() for value in values.values()} <= shown
+    assert len(reader.all("details")) == 4
+    assert "+    g.add(&quot;LPF1&quot;, &quot;pll_filter&quot;)" in page
+
+
+def test_page_counts_endings_proposers_and_islands(reader):
+    words = reader.text
+    for status in REFUSALS.values():
+        assert MEANINGS[status] in words
+    assert "1 × reason 2" in words
+    assert "How 6 proposals ended." in words
+    assert "4 of 40" in words
+    assert 'proposer = "rules"' in words
+    assert set(MEANINGS) == set(Status)
+
+
+def test_figures_and_tables_can_be_read_without_seeing(reader):
+    pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
+    assert len(pictures) == 3 + 8 + 3  # diagrams, entries at two points, trajectory and two fronts
+    assert all(one.get("role") == "img" and one.get("aria-label") for one in pictures)
+    assert all(one.get("scope") in ("row", "col", "rowgroup") for one in reader.all("th"))
+
+
+def test_page_follows_the_colours_of_the_reader(page):
+    assert not re.findall(r"#0[1-6]0[0-9][0-9a-f]{2}\b", page.split("</style>")[1])
+
+
+def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_path, few_figures):
+    shutil.copytree(folder, tmp_path / "run")
+    front = [
+        {"step": 3, "nrmse": 0.006, "order": 12, "free_parameters": 12, "holdout": 0.0123, "stable": True,
+         "passivity": -0.456, "phase_margin": None, "note": "a remark"},
+        {"step": 5, "nrmse": 1e-15, "order": 13, "free_parameters": 13, "holdout": None, "stable": True, "passivity": None},
+    ]  # fmt: skip
+    chosen = {"front": front, "equally_good": [3, 5], "answer": 3, "why": "A reason.", "residual_modules": ["rest"]}
+    (tmp_path / "run" / "selection.json").write_text(json.dumps(chosen), encoding="utf-8")
+    words = read(write_run_page(tmp_path / "run")).text
+    assert "Found as step 3" in words
+    assert "It is not the structure that was given as the truth." in words
+    assert "1 other structure fits equally well." in words
+    for part in ("A reason.", "held out", "0.0123", "passivity", "-0.456", "a remark", "the answer, fits equally well"):
+        assert part in words
+    assert "phase margin" not in words  # a column without a number
+    assert "Residual modules, which stand for no physics: rest." in words
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"front": 3}', '{"front": [{"nrmse": 1}]}', '{"front": [], "answer": "x"}', "[" * 9999]
+)
+def test_a_damaged_selection_is_said_on_the_page_and_the_steps_decide(folder, tmp_path, text):
+    shutil.copytree(folder, tmp_path / "run")
+    (tmp_path / "run" / "selection.json").write_text(text, encoding="utf-8")
+    with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert any("selection.json" in note for note in run.notes)
+    assert run.answer is not None
+    assert run.answer.number == 5
+
+
+def test_page_of_a_run_that_has_only_begun(tmp_path, few_figures):
+    words = read(write_run_page(a_run(tmp_path / "run", meta(), until=0))).text
+    assert "It is the start itself: nothing better has been found." in words
+    assert "Nothing has been proposed yet." in words
+
+
+def test_page_of_an_empty_run(tmp_path, few_figures):
+    words = read(write_run_page(a_run(tmp_path / "run", meta(), until=-1))).text
+    assert "No stable candidate has been fitted yet" in words
+    assert "Nothing has been evaluated yet." in words
+
+
+def test_page_of_a_run_without_a_valid_candidate_says_why(tmp_path):
+    (tmp_path / "run").mkdir()
+    failed = evaluate(parse_program('def b(g):\n    g.add("Gain_dq", "k")\n'), benchmark())
+    with Store.create(tmp_path / "run" / "archive.sqlite", meta(truth=textbook_text("gfl"))) as store:
+        put(
+            store,
+            Step(0, status=Status.FAILED, program=textbook_text("naive"), reason="no real operating point"),
+            failed,
+        )
+        put(store, Step(1, parent=0, status=Status.ILLEGAL, reason="a wire is missing", proposer="random"))
+        put(store, Step(2, parent=0, status=Status.PENDING, proposer="random"))
+    words = read(write_run_page(tmp_path / "run")).text
+    assert "Nothing found yet" in words
+    assert "no real operating point" in words
+    assert "a wire is missing" in words
+    assert "The given truth" in words  # still drawn
+
+
+def test_an_unstable_candidate_is_shown_and_is_not_the_answer(tmp_path):
+    folder = a_run(tmp_path / "run", meta(), until=1)
+    good = evaluated("gfl_pll_filter_exact", restarts=0)
+    unstable = dataclasses.replace(good, stable=dict.fromkeys(good.stable, False))
+    with Store.open(folder / "archive.sqlite") as store:
+        step = Step(7, parent=1, status=Status.OK, program=textbook_text("gfl_pll_filter_exact"))
+        put(store, step, unstable)
+        run = read_run(store)
+    assert run.answer is not None
+    assert run.answer.number == 1
+    assert run.points[-1].nrmse == good.nrmse
+    assert run.points[-1].best == run.answer.nrmse
+
+
+def test_what_others_wrote_is_shown_and_never_becomes_markup(tmp_path, few_figures):
+    changes = {"note": HOSTILE, "reason": HOSTILE, "proposer": HOSTILE, "scale": HOSTILE, "diagnosis": HOSTILE}
+    folder = a_run(tmp_path / "run", meta(settings=f'evil = """{HOSTILE}"""', started=HOSTILE), **changes)
+    path = write_run_page(folder)
+    assert HOSTILE not in path.read_text(encoding="utf-8")
+    assert read(path).text.count(HOSTILE) > 15
+
+
+def test_a_truth_that_cannot_be_read_or_fitted_is_said_on_the_page(tmp_path):
+    folder = a_run(tmp_path / "run", meta(truth="import os\n"), until=1)
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+        assert run.truth is None
+        assert any("the given truth, line 1" in note for note in run.notes)
+    with Store.open(folder / "archive.sqlite") as store:
+        store.set_meta("truth", 'def b(g):\n    g.add("Gain_dq", "k")\n')
+        run = read_run(store)
+        assert run.truth is not None
+        assert any("has no fit (invalid)" in note for note in run.notes)
+
+
+def test_data_that_cannot_be_read_leave_the_model_lines(tmp_path, monkeypatch):
+    monkeypatch.setattr("search.report.models.POINTS", 1)
+    folder = a_run(tmp_path / "run", meta(data="op,p\n"), until=1)
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert run.sweep is None
+    assert any("no measured dots" in note for note in run.notes)
+    words = response_html(run)
+    first, second = benchmark().names
+    assert f"Bode plot of Y_dd at {first}" in words
+    assert f"Not drawn: {second}." in words
+    assert ">measured<" not in words
+
+
+def test_the_data_in_the_run_are_those_of_the_sweep(tmp_path):
+    write_sweep(benchmark(), tmp_path / "data.csv")
+    folder = a_run(tmp_path / "run", meta(data=(tmp_path / "data.csv").read_text(encoding="utf-8")), until=0)
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert run.sweep is not None
+    for op in benchmark().names:
+        assert (run.sweep.point(op).admittance == read_csv(benchmarks()["paper_like"]).point(op).admittance).all()
+
+
+def test_page_is_written_while_another_writes_the_run(tmp_path, few_figures):
+    folder = a_run(tmp_path / "run", meta(), until=0)
+    with Store.open(folder / "archive.sqlite") as store:
+        put(store, Step(1, parent=0, status=Status.PENDING))
+        assert write_run_page(folder) == folder / "report.html"
+        put(store, Step(2, parent=0, status=Status.ILLEGAL))
+
+
+def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_one_sentence(folder, tmp_path, few_figures):
+    with pytest.raises(IbridError):
+        write_run_page(tmp_path)
+    with Store.open(folder / "archive.sqlite", read_only=True) as store, pytest.raises(IbridError, match="no folder"):
+        write_run_page(store, tmp_path / "no" / "such" / "page.html")
+
+
+def test_ten_thousand_steps_give_a_page_below_the_limit(folder, tmp_path, few_figures):
+    shutil.copytree(folder, tmp_path / "run")
+    with Store.open(tmp_path / "run" / "archive.sqlite") as store:
+        record = evaluated("naive", restarts=0).to_json()
+        for number in range(10, 2010):
+            put(store, Step(number, parent=0, status=Status.PENDING, note=f"edit {number}", island=number % 10))
+            store.conclude(number, status=Status.OK, record={**record, "nrmse": 0.2 + number / 2000})
+        for number in range(2010, 10_000):
+            put(store, Step(number, parent=3, status=Status.ILLEGAL, reason=f"reason {number}", proposer="random"))
+        run = read_run(store)
+        shown = statistics_html(run)
+    assert len(shown) < 100_000
+    assert "2004 of 40" in read(write_run_page(tmp_path / "run")).text
+
+
+def test_speed_is_evaluations_over_the_duration_of_the_run(folder):
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert "duration" not in speed(run)
+    timed = dataclasses.replace(run, meta={**run.meta, "seconds": "2.0"})
+    assert speed(timed)["evaluations per second"] == "2"  # the start and three candidates in two seconds
+
+
+def test_headless_browser_renders_the_page(page, tmp_path):
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("chromium is not installed, so the page is not rendered; apt-get install chromium")
+    source, picture = tmp_path / "page.html", tmp_path / "page.png"
+    source.write_text(page, encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+               "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}"]  # fmt: skip
+    command = [browser, *options, f"--screenshot={picture}", "--window-size=1200,2000", source.as_uri()]
+    subprocess.run(command, check=True, timeout=120, capture_output=True)
+    from matplotlib.image import imread
+
+    pixels = (255 * imread(picture)[::3, ::3, :3]).round().astype(int).reshape(-1, 3)
+    assert len({tuple(one) for one in pixels}) > 50  # a blank page has one

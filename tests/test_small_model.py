@@ -1,0 +1,160 @@
+"""The proposer `llm` with a real language model: in this process, and behind a server on loopback."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from fitted import benchmark, evaluated
+from small_model import missing, small_model
+
+import ibrid
+from ibrid.modules import VOCABULARY
+from search.context import prompt
+from search.proposal import Complaint, Context, Evaluated, Proposal, Task
+from search.proposers.chat import ChatError, estimated_tokens
+from search.proposers.language_model import LanguageModel
+from search.proposers.local_model import LocalModel
+
+pytestmark = [
+    pytest.mark.skipif(bool(missing()), reason=missing()),
+    pytest.mark.filterwarnings("default"),  # torch and transformers have warnings of their own
+]
+
+HELLO = [{"role": "system", "content": "You are brief."}, {"role": "user", "content": "Name a fruit."}]
+
+
+@pytest.fixture(scope="module")
+def folder() -> Path:
+    return small_model()
+
+
+@pytest.fixture(scope="module")
+def local(folder) -> LocalModel:
+    return LocalModel(folder, max_tokens=16, threads=1)
+
+
+@pytest.fixture
+def context() -> Context:
+    parent = Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0))
+    return Context(Task(benchmark(), VOCABULARY), parent, complaint=Complaint("", "no block"))
+
+
+def check(proposal: Proposal) -> None:
+    """What must hold of any answer: text, counts, and an edit or nothing."""
+    assert proposal.failure == ""
+    assert proposal.reply.strip()
+    assert proposal.edit.strip()
+    usage = proposal.usage
+    assert 1500 < usage["prompt_tokens"] < 4500
+    assert 0 < usage["completion_tokens"] <= 16
+    assert usage["seconds"] > 0
+
+
+def test_a_local_model_answers_the_question(local, context):
+    proposal = LanguageModel([(local, 1.0)]).propose(context, np.random.default_rng(0))
+    check(proposal)
+    assert proposal.usage["model"] == "smollm2-135m-instruct"
+
+
+def test_a_local_model_counts_its_tokens_and_the_estimate_is_not_far_from_it(local, context):
+    text = "\n".join(str(one["content"]) for one in prompt(context, limit_tokens=10_000))
+    assert estimated_tokens(text) == pytest.approx(local.tokens(text), rel=0.35)
+
+
+def test_the_seed_decides_what_a_local_model_says(local):
+    first, again, other = (local.complete(HELLO, rng_seed=seed) for seed in (1, 1, 2))
+    assert first.text == again.text
+    assert first.text != other.text
+    assert first.usage["prompt_tokens"] > 10
+
+
+def test_a_local_model_leaves_the_random_state_and_the_threads_as_they_were(local):
+    import torch
+
+    before, threads = torch.get_rng_state(), torch.get_num_threads()
+    local.complete(HELLO)
+    assert torch.equal(before, torch.get_rng_state())
+    assert torch.get_num_threads() == threads
+
+
+def test_a_local_model_stops_at_its_limits(folder):
+    model = LocalModel(folder, max_tokens=2_000, seconds=1.0, threads=1)
+    answer = model.complete([{"role": "user", "content": "Write a long story."}])
+    assert answer.cut
+    assert 0 < answer.usage["completion_tokens"] < 500
+    assert answer.usage["seconds"] < 30
+
+
+def test_a_prompt_that_a_local_model_cannot_read_is_one_sentence(local):
+    with pytest.raises(ChatError, match=r"the prompt has \d+ tokens, but smollm2-135m-instruct reads 8192"):
+        local.complete([{"role": "user", "content": "one two " * 8_000}])
+
+
+def test_a_damaged_folder_is_one_sentence(folder, tmp_path):
+    for name in ("config.json", "tokenizer.json", "tokenizer_config.json"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / "model.safetensors").write_bytes(b"garbage")
+    with pytest.raises(ChatError, match="cannot be loaded"):
+        LocalModel(tmp_path).complete(HELLO)
+
+
+@pytest.fixture(scope="module")
+def server(folder, tmp_path_factory) -> Iterator[str]:
+    """`transformers serve` on a free port of 127.0.0.1, without the network; its base URL."""
+    program = Path(sys.executable).parent / "transformers"
+    if not program.exists() or find_spec("uvicorn") is None or find_spec("openai") is None:
+        pytest.skip("a real server needs transformers[serving] and openai; make setup-llm")
+    home = tmp_path_factory.mktemp("home")
+    (home / "hub").mkdir()
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [str(program), "serve", str(folder), "--host", "127.0.0.1", "--port", str(port), "--device", "cpu"]
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(home), "OMP_NUM_THREADS": "1"}
+    with (
+        (home / "log").open("wb") as log,
+        subprocess.Popen(command, env=environment, stdout=log, stderr=log) as process,
+    ):
+        try:
+            _wait(port, process, home / "log")
+            yield f"http://127.0.0.1:{port}/v1"
+        finally:
+            process.terminate()
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _wait(port: int, process: subprocess.Popen, log: Path) -> None:
+    for _ in range(240):
+        assert process.poll() is None, log.read_text()[-2_000:]
+        try:
+            with urlopen(f"http://127.0.0.1:{port}/health", timeout=5):
+                return
+        except (URLError, OSError):
+            time.sleep(0.5)
+    raise AssertionError(log.read_text()[-2_000:])
+
+
+def test_a_model_on_a_real_server_answers_the_question(server, folder, context, monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    proposer = LanguageModel.from_options([f"{folder}@{server}"], max_tokens=16, timeout=300.0, retries=0)
+    check(proposer.propose(context, np.random.default_rng(0)))
+    assert proposer.spent["tokens"] > 1500
+
+
+def test_a_model_that_a_real_server_lacks_is_one_sentence(server, context):
+    proposer = LanguageModel.from_options([f"no-such-model@{server}"], timeout=60.0, retries=0)
+    failure = proposer.propose(context, np.random.default_rng(0)).failure
+    assert failure.startswith("the model no-such-model at http://127.0.0.1:")
+    assert "\n" not in failure
