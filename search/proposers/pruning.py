@@ -1,5 +1,6 @@
 """What does not pay goes: proposals that take one thing away from a candidate, and nothing else."""
 
+import re
 from collections.abc import Iterator
 from itertools import chain
 
@@ -14,24 +15,31 @@ from search.proposers.moves.family import Move, View, view_of
 from search.proposers.moves.sub_loops import loop_removals
 from search.proposers.moves.wiring import cut_wires, shared_parameters
 
+#: Kinds that are easily put in and fit anything.
+DOUBTFUL = ("LPF1", "LPF1_dq", "Notch", "Pade1", "Pade1_dq", "Delay", "Gain", "Gain_dq", "PI_dq", "JMul")
+
 
 class Pruning:
-    """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see first."""
+    """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
+    usual controller, first."""
 
     name = "pruning"
     attempts = 1
-    window = None
+    window: int | None = None
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
         view = view_of(context.parent.diagram, context.task.kinds)
         if view is None:
             return Proposal("", failure="the pruning knows diagrams with exactly one LCL or LFilter")
-        unseen = unseen_modules(context.parent.record)
+        doubtful = (unseen_modules(context.parent.record), unrecognised_modules(view))
         moves = list(removal_moves(view))
-        order = rng.permutation(len(moves))
-        ranked = sorted(order, key=lambda index: not any(name in moves[index].note.split() for name in unseen))
-        for index in ranked:
+
+        def doubt(index: int) -> int:
+            words = set(re.findall(r"\w+", moves[index].note))
+            return -sum(bool(words & names) for names in doubtful)
+
+        for index in sorted(rng.permutation(len(moves)), key=doubt):
             found = edited(view, moves[index])
             if new_structure(found, context):
                 return proposal_of(view, moves[index], found)
@@ -49,3 +57,10 @@ def unseen_modules(record: Record) -> set[str]:
     for intervals in record.intervals.values():
         names |= {split_port(name)[0] for name, interval in intervals.items() if interval is None}
     return names
+
+
+def unrecognised_modules(view: View) -> set[str]:
+    """Modules that are not of the layers an engineer expects: filters, gains and delays here and there."""
+    roles = view.roles
+    known = {roles.plant, roles.frequency, roles.current_loop, roles.voltage_loop, *roles.power, *roles.outer}
+    return {name for name, one in view.draft.instances.items() if name not in known and one.kind in DOUBTFUL}

@@ -9,7 +9,7 @@ from ibrid.fit.objective import BAND_NAMES
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
 from search.proposers.moves.components import COMPONENTS
-from search.proposers.moves.family import Family, view_of
+from search.proposers.moves.family import Family, Move, view_of
 from search.proposers.moves.sub_loops import SUB_LOOPS
 from search.proposers.moves.wiring import WIRING
 
@@ -30,7 +30,7 @@ class Rules:
 
     name = "rules"
     attempts = 1
-    window = None
+    window: int | None = None
 
     def __init__(self, families: Sequence[Family] = FAMILIES) -> None:
         self.families = tuple(families)
@@ -45,7 +45,7 @@ class Rules:
             options = {family: list(family.moves(view)) for family in self.families if family.scale == scale}
             while options := {family: moves for family, moves in options.items() if moves}:
                 family = _drawn(list(options), bands, rng)
-                move = options[family].pop(int(rng.integers(len(options[family]))))
+                move = _popped(options[family], rng)
                 found = edited(view, move)
                 if new_structure(found, context):
                     return proposal_of(view, move, found)
@@ -71,6 +71,12 @@ def residual_bands(record: Record) -> np.ndarray:
 def _number(table: Mapping[str, float | None], name: str) -> float:
     value = table.get(name)
     return value if value is not None and np.isfinite(value) else 0.0
+
+
+def _popped(moves: list[Move], rng: np.random.Generator) -> Move:
+    """A move, drawn by weight and taken off the list."""
+    weights = np.array([one.weight for one in moves])
+    return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
 
 
 def _drawn(families: Sequence[Family], bands: np.ndarray, rng: np.random.Generator) -> Family:

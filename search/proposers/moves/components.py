@@ -7,11 +7,13 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.wiring import split_port
 from search.drafting import Draft
-from search.proposers.moves.family import Family, Move, View
+from search.proposers.moves.family import Family, Move, View, where_missing, where_present
 
 #: Blocks that shape a signal on its way, most usual first.
 SHAPERS = ("LPF1", "Notch", "Pade1")
 SHAPERS_DQ = ("LPF1_dq", "Delay", "Pade1_dq")
+#: How usual a shaper is, where it is not 1.
+UNUSUAL = {"Notch": 0.25, "Pade1": 0.25, "Pade1_dq": 0.25}
 #: Names for blocks that are put in, by kind.
 STEMS = {
     "LPF1": "filter",
@@ -39,7 +41,7 @@ def _shapers(view: View, signal: Signal) -> tuple[str, ...]:
 def _synchronisation_filter(view: View) -> Iterator[Move]:
     for name in view.draft.named("SRF_PLL"):
         for kind in _shapers(view, Signal.SCALAR):
-            yield Move(f"{kind} before the PLL", _before(f"{name}.e_q", kind, f"pll_{_stem(kind)}"))
+            yield Move(f"{kind} before the PLL", _before(f"{name}.e_q", kind, f"pll_{_stem(kind)}"), _usual(kind))
 
 
 def _power_filters(view: View) -> Iterator[Move]:
@@ -55,10 +57,12 @@ def _power_filters(view: View) -> Iterator[Move]:
                 for name in names[1:]:
                     draft.bind(name, **{key: f"{names[0]}.{key}" for key in draft.kind(name).parameters})
 
-            yield Move(f"{kind} on the measured powers", both)
+            yield Move(f"{kind} on the measured powers", both, 2 * _usual(kind))
             for axis in ("p", "q"):
                 if view.draft.targets(f"{power}.{axis}"):
-                    yield Move(f"{kind} on {axis}", _behind(f"{power}.{axis}", kind, f"{axis}_{_stem(kind)}"))
+                    yield Move(
+                        f"{kind} on {axis}", _behind(f"{power}.{axis}", kind, f"{axis}_{_stem(kind)}"), _usual(kind)
+                    )
 
 
 def _current_filter(view: View) -> Iterator[Move]:
@@ -74,13 +78,13 @@ def _current_filter(view: View) -> Iterator[Move]:
             def whole(draft: Draft, kind: str = kind) -> None:
                 draft.insert(roles.current, control, kind, f"current_{_stem(kind)}")
 
-            yield Move(f"{kind} on the measured current", whole)
+            yield Move(f"{kind} on the measured current", whole, 2 * _usual(kind))
         for target in control if len(control) > 1 else []:
 
             def one(draft: Draft, kind: str = kind, target: str = target) -> None:
                 draft.insert(roles.current, [target], kind, f"current_{_stem(kind)}")
 
-            yield Move(f"{kind} on the measured current to {split_port(target)[0]} alone", one)
+            yield Move(f"{kind} on the measured current to {split_port(target)[0]} alone", one, _usual(kind))
 
 
 def _voltage_filter(view: View) -> Iterator[Move]:
@@ -93,20 +97,23 @@ def _voltage_filter(view: View) -> Iterator[Move]:
             def one(draft: Draft, kind: str = kind, target: str = target) -> None:
                 draft.insert(roles.voltage, [target], kind, f"voltage_{_stem(kind)}")
 
-            yield Move(f"{kind} on the measured voltage to {split_port(target)[0]}", one)
+            yield Move(f"{kind} on the measured voltage to {split_port(target)[0]}", one, _usual(kind))
         if len(targets) > 1:
-            yield Move(f"{kind} on the measured voltage", _behind(roles.voltage, kind, f"voltage_{_stem(kind)}"))
+            yield Move(
+                f"{kind} on the measured voltage", _behind(roles.voltage, kind, f"voltage_{_stem(kind)}"), _usual(kind)
+            )
 
 
 def _command_delay(view: View) -> Iterator[Move]:
     """On the way to the converter: the whole command, or the controller's part without what is fed forward."""
     roles = view.roles
     for kind in reversed(_shapers(view, Signal.DQ_VEC)):
-        yield Move(f"{kind} on the whole command", _before(roles.command, kind, f"command_{_stem(kind)}"))
+        yield Move(f"{kind} on the whole command", _before(roles.command, kind, f"command_{_stem(kind)}"), _usual(kind))
         if roles.current_loop:
             yield Move(
                 f"{kind} behind the current controller",
                 _behind(f"{roles.current_loop}.out", kind, f"command_{_stem(kind)}"),
+                _usual(kind),
             )
 
 
@@ -255,6 +262,10 @@ def _summing(draft: Draft, target: str) -> str:
     return target
 
 
+def _usual(kind: str) -> float:
+    return UNUSUAL.get(kind, 1.0)
+
+
 def _stem(kind: str) -> str:
     return STEMS.get(kind, kind.lower())
 
@@ -267,17 +278,64 @@ def _behind(source: str, kind: str, stem: str):
     return lambda draft: draft.insert(source, draft.targets(source), kind, stem)
 
 
+def _fed_forward(view: View) -> bool:
+    """True when the measured voltage reaches the command without passing a regulator."""
+    seen, waiting = set(), [view.roles.voltage]
+    while waiting:
+        port = waiting.pop()
+        for target in view.draft.targets(port):
+            name = split_port(target)[0]
+            if target == view.roles.command:
+                return True
+            if (
+                name
+                and name not in seen
+                and view.draft.instances[name].kind in ("LPF1_dq", "Gain_dq", "Pade1_dq", "Delay")
+            ):
+                seen.add(name)
+                waiting.append(f"{name}.out")
+    return False
+
+
+def _decoupled(view: View) -> bool:
+    return bool(view.draft.named("JMul", "JMul_omega"))
+
+
+def _filtered_synchronisation(view: View) -> bool:
+    return any(
+        f"{view.roles.plant}.e_q" not in view.draft.sources(f"{name}.e_q") for name in view.draft.named("SRF_PLL")
+    )
+
+
+def _delayed(view: View) -> bool:
+    return bool(view.draft.named("Delay", "Pade1_dq"))
+
+
+_FEEDFORWARD, _PHASE_LOCKED = (0.3, 1.0, 1.0, 0.5), (0.3, 1.0, 0.5, 0.1)
+
 COMPONENTS = (
-    Family("voltage feedforward", "module", (0.3, 1.0, 1.0, 0.5), 1.5, _feedforward),
-    Family("decoupling", "module", (0.5, 1.0, 0.7, 0.2), 1.5, _decoupling),
-    Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 1.0, _command_delay),
-    Family("PLL filter", "module", (0.3, 1.0, 0.5, 0.1), 1.0, _synchronisation_filter),
-    Family("power filters", "module", (0.5, 1.0, 0.3, 0.1), 1.0, _power_filters),
-    Family("current filter", "module", (0.1, 0.5, 1.0, 0.7), 0.7, _current_filter),
-    Family("voltage filter", "module", (0.1, 0.5, 1.0, 0.7), 0.7, _voltage_filter),
+    Family("voltage feedforward", "module", _FEEDFORWARD, 4.0, where_missing(_feedforward, _fed_forward)),
+    Family("other feedforward", "module", _FEEDFORWARD, 0.5, where_present(_feedforward, _fed_forward)),
+    Family("decoupling", "module", (0.5, 1.0, 0.7, 0.2), 4.0, where_missing(_decoupling, _decoupled)),
+    Family("other decoupling", "module", (0.5, 1.0, 0.7, 0.2), 0.3, where_present(_decoupling, _decoupled)),
+    Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 2.0, where_missing(_command_delay, _delayed)),
+    Family("other delay", "module", (0.0, 0.3, 1.0, 1.0), 0.3, where_present(_command_delay, _delayed)),
+    Family(
+        "PLL filter", "module", _PHASE_LOCKED, 2.0, where_missing(_synchronisation_filter, _filtered_synchronisation)
+    ),
+    Family(
+        "other PLL filter",
+        "module",
+        _PHASE_LOCKED,
+        0.3,
+        where_present(_synchronisation_filter, _filtered_synchronisation),
+    ),
+    Family("power filters", "module", (0.5, 1.0, 0.3, 0.1), 1.5, _power_filters),
+    Family("current filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, _current_filter),
+    Family("voltage filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, _voltage_filter),
     Family("feedback and damping", "module", (0.3, 0.7, 1.0, 0.7), 0.7, _damping),
     Family("frequency droop", "module", (1.0, 0.5, 0.1, 0.0), 0.4, _frequency_droop),
-    Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 0.7, _exchange),
-    Family("one block less", "module", (0.3, 0.3, 0.3, 0.3), 0.5, removals),
-    Family("any wire", "module", (0.3, 0.3, 0.3, 0.3), 0.3, _any_edge),
+    Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 1.0, _exchange),
+    Family("one block less", "module", (0.3, 0.3, 0.3, 0.3), 0.3, removals),
+    Family("any wire", "module", (0.3, 0.3, 0.3, 0.3), 0.2, _any_edge),
 )

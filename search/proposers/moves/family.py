@@ -11,10 +11,12 @@ from search.roles import Roles, roles
 
 @dataclass(frozen=True)
 class Move:
-    """One edit. `note` : what changes, in a line. `change` : makes it in a draft of the parent."""
+    """One edit. `note` : what changes, in a line. `change` : makes it in a draft of the parent. `weight` : how usual it is
+    among the edits of its family."""
 
     note: str
     change: Callable[[Draft], None]
+    weight: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,19 @@ class View:
         return tuple(name for name in names if name in self.draft.vocabulary)
 
 
+Moves = Callable[[View], Iterator[Move]]
+
+
+def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:
+    """The moves where the diagram has no such part yet; what an engineer expects is tried readily."""
+    return lambda view: iter(()) if present(view) else moves(view)
+
+
+def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
+    """The moves where the diagram has such a part already."""
+    return lambda view: moves(view) if present(view) else iter(())
+
+
 @dataclass(frozen=True)
 class Family:
     """`scale` : local, module or structural. `bands` : how much it usually matters in each frequency band, 0 to 1, in
@@ -41,7 +56,7 @@ class Family:
     scale: str
     bands: tuple[float, float, float, float]
     weight: float
-    moves: Callable[[View], Iterator[Move]]
+    moves: Moves
 
 
 def view_of(diagram: Diagram, kinds: Vocabulary) -> View | None:

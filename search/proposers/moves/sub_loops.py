@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import split_port
 from search.drafting import Draft
-from search.proposers.moves.family import Family, Move, View
+from search.proposers.moves.family import Family, Move, View, where_missing, where_present
 from search.roles import Roles
 
 
@@ -289,35 +289,30 @@ def _to_axis(draft: Draft, source: str, target: str, axis: str) -> None:
     draft.connect(f"{pack}.out", target)
 
 
-def _missing(part):
-    """The moves of a family where the diagram has no such part yet, which an engineer expects it to have."""
-    return lambda view: part(view) if _lacks(view, part) else iter(())
+def _lcl(view: View) -> bool:
+    return view.roles.lcl
 
 
-def _another(part):
-    """The same moves where the diagram has such a part already."""
-    return lambda view: iter(()) if _lacks(view, part) else part(view)
+def _synchronised(view: View) -> bool:
+    return view.roles.frequency is not None
 
 
-def _lacks(view: View, part) -> bool:
-    present = {
-        _plant: view.roles.lcl,
-        _synchronisation: view.roles.frequency is not None,
-        _power_loops: bool(view.roles.outer),
-    }
-    return not present[part]
+def _outer(view: View) -> bool:
+    return bool(view.roles.outer)
 
 
 SUB_LOOPS = (
-    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 3.0, _missing(_plant)),
-    Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, _another(_plant)),
-    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 3.0, _missing(_synchronisation)),
-    Family("other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _another(_synchronisation)),
+    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 3.0, where_missing(_plant, _lcl)),
+    Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(_plant, _lcl)),
+    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 3.0, where_missing(_synchronisation, _synchronised)),
+    Family(
+        "other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, where_present(_synchronisation, _synchronised)
+    ),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, _no_synchronisation),
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 3.0, _current_loop),
     Family("voltage loop", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _voltage_loop),
-    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 2.0, _missing(_power_loops)),
-    Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.5, _another(_power_loops)),
+    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 2.0, where_missing(_power_loops, _outer)),
+    Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.5, where_present(_power_loops, _outer)),
     Family("voltage magnitude", "structural", (1.0, 0.7, 0.2, 0.1), 0.5, _voltage_magnitude),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),
 )
