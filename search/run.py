@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from ibrid.writing import write_whole
 from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator
 from search.evaluation.local import LocalEvaluator
-from search.loop import STOPPED, Limits, Loop
+from search.loop import STOPPED, USABLE, Limits, Loop
 from search.merit import criterion
 from search.page import write_run_page
 from search.progress import Progress, Snapshot, milestone_row
@@ -43,7 +43,9 @@ from search.tally import Tally, counts
 from search.trajectory import improves, milestone, trajectory, trajectory_csv
 
 ARCHIVE, RUN_TOML, BEST_PROGRAM, BEST_RECORD = "archive.sqlite", "run.toml", "best.py", "best.json"
-TRAJECTORY, SELECTION = "trajectory.csv", "selection.json"
+TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
+#: What SQLite and the store keep beside the archive.
+BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def run(
         "require": require or "", "choose": choose, "workers": workers, "ray": ray or "", "data": sweep.source,
         "data_sha256": _digest(sweep_csv(sweep)), "start_sha256": _digest(first), "settings": vars(settings),
     }  # fmt: skip
-    folder = Path(folder)
+    folder = _folder(folder)
     meta = {"data": sweep_csv(sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     with _opened(folder, options, meta, resume) as store:
         subject = Subject(sweep, parameters, equilibrium, plan.kinds, held, seed=seed)
@@ -152,7 +154,7 @@ def run(
                 ending = loop.run(first)
         answer, selection = _concluded(loop, store, subject, choose, folder, ending)
         points = trajectory(loop.steps)
-        write_run_page(store, folder / "report.html", vocabulary=plan.kinds)
+        write_run_page(store, folder / PAGE, vocabulary=plan.kinds)
         return Run(
             folder=folder,
             best=answer,
@@ -164,6 +166,12 @@ def run(
             selection=selection,
             finished=ending != STOPPED,
         )
+
+
+def _folder(folder: str | Path) -> Path:
+    if not str(folder).strip():
+        raise IbridError("a run needs a folder for its files, found an empty name; write . for the current one")
+    return Path(folder)
 
 
 def _program(start: Diagram | str | None) -> str:
@@ -194,7 +202,10 @@ def _digest(text: str) -> str:
 
 @contextmanager
 def _opened(folder: Path, options: Mapping[str, Any], meta: Mapping[str, str], resume: bool) -> Iterator[Store]:
-    """The store of a new run, or of the one in the folder when it may be resumed."""
+    """The store of a new run, or of the one in the folder when it may be resumed.
+
+    A new run that ends with an IbridError before there is a start to search from leaves nothing behind.
+    """
     archive, file = folder / ARCHIVE, folder / RUN_TOML
     exists = archive.exists() or file.exists()
     if exists and not resume:
@@ -202,13 +213,32 @@ def _opened(folder: Path, options: Mapping[str, Any], meta: Mapping[str, str], r
     if not exists:
         _make(folder)
         write_whole(file, run_toml(options))
-    else:
-        with suppress(OSError):
-            require_same(read_run_toml(file.read_text(encoding="utf-8"), str(file)), options, str(file))
     texts = {**meta, "settings": run_toml(options), "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     fresh = not archive.exists() or archive.stat().st_size == 0
-    with Store.create(archive, texts) if fresh else Store.open(archive) as store:
-        yield store
+    begun = True
+    try:
+        with Store.create(archive, texts) if fresh else Store.open(archive) as store:
+            if exists:
+                require_same(read_run_toml(_options_text(file, store), str(file)), options, str(file))
+            try:
+                yield store
+            except IbridError:
+                begun = exists or any(step.status in USABLE for step in store.steps())
+                raise
+    finally:
+        if not begun:
+            for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE):
+                (folder / name).unlink(missing_ok=True)
+
+
+def _options_text(file: Path, store: Store) -> str:
+    """The text of run.toml, or the copy in the store when the file is gone."""
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return store.meta.get("settings", "")
+    except (OSError, UnicodeDecodeError):
+        raise IbridError(f"{file}: must be a text that can be read; restore it, or start a new run") from None
 
 
 def _make(folder: Path) -> None:
@@ -218,6 +248,9 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise IbridError(f"{folder}: cannot be made ({error.strerror}); choose another place for the run") from None
+    for name in (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE):
+        if (folder / name).exists():
+            raise IbridError(f"{folder}: holds {name}, which the run would overwrite; choose another folder")
 
 
 def _evaluator(subject: Subject, workers: int, ray: str | None, settings: SearchSettings) -> Evaluator:
@@ -237,6 +270,7 @@ def _keyboard(loop: Loop, shown: Progress) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         if loop.stop_asked:
+            loop.halt_asked = True
             raise KeyboardInterrupt
         loop.stop_asked = True
         shown.say("Finishing what is under way; a second Ctrl-C stops at once. Go on later with --resume.")
@@ -267,11 +301,10 @@ class _Watcher:
         self.mark: float | None = None
         self.evaluation = 0
         self.started = False
-        self.resumed_at = -1
 
     def __call__(self, loop: Loop, step: Step) -> None:
         if not self.started:
-            self.started, self.resumed_at = True, len(loop.steps) - 1
+            self.started = True
             self.shown.start(self.budget, sum(one.status in EVALUATED for one in loop.steps))
         self.evaluation += step.status in EVALUATED
         if loop.best is step:
@@ -317,6 +350,7 @@ def _concluded(
         and found.nrmse is not None
         and again.nrmse <= found.nrmse
         and all(again.stable.values())
+        and not loop.requirements.unmet(again)
     ):
         found = again
     store.set_meta("best", str(selection["answer"]))

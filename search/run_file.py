@@ -35,9 +35,10 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
-    """Raise IbridError when options that shape the search differ from those of the run."""
+    """Raise IbridError when options that shape the search differ from those of the run; the same data may lie elsewhere."""
     wanted = read_run_toml(run_toml(now), "the options")
-    for name in sorted((set(before) | set(wanted)) - {"versions", *FREE}):
+    moved = before.get("data_sha256") == wanted.get("data_sha256") is not None
+    for name in sorted((set(before) | set(wanted)) - {"versions", *FREE, *(["data"] if moved else [])}):
         if before.get(name) != wanted.get(name):
             raise IbridError(
                 f"{where}: the run was made with {name} = {_shown(before.get(name))}, now it is "
@@ -64,9 +65,12 @@ def _value(value: Any) -> str:
 
 
 def _escaped(character: str) -> str:
+    """In a TOML text; half a surrogate pair, as in the name of a file that is no text, becomes a question mark."""
     if character in '"\\':
         return "\\" + character
-    return character if character.isprintable() else f"\\u{ord(character):04x}"
+    if "\ud800" <= character <= "\udfff":
+        return "?"
+    return character if character.isprintable() else f"\\U{ord(character):08x}"
 
 
 def _versions() -> dict[str, str]:

@@ -32,13 +32,13 @@ class SearchSettings:
     from_island: float = 0.2
     sweep: int = 1_000
     migrants: float = 0.1
-    rank_power: float = 1.0
+    rank_power: float = 2.0
     parsimony: float = 0.05
-    layer: float = 0.5
+    layer: float = 3.0
     scales: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )
-    pruning: float = 0.2
+    pruning: float = 0.15
     history: int = 0
     window: int = 8
     final_pruning: float = 0.15

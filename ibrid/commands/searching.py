@@ -82,28 +82,32 @@ def run_search(arguments: Namespace) -> int:
 
     import search
 
-    found = search.run(
-        sweep,
-        arguments.out,
-        start=start,
-        proposer=arguments.proposer,
-        models=arguments.model,
-        budget=arguments.budget,
-        target=arguments.target,
-        seed=arguments.seed,
-        workers=_workers(arguments.workers, arguments.ray),
-        ray=arguments.ray,
-        parameters=arguments.parameters,
-        equilibrium=arguments.equilibrium,
-        vocabulary=arguments.vocabulary,
-        holdout_op=arguments.holdout_op,
-        history=arguments.history,
-        require=arguments.require,
-        choose=arguments.choose,
-        truth=truth,
-        resume=arguments.resume,
-        progress="auto",
-    )
+    try:
+        found = search.run(
+            sweep,
+            arguments.out,
+            start=start,
+            proposer=arguments.proposer,
+            models=arguments.model,
+            budget=arguments.budget,
+            target=arguments.target,
+            seed=arguments.seed,
+            workers=_workers(arguments.workers, arguments.ray),
+            ray=arguments.ray,
+            parameters=arguments.parameters,
+            equilibrium=arguments.equilibrium,
+            vocabulary=arguments.vocabulary,
+            holdout_op=arguments.holdout_op,
+            history=arguments.history,
+            require=arguments.require,
+            choose=arguments.choose,
+            truth=truth,
+            resume=arguments.resume,
+            progress="auto",
+        )
+    except KeyboardInterrupt:
+        complain(f"stopped at once; {_go_on(arguments)}")
+        return 1
     return _say(found, arguments, truth)
 
 
@@ -114,14 +118,16 @@ def _workers(asked: int | None, ray: str | None) -> int:
     return (os.cpu_count() or 1) if ray is not None or find_spec("ray") is not None else 1
 
 
+def _go_on(arguments: Namespace) -> str:
+    return f"go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same options)"
+
+
 def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     from ibrid.evaluation.record import Record
 
     print(f"\n{found.evaluations} evaluations in {found.seconds:.0f} s; {found.ending}.")
     if not found.finished:
-        complain(
-            f"stopped; go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same options)"
-        )
+        complain(f"stopped; {_go_on(arguments)}")
         return 1
     if not isinstance(found.best, Record):
         complain("no candidate was valid and stable; see report.html for the reasons")

@@ -15,9 +15,9 @@ from search.evaluation.job import Job
 #: Most candidates get this: one wave of few starts, and the parent's values.
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
 #: What promises something gets this on top.
-THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16)
-#: A quick error below this part of the best known error promises something.
-PROMISING = 0.95
+THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=1, kicked=16)
+#: An error below this part of its parent's promises something.
+PROMISING = 0.99
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class Subject:
 
 
 def assess(job: Job, subject: Subject) -> Record:
-    """Fit a candidate quickly, and thoroughly when its error comes out below `PROMISING` times `job.promising`.
+    """Fit a candidate quickly, and thoroughly when its error comes out below `job.promising`, or that is None.
 
-    job.warm : parameters of its parent's record. job.promising : least error known when it was proposed; None: thorough.
+    A quick fit may stop in a minimum that is hardly better than the parent's, although the edit is the right one.
     """
     record = subject.record_of(job.program, subject.fit, job.warm)
     if record.outcome != Outcome.OK or record.nrmse is None:
         return record
-    if job.promising is None or record.nrmse < PROMISING * job.promising:
+    if job.promising is None or record.nrmse < job.promising:
         again = subject.record_of(job.program, subject.thorough, record.parameters)
         if again.outcome == Outcome.OK and again.nrmse is not None and again.nrmse <= record.nrmse:
             return replace(again, seconds=record.seconds + again.seconds)

@@ -139,16 +139,14 @@ def _connect(ray: Any, address: str) -> RaySession:
 
 def _probe(address: str) -> None:
     """Raise IbridError unless the cluster answers."""
+    probe = [sys.executable, "-c", _PROBE, address]
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", _PROBE, address],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=ANSWER,
-        )
-    except subprocess.TimeoutExpired:
-        raise _no_cluster(address, f"no answer within {ANSWER:g} s") from None
+        done = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER)
+    except subprocess.TimeoutExpired as error:
+        found = f"no answer within {ANSWER:g} s"
+        if b"AuthToken" in bytes(error.stderr or b""):
+            found = "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the token is in ~/.ray"
+        raise _no_cluster(address, found) from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.strip()]
         raise _no_cluster(address, lines[-1].strip() if lines else f"status {done.returncode}")

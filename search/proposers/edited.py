@@ -1,5 +1,6 @@
 """From a move to a proposal: the parent's diagram edited, made whole, and written as SEARCH/REPLACE blocks."""
 
+from ibrid.errors import DiagramError
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
@@ -22,10 +23,14 @@ def edited(view: View, move: Move) -> Diagram:
 def new_structure(diagram: Diagram, context: Context) -> bool:
     """True for a legal, plausible structure that the run has not met."""
     task = context.task
-    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
-    if violations or implausible(warnings):
+    try:
+        digest = structure_hash(diagram, task.kinds, equilibrium=task.equilibrium)
+    except DiagramError:
         return False
-    return not context.seen(structure_hash(diagram, task.kinds, equilibrium=task.equilibrium))
+    if context.seen(digest):
+        return False
+    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
+    return not violations and not implausible(warnings)
 
 
 def proposal_of(view: View, move: Move, diagram: Diagram) -> Proposal:

@@ -2,30 +2,37 @@
 
 import re
 from collections.abc import Iterator
-from itertools import chain
+from contextlib import suppress
+from itertools import chain, combinations, starmap
 
 import numpy as np
 
 from ibrid.evaluation.record import Record
 from ibrid.structure.wiring import split_port
+from search.drafting import Draft
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
-from search.proposers.moves.components import removals
+from search.proposers.moves.components import removals, twin_removals
 from search.proposers.moves.family import Move, View, view_of
 from search.proposers.moves.sub_loops import loop_removals
 from search.proposers.moves.wiring import cut_wires, shared_parameters
 
+#: Removals that are tried in pairs, once every single one was tried.
+MOST_DOUBTFUL = 10
 #: Kinds that are easily put in and fit anything.
 DOUBTFUL = ("LPF1", "LPF1_dq", "Notch", "Pade1", "Pade1_dq", "Delay", "Gain", "Gain_dq", "PI_dq", "JMul")
 
 
 class Pruning:
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
-    usual controller, first."""
+    usual controller, first. `pairs` : two such things at once, when every single one was tried."""
 
     name = "pruning"
     attempts = 1
     window: int | None = None
+
+    def __init__(self, *, pairs: bool = False) -> None:
+        self.pairs = pairs
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
@@ -35,20 +42,35 @@ class Pruning:
         doubtful = (unseen_modules(context.parent.record), unrecognised_modules(view))
         moves = list(removal_moves(view))
 
-        def doubt(index: int) -> int:
-            words = set(re.findall(r"\w+", moves[index].note))
-            return -sum(bool(words & names) for names in doubtful)
+        def doubt(move: Move) -> int:
+            words = set(re.findall(r"\w+", move.note))
+            return sum(bool(words & names) for names in doubtful)
 
-        for index in sorted(rng.permutation(len(moves)), key=doubt):
-            found = edited(view, moves[index])
+        ranked = sorted((moves[index] for index in rng.permutation(len(moves))), key=doubt, reverse=True)
+        several = [move for move in ranked if doubt(move) > 0 or move.note.startswith("no ")][
+            : self.pairs * MOST_DOUBTFUL
+        ]
+        for move in chain(ranked, starmap(both_moves, combinations(several, 2))):
+            found = edited(view, move)
             if new_structure(found, context):
-                return proposal_of(view, moves[index], found)
+                return proposal_of(view, move, found)
         return Proposal("", failure="everything that could be taken away has been tried")
 
 
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
-    return chain(removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
+    return chain(removals(view), twin_removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
+
+
+def both_moves(one: Move, other: Move) -> Move:
+    """Two removals at once: two blocks may make up for each other, so that neither can go alone."""
+
+    def change(draft: Draft) -> None:
+        one.change(draft)
+        with suppress(KeyError):  # the first may have taken along what the second would take
+            other.change(draft)
+
+    return Move(f"{one.note}, {other.note}", change)
 
 
 def unseen_modules(record: Record) -> set[str]:

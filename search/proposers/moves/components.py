@@ -226,6 +226,18 @@ _EXCHANGES = (
     ("Gain", "LPF1"),
 )
 
+#: Exchanges that often pay: something that fits anything for something with a meaning, a nominal for a measured frequency.
+USUAL_EXCHANGES = {
+    ("Notch", "LPF1"): 2.0,
+    ("Pade1", "LPF1"): 2.0,
+    ("Pade1_dq", "LPF1_dq"): 2.0,
+    ("Pade1_dq", "Delay"): 2.0,
+    ("Gain_dq", "PI_dq"): 2.0,
+    ("Gain", "PI"): 2.0,
+    ("JMul", "JMul_omega"): 4.0,
+    ("JMul_omega", "JMul"): 2.0,
+}
+
 
 def _exchange(view: View) -> Iterator[Move]:
     for name, one in view.draft.instances.items():
@@ -238,7 +250,8 @@ def _exchange(view: View) -> Iterator[Move]:
                         for source in draft.sources(f"{view.roles.plant}.delta_omega"):
                             draft.connect(source, f"{fresh}.delta_omega")
 
-                yield Move(f"{kind} in place of the {one.kind} {name}", swap)
+                usual = USUAL_EXCHANGES.get((one.kind, kind), 0.5)
+                yield Move(f"{kind} in place of the {one.kind} {name}", swap, usual)
 
 
 def removals(view: View) -> Iterator[Move]:
@@ -250,6 +263,26 @@ def removals(view: View) -> Iterator[Move]:
         if in_line(kind):
             yield Move(f"without the {kind.name} {name}", lambda draft, name=name: draft.bypass(name))
         yield Move(f"without the path through {name}", lambda draft, name=name: draft.remove(name))
+
+
+def twin_removals(view: View) -> Iterator[Move]:
+    """Two blocks that share their parameters go together, as they came."""
+    for name, one in view.draft.instances.items():
+        for other, twin in view.draft.instances.items():
+            shared = [value for value in twin.bindings.values() if isinstance(value, str)]
+            if (
+                other != name
+                and one.kind == twin.kind
+                and in_line(view.draft.kind(name))
+                and all(value.split(".")[0] == name for value in shared)
+                and shared
+            ):
+
+                def change(draft: Draft, name: str = name, other: str = other) -> None:
+                    draft.bypass(other)
+                    draft.bypass(name)
+
+                yield Move(f"without the {one.kind}s {name} and {other}", change)
 
 
 def _summing(draft: Draft, target: str) -> str:
@@ -307,6 +340,11 @@ def _filtered_synchronisation(view: View) -> bool:
     )
 
 
+def _filtered_powers(view: View) -> bool:
+    targets = [target for name in view.roles.power for axis in "pq" for target in view.draft.targets(f"{name}.{axis}")]
+    return any(view.draft.instances[split_port(target)[0]].kind in SHAPERS for target in targets)
+
+
 def _delayed(view: View) -> bool:
     return bool(view.draft.named("Delay", "Pade1_dq"))
 
@@ -314,14 +352,14 @@ def _delayed(view: View) -> bool:
 _FEEDFORWARD, _PHASE_LOCKED = (0.3, 1.0, 1.0, 0.5), (0.3, 1.0, 0.5, 0.1)
 
 COMPONENTS = (
-    Family("voltage feedforward", "module", _FEEDFORWARD, 4.0, where_missing(_feedforward, _fed_forward)),
+    Family("voltage feedforward", "module", _FEEDFORWARD, 10.0, where_missing(_feedforward, _fed_forward)),
     Family("other feedforward", "module", _FEEDFORWARD, 0.5, where_present(_feedforward, _fed_forward)),
-    Family("decoupling", "module", (0.5, 1.0, 0.7, 0.2), 4.0, where_missing(_decoupling, _decoupled)),
+    Family("decoupling", "module", (0.5, 1.0, 0.7, 0.2), 10.0, where_missing(_decoupling, _decoupled)),
     Family("other decoupling", "module", (0.5, 1.0, 0.7, 0.2), 0.3, where_present(_decoupling, _decoupled)),
-    Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 2.0, where_missing(_command_delay, _delayed)),
+    Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 5.0, where_missing(_command_delay, _delayed)),
     Family("other delay", "module", (0.0, 0.3, 1.0, 1.0), 0.3, where_present(_command_delay, _delayed)),
     Family(
-        "PLL filter", "module", _PHASE_LOCKED, 2.0, where_missing(_synchronisation_filter, _filtered_synchronisation)
+        "PLL filter", "module", _PHASE_LOCKED, 5.0, where_missing(_synchronisation_filter, _filtered_synchronisation)
     ),
     Family(
         "other PLL filter",
@@ -330,12 +368,13 @@ COMPONENTS = (
         0.3,
         where_present(_synchronisation_filter, _filtered_synchronisation),
     ),
-    Family("power filters", "module", (0.5, 1.0, 0.3, 0.1), 1.5, _power_filters),
+    Family("power filters", "module", (0.5, 1.0, 0.3, 0.1), 4.0, where_missing(_power_filters, _filtered_powers)),
+    Family("other power filters", "module", (0.5, 1.0, 0.3, 0.1), 0.5, where_present(_power_filters, _filtered_powers)),
     Family("current filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, _current_filter),
     Family("voltage filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, _voltage_filter),
     Family("feedback and damping", "module", (0.3, 0.7, 1.0, 0.7), 0.7, _damping),
     Family("frequency droop", "module", (1.0, 0.5, 0.1, 0.0), 0.4, _frequency_droop),
-    Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 1.0, _exchange),
+    Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 3.0, _exchange),
     Family("one block less", "module", (0.3, 0.3, 0.3, 0.3), 0.3, removals),
     Family("any wire", "module", (0.3, 0.3, 0.3, 0.3), 0.2, _any_edge),
 )

@@ -1,0 +1,157 @@
+"""A search without fits: results that follow from the structure alone, so that hundreds of steps take seconds."""
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import FitSettings
+from ibrid.modules.vocabulary import VOCABULARY, find_kind
+from ibrid.structure.canonical import structure_hash
+from search.evaluation.job import Job, Result
+from search.loop import Limits, Loop
+from search.merit import criterion
+from search.proposal import Context, Evaluated, Proposer, Task
+from search.proposers.rules import Rules
+from search.requirements import Requirements
+from search.settings import SearchSettings
+from search.step import Status, Step
+from search.store import Store
+
+NAIVE = ibrid.program_text(ibrid.textbook("naive"))
+#: Little effort: these tests are about the search, not about the fit.
+QUICK = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0)
+
+Verdict = Status | float
+Law = Callable[[str], Verdict]
+
+
+@cache
+def task(vocabulary: tuple = VOCABULARY) -> Task:
+    """The benchmark in its default setting."""
+    return Task(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), vocabulary)
+
+
+@cache
+def naive_record() -> Record:
+    """The naive diagram fitted."""
+    return ibrid.evaluate(ibrid.textbook("naive"), task().sweep, settings=QUICK)
+
+
+def record_of(program: str, **changes: Any) -> Record:
+    """A record of a program with the naive one's numbers, but for changes; enough for proposers to read."""
+    kinds = [find_kind(one.kind, task().kinds) for one in ibrid.parse_program(program).instances]
+    size = {"order": sum(kind.order for kind in kinds), "free_parameters": sum(len(kind.parameters) for kind in kinds)}
+    made = replace(naive_record(), program=program, modules=len(kinds), **size)
+    return replace(made, **changes)
+
+
+def context_of(diagram: ibrid.Diagram, *, record: Record | None = None, **changes: Any) -> Context:
+    """The question about how to edit a diagram."""
+    found = record or record_of(ibrid.program_text(diagram))
+    asked = {"task": task(), "parent": Evaluated(0, diagram, found), **changes}
+    return Context(**asked)
+
+
+def luck(program: str) -> float:
+    """A number from 0 to 1 that belongs to the structure."""
+    found = structure_hash(ibrid.parse_program(program), task().kinds)
+    return int(hashlib.sha256(found.encode()).hexdigest()[:8], 16) / 16**8
+
+
+def by_luck(program: str) -> Verdict:
+    """An error that falls with the number of modules, luck aside; one structure in eight has no fit."""
+    chance = luck(program)
+    if chance < 1 / 8 and program != NAIVE:
+        return Status.FAILED
+    return math.exp(-0.1 * len(ibrid.parse_program(program).instances)) * (0.5 + chance)
+
+
+def luckily_stable(program: str) -> bool:
+    """False for one structure in six, among those with a fit."""
+    return luck(program) < 5 / 6
+
+
+class ScriptedEvaluator:
+    """Answers by a law of the program, one job after the other when asked for; remembers what it was given."""
+
+    capacity = 1
+
+    def __init__(self, law: Law = by_luck, stable: Callable[[str], bool] = luckily_stable) -> None:
+        self.law, self.stable = law, stable
+        self.open: dict[int, Job] = {}
+        self.jobs: list[Job] = []
+        self.collected: list[int] = []
+
+    @property
+    def waiting(self) -> tuple[int, ...]:
+        return tuple(self.open)
+
+    def submit(self, job: Job) -> None:
+        if job.number in self.open:
+            raise IbridError(f"two jobs must not have the number {job.number}")
+        self.open[job.number] = job
+        self.jobs.append(job)
+
+    def collect(self, number: int) -> Result:
+        job = self.open.pop(number)
+        self.collected.append(number)
+        found = self.law(job.program)
+        if isinstance(found, Status):
+            return Result(number, found, None, f"the law says {found}", 0.0, 1, "the script")
+        stable = dict.fromkeys(naive_record().stable, self.stable(job.program))
+        record = record_of(job.program, nrmse=found, reward=-math.log(found), stable=stable)
+        return Result(number, Status.OK, record, "", 0.0, 1, "the script")
+
+    def close(self) -> None:
+        self.open.clear()
+
+    def __enter__(self) -> "ScriptedEvaluator":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@contextmanager
+def scripted(
+    path: Path,
+    *,
+    proposers: Sequence[tuple[Proposer, float]] | None = None,
+    budget: int = 30,
+    seed: int = 0,
+    target: float | None = None,
+    settings: SearchSettings | None = None,
+    evaluator: ScriptedEvaluator | None = None,
+    requirements: Requirements | None = None,
+    watch: Callable[[Loop, Step], None] = lambda loop, step: None,
+) -> Iterator[Loop]:
+    """A loop over the store at `path`, new or that of an earlier sitting."""
+    settings = settings or SearchSettings()
+    store = Store.open(path) if path.exists() else Store.create(path, {"start": NAIVE})
+    with store:
+        yield Loop(
+            task(),
+            store,
+            evaluator or ScriptedEvaluator(),
+            proposers or ((Rules(), 1.0),),
+            settings,
+            Limits(budget, target),
+            seed=seed,
+            criterion=criterion(task().sweep, "shared", settings.parsimony, settings.layer),
+            requirements=requirements or Requirements(),
+            watch=watch,
+        )
+
+
+def steps_of(path: Path) -> list[Step]:
+    """What a store holds, but for the time it took."""
+    with Store.open(path, read_only=True) as store:
+        return [replace(step, seconds=0.0) for step in store.steps()]
