@@ -1,7 +1,7 @@
 """A diagram being edited: modules and wires added, bypassed and removed, then tidied into a whole again."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import networkx as nx
 
@@ -148,8 +148,26 @@ class Draft:
         order = {fresh if key == name else key: value for key, value in self.instances.items() if key != fresh}
         order[fresh] = self.instances[fresh]
         self.instances = order
-        self._forget(name, fresh)
+        alike = {
+            key for key, box in ports.parameters.items() if getattr(new.parameters.get(key), "unit", None) == box.unit
+        }
+        self._hand_on(name, {f"{name}.{key}": f"{fresh}.{key}" for key in alike})
         return fresh
+
+    def rename(self, old: str, new: str) -> None:
+        """Give a module another name, which must be free, in its wires and in what it shares."""
+        one = self.instances[old]
+        self.instances = {
+            new if name == old else name: Instance(one.kind, new, one.bindings) if name == old else each
+            for name, each in self.instances.items()
+        }
+
+        def port(end: str) -> str:
+            owner, inner = split_port(end)
+            return f"{new}.{inner}" if owner == old else end
+
+        self.wires = [(port(source), port(target)) for source, target in self.wires]
+        self._hand_on(old, {f"{old}.{key}": f"{new}.{key}" for key in self.kind(new).parameters})
 
     def bypass(self, name: str) -> None:
         """Take a block of one input and one output away and join what it stood between."""
@@ -163,7 +181,7 @@ class Draft:
         """Take a module and its wires away."""
         del self.instances[name]
         self.wires = [wire for wire in self.wires if name not in (split_port(wire[0])[0], split_port(wire[1])[0])]
-        self._forget(name, None)
+        self._hand_on(name, {})
 
     def bind(self, name: str, **bindings: Binding) -> None:
         """Add or replace bindings of a module."""
@@ -177,16 +195,24 @@ class Draft:
             one.kind, name, {key: value for key, value in one.bindings.items() if key not in parameters}
         )
 
-    def _forget(self, name: str, successor: str | None) -> None:
-        """Names shared with a module that is gone: the next of the same kind, if any, lends its own."""
+    def _hand_on(self, name: str, heirs: Mapping[str, str]) -> None:
+        """Parameters shared under the name of a module that is gone: the heir lends its own, else the first of the others.
+
+        So those that shared go on sharing, and a module that gets the name later has nothing to do with it.
+        """
+        uses: dict[str, list[tuple[str, str]]] = {}
         for other, one in self.instances.items():
-            gone = [k for k, v in one.bindings.items() if isinstance(v, str) and v.split(".")[0] == name]
-            if (
-                gone
-                and sum(v == one.bindings[gone[0]] for each in self.instances.values() for v in each.bindings.values())
-                == 1
-            ):
-                self.unbind(other, *gone)
+            for key, value in one.bindings.items():
+                if isinstance(value, str) and value.split(".")[0] == name:
+                    uses.setdefault(value, []).append((other, key))
+        for shared, users in uses.items():
+            lent = heirs.get(shared)
+            if lent is None:
+                (first, own), *users = users
+                self.unbind(first, own)
+                lent = f"{first}.{own}"
+            for other, key in users:
+                self.bind(other, **{key: lent})
 
     def tidy(self) -> None:
         """Make the draft whole: nothing undriven, nothing without a way to the terminal current.

@@ -75,7 +75,7 @@ class Loop:
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
         self._records: dict[int, Record] = {}
-        self._layers: dict[int, int] = {}
+        self._odd: dict[int, tuple[int, int]] = {}
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -127,14 +127,18 @@ class Loop:
             return None
         if self.limits.target is not None and self.best.nrmse <= self.limits.target:
             return TARGET
-        usual = self._missing(self.best) == 0
-        return FLOOR if usual and self.criterion.floor.reached(self.best.nrmse) else None
+        return FLOOR if self._at_floor and self._oddities(self.best) == (0, 0) else None
+
+    @property
+    def _at_floor(self) -> bool:
+        """True when the best fits as well as the noise allows, be it with an odd structure."""
+        return self.best is not None and self.criterion.floor.reached(float(self.best.nrmse or 0.0))
 
     @property
     def _tidying(self) -> bool:
         """True in the last part, in which things are only taken away from the best."""
         kept = int(self.settings.final_pruning * self.limits.budget)
-        return self._reached is not None or self.evaluations >= self.limits.budget - kept
+        return self._at_floor or self._reached is not None or self.evaluations >= self.limits.budget - kept
 
     def _require_a_start(self) -> None:
         first = self.steps[0]
@@ -314,15 +318,16 @@ class Loop:
 
     def _rank(self, step: Step) -> tuple[float, int, int]:
         """Of eligible steps the least is the best."""
-        value = self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), self._missing(step))
-        return value, step.order or 0, step.number
+        odd = sum(self._oddities(step))
+        return self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), odd), step.order or 0, step.number
 
-    def _missing(self, step: Step) -> int:
-        """Control layers that a step's diagram lacks."""
-        if step.number not in self._layers:
+    def _oddities(self, step: Step) -> tuple[int, int]:
+        """Control layers that a step's diagram lacks, and parameters that its fit drove to the end of their box."""
+        if step.number not in self._odd:
             found = roles(parse_program(step.program), self.task.kinds)
-            self._layers[step.number] = 0 if found is None else found.missing_layers
-        return self._layers[step.number]
+            missing = 0 if found is None else found.missing_layers
+            self._odd[step.number] = missing, len(self.record(step.number).at_bound)
+        return self._odd[step.number]
 
     def _entry(self, step: Step) -> Entry:
         nrmse, free = float(step.nrmse or 0.0), int(step.free or 0)
@@ -331,7 +336,7 @@ class Loop:
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free, self._missing(step)),
+            reward=self.criterion.merit(nrmse, free, *self._oddities(step)),
             nrmse=nrmse,
             order=int(step.order or 0),
             free=free,

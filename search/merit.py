@@ -8,6 +8,7 @@ import numpy as np
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep
+from search.settings import SearchSettings
 
 #: Errors up to this count as exact.
 EXACT = 1e-6
@@ -55,8 +56,8 @@ class Criterion:
     each has its own).
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
-    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer` : prices of
-    a free number and of a missing control layer in the order of the parents.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer`, `bound` :
+    prices of a free number, a missing control layer and a parameter at its bound in the order of the parents.
     """
 
     floor: Floor
@@ -64,24 +65,31 @@ class Criterion:
     parsimony: float
     alone: int = 1
     layer: float = 0.0
+    bound: float = 0.0
 
-    def value(self, nrmse: float, free: int, missing: int = 0) -> float:
-        """The lower, the better; a control layer that is missing counts as two free numbers."""
-        return log(max(nrmse, EXACT)) + self.price * (free / self.alone + 2 * missing)
+    def value(self, nrmse: float, free: int, oddities: int = 0) -> float:
+        """The lower, the better; an oddity (a missing control layer, a parameter at its bound) counts as two free numbers."""
+        return log(max(nrmse, EXACT)) + self.price * (free / self.alone + 2 * oddities)
 
-    def merit(self, nrmse: float, free: int, missing: int = 0) -> float:
-        """What the archive ranks parents by, the higher, the better. `missing` : control layers that are not there."""
-        return reward(max(nrmse, EXACT)) - self.parsimony * free / self.alone - self.layer * missing
+    def merit(self, nrmse: float, free: int, missing: int = 0, at_bound: int = 0) -> float:
+        """What the archive ranks parents by, the higher, the better.
+
+        missing : control layers that are not there. at_bound : parameters at the end of their box: a block that does
+        nothing, or a plant that stands in for a missing controller.
+        """
+        priced = self.parsimony * free + self.bound * at_bound
+        return reward(max(nrmse, EXACT)) - priced / self.alone - self.layer * missing
 
 
 #: Price of a free number when the noise is not known: it breaks ties.
 TIE = 1e-3
 
 
-def criterion(sweep: Sweep, parameters: str, parsimony: float, layer: float) -> Criterion:
+def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criterion:
     """The criterion for the operating points that are fitted."""
     floor = noise_floor(sweep)
     numbers = 8 * sum(len(point.frequency) for point in sweep.points)
     alone = len(sweep.points) if parameters == "per-op" else 1
     known = floor.source != "unknown noise"
-    return Criterion(floor, log(numbers) * alone / (2 * numbers) if known else TIE, parsimony, alone, layer)
+    price = log(numbers) * alone / (2 * numbers) if known else TIE
+    return Criterion(floor, price, settings.parsimony, alone, settings.layer, settings.bound)

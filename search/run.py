@@ -141,7 +141,7 @@ def run(
     with _opened(folder, options, meta, resume) as store:
         subject = Subject(sweep, parameters, equilibrium, plan.kinds, held, seed=seed)
         shown = Progress(progress) if isinstance(progress, str) else progress
-        judged = criterion(plan.fitted, parameters, settings.parsimony, settings.layer)
+        judged = criterion(plan.fitted, parameters, settings)
         task = Task(plan.fitted, plan.kinds, equilibrium, parameters)
         watcher = _Watcher(store, folder, shown, budget)
         with _evaluator(subject, workers, ray, settings) as evaluator, shown:

@@ -15,6 +15,7 @@ class SearchSettings:
     see. `rank_power` : parents are drawn with probability rank^-rank_power among elites and within islands, 0 for all alike.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
+    `bound` : the same for a parameter at the end of its box.
 
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees.
@@ -35,6 +36,7 @@ class SearchSettings:
     rank_power: float = 2.0
     parsimony: float = 0.05
     layer: float = 3.0
+    bound: float = 0.3
     scales: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )

@@ -145,7 +145,7 @@ def scripted(
             settings,
             Limits(budget, target),
             seed=seed,
-            criterion=criterion(task().sweep, "shared", settings.parsimony, settings.layer),
+            criterion=criterion(task().sweep, "shared", settings),
             requirements=requirements or Requirements(),
             watch=watch,
         )

@@ -1,13 +1,13 @@
 """One search of the benchmark made, and its answer scored against what was hidden and by data it never saw."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
 from ibrid.structure.compare import compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
@@ -32,7 +32,7 @@ class Answer(Protocol):
     """What is read from a `search.run.Run`. `trajectory` : (evaluation, nrmse, best so far); the start is 0."""
 
     @property
-    def best(self) -> Record: ...
+    def best(self) -> Record | None: ...
     @property
     def evaluations(self) -> int: ...
     @property
@@ -43,10 +43,8 @@ class Answer(Protocol):
     def answer_program(self) -> str: ...
 
 
-class Search(Protocol):
-    """`search.run`."""
-
-    def __call__(self, sweep: Sweep, folder: Path, **options: Any) -> Answer: ...
+#: `search.run.run`, or what stands for it in tests: (sweep, folder, options) -> answer.
+Search = Callable[..., Answer]
 
 
 def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
@@ -74,6 +72,8 @@ def score(trial: Trial, hidden: Hidden, run: Answer) -> Row:
     diagram fitted to the same data. `first` : evaluation at which the error that the table asks for was reached.
     `success` : see `succeeded`; None where there is no truth.
     """
+    if run.best is None:
+        raise IbridError(f"{trial.key}: the search found no valid candidate")
     found, truth = parse_program(run.answer_program, "the answer"), trial.truth(hidden)
     answer = fitted(trial, hidden, found)
     overlap = None if truth is None else compare(found, truth)

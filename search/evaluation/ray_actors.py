@@ -4,6 +4,7 @@ One thread of this process waits for each actor and starts the next when it dies
 under one condition.
 """
 
+import atexit
 import pickle
 import threading
 import time
@@ -79,6 +80,7 @@ class RayEvaluator:
         self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
         for thread in self._threads:
             thread.start()
+        atexit.register(self.close)  # before Ray's own end, which threads that still wait would disturb
 
     @property
     def waiting(self) -> tuple[int, ...]:
@@ -133,6 +135,7 @@ class RayEvaluator:
         for thread in self._threads:
             thread.join(timeout=10)
         self._session.close()
+        atexit.unregister(self.close)
 
     def __enter__(self) -> "RayEvaluator":
         return self

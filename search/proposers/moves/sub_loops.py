@@ -39,24 +39,9 @@ def _swap(draft: Draft, roles: Roles, kind: str) -> None:
 
 
 def _other_plant(draft: Draft, roles: Roles, kind: str) -> str:
-    draft.replace(roles.plant, kind, "filter_to_be")
-    return _renamed(draft, "filter_to_be", roles.plant)
-
-
-def _renamed(draft: Draft, old: str, new: str) -> str:
-    """Give a module the name of the one it replaced, so that the program keeps reading well."""
-    one = draft.instances[old]
-    draft.instances = {
-        (new if name == old else name): (type(one)(one.kind, new, one.bindings) if name == old else each)
-        for name, each in draft.instances.items()
-    }
-
-    def port(end: str) -> str:
-        owner, inner = split_port(end)
-        return f"{new}.{inner}" if owner == old else end
-
-    draft.wires = [(port(source), port(target)) for source, target in draft.wires]
-    return new
+    """Exchange the plant under its old name, so that the program keeps reading well."""
+    draft.rename(draft.replace(roles.plant, kind, "filter_to_be"), roles.plant)
+    return roles.plant
 
 
 def _synchronisation(view: View) -> Iterator[Move]:
