@@ -17,10 +17,10 @@ from search.evaluation.assess import PROMISING
 from search.evaluation.job import Evaluator, Job, Result
 from search.judging import Verdict, judge, judge_program
 from search.merit import Criterion
+from search.oddities import Oddities, oddities
 from search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.pruning import Pruning
 from search.requirements import Requirements
-from search.roles import roles
 from search.settings import SearchSettings
 from search.step import EVALUATED, Status, Step
 from search.store import Store
@@ -75,7 +75,7 @@ class Loop:
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
         self._records: dict[int, Record] = {}
-        self._odd: dict[int, tuple[int, int]] = {}
+        self._odd: dict[int, Oddities] = {}
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -127,7 +127,7 @@ class Loop:
             return None
         if self.limits.target is not None and self.best.nrmse <= self.limits.target:
             return TARGET
-        return FLOOR if self._at_floor and self._oddities(self.best) == (0, 0) else None
+        return FLOOR if self._at_floor and self._oddities(self.best).total == 0 else None
 
     @property
     def _at_floor(self) -> bool:
@@ -318,15 +318,14 @@ class Loop:
 
     def _rank(self, step: Step) -> tuple[float, int, int]:
         """Of eligible steps the least is the best."""
-        odd = sum(self._oddities(step))
+        odd = self._oddities(step).total
         return self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), odd), step.order or 0, step.number
 
-    def _oddities(self, step: Step) -> tuple[int, int]:
-        """Control layers that a step's diagram lacks, and parameters that its fit drove to the end of their box."""
+    def _oddities(self, step: Step) -> Oddities:
+        """What is doubtful in a fitted step."""
         if step.number not in self._odd:
-            found = roles(parse_program(step.program), self.task.kinds)
-            missing = 0 if found is None else found.missing_layers
-            self._odd[step.number] = missing, len(self.record(step.number).at_bound)
+            diagram = parse_program(step.program)
+            self._odd[step.number] = oddities(diagram, self.record(step.number), self.task.kinds)
         return self._odd[step.number]
 
     def _entry(self, step: Step) -> Entry:
@@ -336,7 +335,7 @@ class Loop:
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free, *self._oddities(step)),
+            reward=self.criterion.merit(nrmse, free, self._oddities(step)),
             nrmse=nrmse,
             order=int(step.order or 0),
             free=free,

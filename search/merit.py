@@ -8,10 +8,13 @@ import numpy as np
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep
+from search.oddities import Oddities
 from search.settings import SearchSettings
 
 #: Errors up to this count as exact.
 EXACT = 1e-6
+#: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
+DOUBTFUL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -68,17 +71,14 @@ class Criterion:
     bound: float = 0.0
 
     def value(self, nrmse: float, free: int, oddities: int = 0) -> float:
-        """The lower, the better; an oddity (a missing control layer, a parameter at its bound) counts as two free numbers."""
+        """The lower, the better; an oddity counts as two free numbers."""
         return log(max(nrmse, EXACT)) + self.price * (free / self.alone + 2 * oddities)
 
-    def merit(self, nrmse: float, free: int, missing: int = 0, at_bound: int = 0) -> float:
-        """What the archive ranks parents by, the higher, the better.
-
-        missing : control layers that are not there. at_bound : parameters at the end of their box: a block that does
-        nothing, or a plant that stands in for a missing controller.
-        """
-        priced = self.parsimony * free + self.bound * at_bound
-        return reward(max(nrmse, EXACT)) - priced / self.alone - self.layer * missing
+    def merit(self, nrmse: float, free: int, odd: Oddities = Oddities()) -> float:  # noqa: B008, frozen
+        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
+        priced = self.parsimony * free + self.bound * odd.at_bound
+        least = DOUBTFUL if odd.absurd else EXACT
+        return reward(max(nrmse, least)) - priced / self.alone - self.layer * odd.missing
 
 
 #: Price of a free number when the noise is not known: it breaks ties.

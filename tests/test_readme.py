@@ -17,7 +17,8 @@ def test_there_is_python_and_no_blank_was_left():
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_its_python_runs(block: str):
+def test_its_python_runs(block: str, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a run is a folder where the reader works
     exec(compile(block, "README.md", "exec"), {})
 
 

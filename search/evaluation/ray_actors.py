@@ -5,12 +5,9 @@ under one condition.
 """
 
 import atexit
-import pickle
 import threading
 import time
-from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import choose_vocabulary
@@ -18,13 +15,11 @@ from search.evaluation.assess import Subject
 from search.evaluation.job import Job, Result
 from search.evaluation.open_jobs import OpenJobs
 from search.evaluation.ray_session import open_session
+from search.evaluation.remote_worker import Hiring, RemoteWorker, WorkerLost
 from search.evaluation.turns import Attempt, Turns
-from search.evaluation.verdict import Verdict, stopped
-from search.evaluation.worker import ONE_THREAD, Worker
+from search.evaluation.verdict import Verdict
 from search.step import Status
 
-#: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
-GRACE = 1.0
 #: Seconds without any worker after which the evaluator gives up.
 PATIENCE = 300.0
 
@@ -60,23 +55,19 @@ class RayEvaluator:
         self.lost = lost
         self._patience = patience
         self._session = open_session(workers, address)
-        self._ray = self._session.ray
         try:
-            self._cargo = self._ray.put(_pickled(self._ray, subject))
+            self._hiring = Hiring(self._session.ray, subject, wall)
         except BaseException:
             self._session.close()
             raise
-        self._actor = self._ray.remote(
-            num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD}
-        )(Worker)
         self._change = threading.Condition()
         self._jobs = OpenJobs()
         self._turns = Turns()
         self._closed = False
-        self._serving = workers  # threads that can still get an actor
-        self._why = "the evaluator lost all its workers; resume the search"  # said when there are none
-        self._crew: dict[Any, str] = {}  # actors that started, and who they are; "" until they are ready
-        self._deserted: float | None = time.monotonic()  # since when no actor is ready
+        self._crew: list[RemoteWorker] = []
+        self._deserted: float | None = time.monotonic()  # since when nobody of the crew is ready
+        self._serving = workers  # threads that can still hire
+        self._why = ""  # the last of them could not
         self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
         for thread in self._threads:
             thread.start()
@@ -98,7 +89,7 @@ class RayEvaluator:
     def workers(self) -> tuple[str, ...]:
         """The actors that are ready, as "host pid N"."""
         with self._change:
-            return tuple(who for who in self._crew.values() if who)
+            return tuple(one.who for one in self._crew if one.who)
 
     def submit(self, job: Job) -> None:
         """Queue a job; returns at once. IbridError when its number waits already."""
@@ -128,10 +119,10 @@ class RayEvaluator:
                 return
             self._closed = True
             self._jobs.close()
-            actors = list(self._crew)
+            crew = tuple(self._crew)
             self._change.notify_all()
-        for actor in actors:
-            self._kill(actor)
+        for worker in crew:
+            worker.kill()
         for thread in self._threads:
             thread.join(timeout=10)
         self._session.close()
@@ -144,7 +135,7 @@ class RayEvaluator:
         self.close()
 
     def _time_left(self) -> float | None:
-        """Seconds until patience ends, None while there are workers."""
+        """Seconds until patience ends, None while somebody of the crew is ready."""
         if self._deserted is None:
             return None
         left = self._deserted + self._patience - time.monotonic()
@@ -157,43 +148,45 @@ class RayEvaluator:
 
     def _serve(self) -> None:
         """The life of a thread: an actor after the other, and with each a job after the other."""
+        why, ended = "the workers are gone; resume the search", 1
         try:
-            while (actor := self._ready_actor()) is not None:
-                while (attempt := self._next_attempt()) is not None:
-                    if not self._try(actor, attempt):
-                        break
-                self._dismiss(actor)
+            while (worker := self._ready_worker()) is not None:
+                while worker.alive and (attempt := self._next_attempt()) is not None:
+                    self._try(worker, attempt)
+                self._dismiss(worker)
+        except IbridError as error:
+            why = str(error)
+        except BaseException as error:  # a mistake in this file must not leave anybody waiting
+            why, ended = f"the evaluator broke off ({type(error).__name__}: {error})", self.capacity
+            raise
         finally:
             with self._change:
-                self._serving -= 1
+                self._serving = max(self._serving - ended, 0)
+                self._why = why
                 self._change.notify_all()
 
-    def _ready_actor(self) -> Any:
-        """A new actor that has loaded everything; None when closed, or when actors cannot be had."""
-        error: Exception | None = None
+    def _ready_worker(self) -> RemoteWorker | None:
+        """Somebody new who has loaded everything; None when closed. IbridError when nobody can be had."""
+        lost = "none was tried"
         for _ in range(self.lost):
             with self._change:
                 if self._closed:
                     return None
-                actor = self._actor.remote([self._cargo], self.wall)
-                self._crew[actor] = ""
+                worker = self._hiring.hire()
+                self._crew.append(worker)
             try:
-                who = self._ray.get(actor.prepare.remote())
-            except self._ray.exceptions.RayTaskError as found:
-                self._dismiss(actor)
-                self._why = f"a worker could not load the data and the kinds ({_cause(found)}); {_KINDS_ADVICE}"
-                return None
-            except self._ray.exceptions.RayError as found:
-                self._dismiss(actor)
-                error = found
+                worker.prepare()
+            except (WorkerLost, IbridError) as error:
+                self._dismiss(worker)
+                if isinstance(error, IbridError):
+                    raise
+                lost = str(error)
                 continue
             with self._change:
-                self._crew[actor] = who
                 self._deserted = None
                 self._change.notify_all()
-            return actor
-        self._why = f"{self.lost} workers in a row died while they started ({_cause(error)}); see the logs of Ray"
-        return None
+            return worker
+        raise IbridError(f"{self.lost} workers in a row died while they started ({lost}); see the logs of Ray")
 
     def _next_attempt(self) -> Attempt | None:
         """Waits for a turn; None when closed."""
@@ -204,76 +197,40 @@ class RayEvaluator:
                 self._change.wait()
         return None
 
-    def _try(self, actor: Any, attempt: Attempt) -> bool:
-        """Evaluate on the actor and settle or queue again; False when the actor is gone."""
-        exceptions = self._ray.exceptions
+    def _try(self, worker: RemoteWorker, attempt: Attempt) -> None:
+        """Evaluate, then settle the job or queue it again."""
         started = time.perf_counter()
-        alive, after = False, attempt
         try:
-            verdict = self._ray.get(actor.evaluate.remote(attempt.job), timeout=self.wall + GRACE)
-            alive = True
-        except exceptions.GetTimeoutError:
-            verdict = stopped(self.wall)
-            self._kill(actor)
-        except exceptions.RayTaskError as error:
-            verdict = Verdict(Status.FAILED, reason=f"the evaluation broke off with {_cause(error)}")
-            alive = True
-        except exceptions.RayError as error:
-            verdict = Verdict(Status.LOST, reason=f"{self.lost} workers died on it, the last with {_cause(error)}")
-            after = replace(attempt, losses=attempt.losses + 1)
-        if verdict.outcome is Status.TIMEOUT:
-            after = replace(attempt, stops=attempt.stops + 1)
-        after = replace(after, seconds=attempt.seconds + time.perf_counter() - started)
-        again = (verdict.outcome is Status.TIMEOUT and after.stops < 2) or (
-            verdict.outcome is Status.LOST and after.losses < self.lost
+            verdict = worker.evaluate(attempt.job)
+        except WorkerLost as error:
+            verdict = Verdict(Status.LOST, reason=f"{self.lost} workers died on it, the last with {error}")
+        after = replace(
+            attempt,
+            stops=attempt.stops + (verdict.outcome is Status.TIMEOUT),
+            losses=attempt.losses + (verdict.outcome is Status.LOST),
+            seconds=attempt.seconds + time.perf_counter() - started,
         )
         with self._change:
             self._turns.end(attempt)
-            if again:
+            if (verdict.outcome is Status.TIMEOUT and after.stops < 2) or (
+                verdict.outcome is Status.LOST and after.losses < self.lost
+            ):
                 self._turns.add(after)
             else:
-                self._jobs.settle(self._result(attempt, after, verdict, self._crew.get(actor, "")))
+                self._jobs.settle(self._result(attempt.number, after, verdict, worker.who))
             self._change.notify_all()
-        return alive
 
-    def _result(self, attempt: Attempt, after: Attempt, verdict: Verdict, who: str) -> Result:
+    def _result(self, attempts: int, after: Attempt, verdict: Verdict, who: str) -> Result:
         record = verdict.record
         if record is not None:
             record = replace(record, vocabulary=choose_vocabulary(self.subject.kinds))
-        return Result(attempt.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempt.number, who)
+        return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts, who)
 
-    def _dismiss(self, actor: Any) -> None:
-        """The actor is not used any more."""
-        self._kill(actor)
+    def _dismiss(self, worker: RemoteWorker) -> None:
+        """Nobody works with this one any more."""
+        worker.kill()
         with self._change:
-            self._crew.pop(actor, None)
-            if not any(self._crew.values()) and self._deserted is None:
+            self._crew.remove(worker)
+            if self._deserted is None and not any(one.who for one in self._crew):
                 self._deserted = time.monotonic()
             self._change.notify_all()
-
-    def _kill(self, actor: Any) -> None:
-        """End the actor's process, whatever it is doing."""
-        with suppress(self._ray.exceptions.RayError, ValueError, RuntimeError):  # gone already
-            self._ray.kill(actor, no_restart=True)
-
-
-_KINDS_ADVICE = "write kinds of your own in the notebook or script of the search, or install their module on every node"
-
-
-def _pickled(ray: Any, subject: Subject) -> bytes:
-    """The subject as bytes, functions of a notebook included."""
-    try:
-        return ray.cloudpickle.dumps(subject)
-    except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
-        raise IbridError(
-            f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "
-            "should use its arguments alone"
-        ) from None
-
-
-def _cause(error: BaseException | None) -> str:
-    """What lies behind an error, in one line."""
-    cause = getattr(error, "cause", None)
-    found = cause if isinstance(cause, BaseException) else error
-    lines = [line.strip() for line in str(found).splitlines() if line.strip()] or ["no message"]
-    return f"{type(found).__name__}: {lines[-1]}"[:300]

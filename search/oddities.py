@@ -1,0 +1,56 @@
+"""What an engineer would doubt in a fitted candidate, however well it fits."""
+
+from dataclasses import dataclass
+
+from ibrid.evaluation.record import Record
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import PLANT
+from search.roles import roles
+
+#: A plant parameter further than this factor from its usual value is absurd,
+ABSURD = 30.0
+#: if the data see it: its 95 % interval spans less than this factor.
+SEEN = 10.0
+
+
+@dataclass(frozen=True)
+class Oddities:
+    """`missing` : control layers that are not there. `at_bound` : parameters at the end of their box: a block that does
+    nothing, say. `absurd` : plant parameters that stand in for a controller, such as a resistance of 1 per unit."""
+
+    missing: int = 0
+    at_bound: int = 0
+    absurd: int = 0
+
+    @property
+    def total(self) -> int:
+        """All together."""
+        return self.missing + self.at_bound + self.absurd
+
+
+def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
+    """Count them in a fitted diagram."""
+    found = roles(diagram, kinds)
+    return Oddities(
+        missing=0 if found is None else found.missing_layers,
+        at_bound=len(record.at_bound),
+        absurd=max((_absurd(diagram, record, kinds, op) for op in record.parameters), default=0),
+    )
+
+
+def _absurd(diagram: Diagram, record: Record, kinds: Vocabulary, op: str) -> int:
+    by_name = {kind.name: kind for kind in kinds}
+    values, intervals = record.parameters[op], record.intervals.get(op, {})
+    count = 0
+    for instance in diagram.instances:
+        kind = by_name[instance.kind]
+        if kind.family != PLANT:
+            continue
+        for name, box in kind.parameters.items():
+            bound = instance.bindings.get(name)
+            free = bound if isinstance(bound, str) else f"{instance.name}.{name}"
+            interval = intervals.get(free)
+            if free in values and interval is not None and interval[1] < SEEN * interval[0]:
+                count += not box.typical / ABSURD <= values[free] <= box.typical * ABSURD
+    return count
