@@ -63,7 +63,7 @@ class Archive:
         _require(settings)
         self._settings = settings
         self._room = settings.population // settings.islands
-        self._law = RankLaw(settings.rank_power, max(settings.elites, self._room))
+        self._law = RankLaw(settings.rank_power, max(settings.elites, self._room), settings.crowding)
         self._met: set[str] = set()
         self._starts: set[str] = set()
         self._all, self._stable = Ranking(), Ranking()
@@ -116,9 +116,9 @@ class Archive:
             [settings.from_elites, settings.from_elites + settings.from_island], which, side="right"
         )
         if chosen == 1 and (pool := self._islands[active].pool):
-            return self._law.draw(pool, place, self._room), active
+            return self._law.draw(pool, place, self._room, self._children), active
         if chosen < 2 and self._stable:
-            parent = self._law.draw(self._stable, place, settings.elites)
+            parent = self._law.draw(self._stable, place, settings.elites, self._children)
         else:
             parent = self._all[int(place * len(self._all))]
         return parent, active if parent.hash in self._starts else parent.island
@@ -217,6 +217,7 @@ def _require(settings: SearchSettings) -> None:
         (0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites),
         (0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island),
         (drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn),
+        (one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding),
         (0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power),
         (one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population),
     ):

@@ -68,9 +68,9 @@ class Draft:
         graph = self._graph()
         name, inner = split_port(port)
         if name and inner in self.kind(name).outputs:
-            return nx.ancestors(graph, name) | {name}
+            return (nx.ancestors(graph, name) | {name}) & set(self.instances)
         starts = {split_port(one)[0] for one in self.sources(port)} - {""}
-        return starts.union(*(nx.ancestors(graph, one) for one in starts)) if starts else set()
+        return starts.union(*(nx.ancestors(graph, one) for one in starts)) & set(self.instances)
 
     def _graph(self) -> nx.DiGraph:
         graph = nx.DiGraph()

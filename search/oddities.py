@@ -8,10 +8,8 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import PLANT
 from search.roles import roles
 
-#: A plant parameter further than this factor from its usual value is absurd,
+#: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
 ABSURD = 30.0
-#: if the data see it: its 95 % interval spans less than this factor.
-SEEN = 10.0
 
 
 @dataclass(frozen=True)
@@ -41,16 +39,12 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
 
 def _absurd(diagram: Diagram, record: Record, kinds: Vocabulary, op: str) -> int:
     by_name = {kind.name: kind for kind in kinds}
-    values, intervals = record.parameters[op], record.intervals.get(op, {})
-    count = 0
+    values, count = record.parameters[op], 0
     for instance in diagram.instances:
         kind = by_name[instance.kind]
-        if kind.family != PLANT:
-            continue
-        for name, box in kind.parameters.items():
+        for name, box in kind.parameters.items() if kind.family == PLANT else ():
             bound = instance.bindings.get(name)
-            free = bound if isinstance(bound, str) else f"{instance.name}.{name}"
-            interval = intervals.get(free)
-            if free in values and interval is not None and interval[1] < SEEN * interval[0]:
-                count += not box.typical / ABSURD <= values[free] <= box.typical * ABSURD
+            value = values.get(bound if isinstance(bound, str) else f"{instance.name}.{name}", box.typical)
+            low = 0.0 if name.startswith("R_") else box.typical / ABSURD
+            count += not low <= value <= box.typical * ABSURD
     return count

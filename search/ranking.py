@@ -1,7 +1,7 @@
 """Entries of the archive in order, best first: kept sorted as they come and go, and drawn by rank."""
 
 from bisect import bisect_left, insort
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,17 +66,25 @@ class Ranking:
 
 
 class RankLaw:
-    """Draws with probability proportional to rank^-power; power 0 is uniform. `most` : entries that it can tell apart."""
+    """Draws with probability proportional to rank^-power / (1 + children / crowding).
 
-    def __init__(self, power: float, most: int) -> None:
-        self._weight = np.cumsum(np.arange(1, most + 1, dtype=float) ** -power)
-        self._most = most
+    Power 0 is uniform in rank; crowding infinity forgets the children. `most` : entries that it can tell apart.
+    """
 
-    def draw(self, ranking: Ranking, place: float, most: int) -> Entry:
-        """The entry at a place in [0, 1) of the distribution over the first `most` of a ranking that is not empty."""
-        number = min(len(ranking), most, self._most)
-        drawn = np.searchsorted(self._weight[:number], place * self._weight[number - 1], side="right")
-        return ranking[min(int(drawn), number - 1)]
+    def __init__(self, power: float, most: int, crowding: float) -> None:
+        self._weight = np.arange(1, most + 1, dtype=float) ** -power
+        self._most, self._crowding = most, crowding
+
+    def draw(self, ranking: Ranking, place: float, most: int, children: Mapping[int, int]) -> Entry:
+        """The entry at a place in [0, 1) of the distribution over the first `most` of a ranking that is not empty.
+
+        children : step -> admitted children, 0 where it is missing.
+        """
+        pool = ranking.top(min(most, self._most))
+        born = np.array([children.get(one.step, 0) for one in pool])
+        weight = np.cumsum(self._weight[: len(pool)] / (1.0 + born / self._crowding))
+        drawn = int(np.searchsorted(weight, place * weight[-1], side="right"))
+        return pool[min(drawn, len(pool) - 1)]
 
 
 def _key(entry: Entry) -> tuple[Any, ...]:

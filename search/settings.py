@@ -12,7 +12,8 @@ class SearchSettings:
     Archive (paper, section V.A): `population` : most candidates kept. `islands` : in a ring. `elites` : highest rewards
     over all islands. `from_elites`, `from_island` : share of parents from the elites and from the active island; the
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
-    see. `rank_power` : parents are drawn with probability rank^-rank_power among elites and within islands, 0 for all alike.
+    see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
+    elites and within islands; 0 and infinity for all alike.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
     `bound` : the same for a parameter at the end of its box.
@@ -34,6 +35,7 @@ class SearchSettings:
     sweep: int = 1_000
     migrants: float = 0.1
     rank_power: float = 2.0
+    crowding: float = 10.0
     parsimony: float = 0.05
     layer: float = 3.0
     bound: float = 0.3

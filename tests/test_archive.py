@@ -174,7 +174,7 @@ def test_pools_are_drawn_with_their_shares():
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
 def test_elites_are_drawn_by_a_power_of_their_rank(power):
-    settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=power)
+    settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=power, crowding=np.inf)
     archive, rng = started(settings), np.random.default_rng(2)
     for step in range(1, 20):
         archive.admit(entry(step, -float(step), island=step % 5))
@@ -182,6 +182,17 @@ def test_elites_are_drawn_by_a_power_of_their_rank(power):
     expected = np.arange(1, settings.elites + 1) ** -power
     found = [drawn[one.step] / 20_000 for one in archive.elites]
     np.testing.assert_allclose(found, expected / expected.sum(), atol=0.015)  # four standard deviations
+
+
+def test_a_parent_with_many_children_is_drawn_less_often():
+    settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=0.0, crowding=10.0, elites=2)
+    archive, rng = started(settings), np.random.default_rng(3)
+    archive.admit(entry(1, 9.0))
+    archive.admit(entry(2, 8.0))
+    for step in range(3, 33):  # thirty children of the first: a quarter of its weight is left
+        archive.admit(replace(entry(step, -float(step)), parent=1))
+    drawn = Counter(archive.sample(rng, number)[0].step for number in range(20_000))
+    assert drawn[1] / 20_000 == pytest.approx(0.2, abs=0.012)  # 1/4 against 1; four standard deviations
 
 
 @pytest.mark.parametrize("change", [lambda reward: 1024 * reward, lambda reward: reward - 64, np.arctan])

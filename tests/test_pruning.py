@@ -1,0 +1,157 @@
+"""Pruning takes away, and nothing else; what the data do not see goes first."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scripted_search import context_of, record_of
+
+import ibrid
+from ibrid.evaluation.record import Record
+from ibrid.modules.vocabulary import VOCABULARY, find_kind
+from ibrid.structure.canonical import structure_hash
+from search.drafting import Draft
+from search.edits import apply_edit
+from search.proposal import Proposal
+from search.proposers.moves.family import view_of
+from search.proposers.pruning import Pruning, removal_moves, unseen_modules
+
+NAMES = [name for name in ibrid.textbook_names() if name != "naive"]
+
+
+def hash_of(diagram: ibrid.Diagram) -> str:
+    return structure_hash(diagram, VOCABULARY)
+
+
+def free_numbers(diagram: ibrid.Diagram) -> int:
+    """How many a fit would have."""
+    names = {
+        one.bindings.get(key, f"{one.name}.{key}")
+        for one in diagram.instances
+        for key in find_kind(one.kind, VOCABULARY).parameters
+    }
+    return len(names)
+
+
+def pruned(diagram: ibrid.Diagram, seed: int, record: Record | None = None, **changes) -> Proposal:
+    seen = changes.pop("seen", {hash_of(diagram)})
+    context = context_of(diagram, record=record, seen=seen.__contains__)
+    return Pruning(**changes).propose(context, np.random.default_rng(seed))
+
+
+def after(proposal: Proposal, diagram: ibrid.Diagram) -> ibrid.Diagram:
+    assert proposal.failure == ""
+    return ibrid.parse_program(apply_edit(proposal.edit, ibrid.program_text(diagram)))
+
+
+def crowded() -> ibrid.Diagram:
+    """A textbook controller with two filters that it does not need."""
+    draft = Draft(ibrid.textbook("gfl_exact"), VOCABULARY)
+    draft.insert("plant.i_ti", draft.targets("plant.i_ti"), "LPF1_dq", "current_filter")
+    draft.insert("plant.e_q", ["pll.e_q"], "Notch", "notch")
+    return draft.diagram()
+
+
+def open_to(*names: str) -> Record:
+    """A record whose data leave the parameters of these modules open, and see all others."""
+    record = record_of(ibrid.program_text(crowded()))
+    intervals = {
+        f"{one.name}.{key}": None if one.name in names else (0.5, 2.0)
+        for one in crowded().instances
+        for key in find_kind(one.kind, VOCABULARY).parameters
+    }
+    return replace(record, intervals={op: intervals for op in record.parameters}, at_bound=())
+
+
+@pytest.mark.parametrize("pairs", [False, True], ids=["one thing", "pairs too"])
+@pytest.mark.parametrize("name", NAMES)
+def test_what_comes_out_is_legal_new_and_smaller(name, pairs):
+    parent = ibrid.textbook(name)
+    seen = {hash_of(parent)}
+    for seed in range(15):
+        proposal = pruned(parent, seed, pairs=pairs, seen=seen)
+        found = after(proposal, parent)
+        seen.add(hash_of(found))
+        assert ibrid.violations(found) == ()
+        modules = {one.name for one in found.instances if one.kind != "ConstZero"}
+        assert modules <= {one.name for one in parent.instances}, proposal.note
+        size = (free_numbers(found), len(modules), len(found.connections))
+        before = (free_numbers(parent), len(parent.instances), len(parent.connections))
+        assert all(a <= b for a, b in zip(size[:2], before[:2], strict=True)), proposal.note
+        assert size != before
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_everything_can_go_but_the_plant(name):
+    view = view_of(ibrid.textbook(name), VOCABULARY)
+    assert view is not None
+    notes = [move.note for move in removal_moves(view)]
+    for one in view.diagram.instances:
+        if one.kind not in ("LCL", "LFilter", "Rot_v", "Rot_i", "PackDQ", "ConstZero"):
+            assert any(one.name in note for note in notes), one.name
+
+
+@pytest.mark.parametrize("unseen", ["current_filter", "notch", "decoupling"])
+def test_what_the_data_leave_open_goes_first(unseen):
+    for seed in range(6):
+        found = after(pruned(crowded(), seed, open_to(unseen)), crowded())
+        assert unseen not in {one.name for one in found.instances}
+
+
+def test_a_block_at_the_end_of_its_box_counts_as_unseen():
+    record = replace(open_to(), at_bound=("notch.Q at its upper bound",))
+    assert unseen_modules(record) == {"notch"}
+    for seed in range(6):
+        assert "notch" not in {one.name for one in after(pruned(crowded(), seed, record), crowded()).instances}
+
+
+def test_bounds_are_read_as_an_evaluation_writes_them():
+    program = ibrid.parse_program(
+        ibrid.program_text(ibrid.textbook("naive")).replace('"gain")', '"gain", k=(0.1, 0.2))')
+    )
+    from scripted_search import QUICK, task  # the only fit here
+
+    record = ibrid.evaluate(program, task().sweep, settings=QUICK)
+    assert record.at_bound != ()
+    assert "gain" in unseen_modules(record)
+
+
+def test_of_two_blocks_with_the_same_parameters_both_can_go_at_once():
+    parent = ibrid.textbook("gfl_power_filter")
+    seen, found = {hash_of(parent)}, []
+    for seed in range(200):
+        proposal = pruned(parent, seed, seen=seen)
+        if proposal.failure:
+            break
+        found.append(after(proposal, parent))
+        seen.add(hash_of(found[-1]))
+    assert hash_of(ibrid.textbook("gfl_exact")) in {hash_of(one) for one in found}
+
+
+def test_pairs_come_when_every_single_thing_was_tried():
+    def everything(pairs: bool) -> list[ibrid.Diagram]:
+        seen, found = {hash_of(crowded())}, []
+        for seed in range(300):
+            proposal = pruned(crowded(), seed, open_to("current_filter", "notch"), pairs=pairs, seen=seen)
+            if proposal.failure:
+                return found
+            found.append(after(proposal, crowded()))
+            seen.add(hash_of(found[-1]))
+        raise AssertionError("pruning does not end")
+
+    single, both = everything(pairs=False), everything(pairs=True)
+    assert {hash_of(one) for one in single} == {hash_of(one) for one in both[: len(single)]}
+    plain = hash_of(ibrid.textbook("gfl_exact"))
+    assert plain not in {hash_of(one) for one in single}
+    assert plain in {hash_of(one) for one in both}
+
+
+def test_nothing_left_is_a_sentence():
+    proposal = Pruning(pairs=True).propose(context_of(crowded(), seen=lambda _: True), np.random.default_rng(0))
+    assert proposal.edit == ""
+    assert "has been tried" in proposal.failure
+
+
+def test_the_same_random_numbers_take_away_the_same():
+    assert pruned(crowded(), 3) == pruned(crowded(), 3)
+    assert len({pruned(crowded(), seed).edit for seed in range(12)}) > 1
