@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.ranking import Entry, Ranking, RankLaw
+from search.ranking import Entry, Front, Ranking, RankLaw
 from search.settings import SearchSettings
 
 __all__ = ["Archive", "Entry", "Statistics"]
@@ -68,6 +68,7 @@ class Archive:
         self._starts: set[str] = set()
         self._all, self._stable = Ranking(), Ranking()
         self._islands = tuple(_Island() for _ in range(settings.islands))
+        self._front = Front()
         self._children: Counter[int] = Counter()
         self._counts: Counter[str] = Counter()
 
@@ -111,14 +112,18 @@ class Archive:
         if not self._all:
             raise IbridError("the archive must hold an entry to draw a parent from, found none; admit the start first")
         settings, active = self._settings, number % len(self._islands)
-        which, place = rng.random(2)
+        which, place, along = rng.random(3)
         chosen = np.searchsorted(
             [settings.from_elites, settings.from_elites + settings.from_island], which, side="right"
         )
         if chosen == 1 and (pool := self._islands[active].pool):
             return self._law.draw(pool, place, self._room, self._children), active
         if chosen < 2 and self._stable:
-            parent = self._law.draw(self._stable, place, settings.elites, self._children)
+            front = self.front if along < settings.front else ()
+            if front:
+                parent = self._law.draw_evenly(front, place, self._children)
+            else:
+                parent = self._law.draw(self._stable, place, settings.elites, self._children)
         else:
             parent = self._all[int(place * len(self._all))]
         return parent, active if parent.hash in self._starts else parent.island
@@ -127,6 +132,11 @@ class Archive:
     def elites(self) -> tuple[Entry, ...]:
         """The stable entries of highest reward over all islands, best first."""
         return self._stable.top(self._settings.elites)
+
+    @property
+    def front(self) -> tuple[Entry, ...]:
+        """Of the stable entries those that nothing with fewer free parameters beats, fewest first; only the best of them."""
+        return self._front.entries(self._settings.front_size)
 
     @property
     def best(self) -> Entry | None:
@@ -172,13 +182,15 @@ class Archive:
 
     def _insert(self, entry: Entry, homes: list[Ranking]) -> None:
         self._met.add(entry.hash)
+        if entry.stable:
+            self._front.add(entry)
         for ranking in [self._all, *([self._stable, *homes] if entry.stable else [])]:
             ranking.add(entry)
 
     def _evict(self) -> Entry:
         """Drop the lowest reward, of equal ones the least simple, but no start, no elite and no island's best."""
         kept = self._starts | {island.natives[0].hash for island in self._islands if island.natives}
-        kept |= {one.hash for one in self.elites}
+        kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
         lowest = next(one for one in reversed(self._all) if one.hash not in kept)
         for ranking in (self._all, self._stable, self._islands[lowest.island].natives):
             ranking.discard(lowest)
@@ -217,6 +229,8 @@ def _require(settings: SearchSettings) -> None:
         (0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites),
         (0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island),
         (drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn),
+        (0 <= one.front <= 1, "front must be a share from 0 to 1", one.front),
+        (one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size),
         (one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding),
         (0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power),
         (one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population),

@@ -26,7 +26,7 @@ class Verdict:
 
 
 def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: Callable[[str], int | None]) -> Verdict:
-    """Apply the edit, parse, hash, compare with what is known, ask the grammar and the gates, in this order.
+    """Apply the edit, parse, hash, ask the grammar, compare with what is known, ask the gates, in this order.
 
     parent, parent_hash : program and structure of the parent. known : structure hash -> step that has it, or None.
     """
@@ -42,7 +42,11 @@ def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: 
 def judge_program(
     text: str, task: Task, known: Callable[[str], int | None] = lambda _: None, parent_hash: str = ""
 ) -> Verdict:
-    """The same questions about a whole program: parse, hash, compare with what is known, grammar, gates."""
+    """The same questions about a whole program: parse, hash, grammar, compare with what is known, gates.
+
+    The grammar comes first, at a millisecond, since the hash of an illegal diagram does not see all of it (a binding
+    that its kind does not have, say), and "unchanged" would not help whoever wrote that.
+    """
     try:
         diagram = parse_program(text, "the edited program")
     except ProgramError as error:
@@ -52,13 +56,13 @@ def judge_program(
         digest = structure_hash(diagram, task.kinds, equilibrium=task.equilibrium)
     except DiagramError:
         digest = ""  # a kind or port that does not exist: the grammar says which
+    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
+    if violations:
+        return Verdict(Status.ILLEGAL, "; ".join(map(str, violations)), text, digest)
     if digest and digest == parent_hash:
         return Verdict(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
     if digest and (same := known(digest)) is not None:
         return Verdict(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
-    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
-    if violations:
-        return Verdict(Status.ILLEGAL, "; ".join(map(str, violations)), text, digest)
     if reason := implausible(warnings):
         return Verdict(Status.IMPLAUSIBLE, reason, text, digest)
     return Verdict(Status.PENDING, "", text, digest)

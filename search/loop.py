@@ -329,18 +329,19 @@ class Loop:
         return self._odd[step.number]
 
     def _entry(self, step: Step) -> Entry:
-        nrmse, free = float(step.nrmse or 0.0), int(step.free or 0)
+        nrmse, free, odd = float(step.nrmse or 0.0), int(step.free or 0), self._oddities(step)
         return Entry(
             step=step.number,
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free, self._oddities(step)),
+            reward=self.criterion.merit(nrmse, free, odd),
             nrmse=nrmse,
             order=int(step.order or 0),
             free=free,
             stable=bool(step.stable),
             program=step.program,
+            value=self.criterion.merit(nrmse, 0, odd),
         )
 
 

@@ -1,7 +1,7 @@
 """Entries of the archive in order, best first: kept sorted as they come and go, and drawn by rank."""
 
 from bisect import bisect_left, insort
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Entry:
-    """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native."""
+    """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native.
+
+    `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward.
+    """
 
     step: int
     hash: str
@@ -22,6 +25,12 @@ class Entry:
     free: int
     stable: bool
     program: str
+    value: float | None = None
+
+    @property
+    def plain(self) -> float:
+        """What the front weighs against the free numbers."""
+        return self.reward if self.value is None else self.value
 
 
 class Ranking:
@@ -81,10 +90,37 @@ class RankLaw:
         children : step -> admitted children, 0 where it is missing.
         """
         pool = ranking.top(min(most, self._most))
+        return self._drawn(pool, self._weight[: len(pool)], place, children)
+
+    def draw_evenly(self, pool: Sequence[Entry], place: float, children: Mapping[int, int]) -> Entry:
+        """The same from a few entries, whatever their rank."""
+        return self._drawn(pool, np.ones(len(pool)), place, children)
+
+    def _drawn(self, pool: Sequence[Entry], weight: np.ndarray, place: float, children: Mapping[int, int]) -> Entry:
         born = np.array([children.get(one.step, 0) for one in pool])
-        weight = np.cumsum(self._weight[: len(pool)] / (1.0 + born / self._crowding))
-        drawn = int(np.searchsorted(weight, place * weight[-1], side="right"))
-        return pool[min(drawn, len(pool) - 1)]
+        total = np.cumsum(weight / (1.0 + born / self._crowding))
+        return pool[min(int(np.searchsorted(total, place * total[-1], side="right")), len(pool) - 1)]
+
+
+class Front:
+    """For every number of free parameters the best entry, where it beats all that have fewer."""
+
+    def __init__(self) -> None:
+        self._best: dict[int, Entry] = {}
+
+    def add(self, entry: Entry) -> None:
+        """Take note of an entry."""
+        before = self._best.get(entry.free)
+        if before is None or (-entry.plain, entry.order, entry.step) < (-before.plain, before.order, before.step):
+            self._best[entry.free] = entry
+
+    def entries(self, most: int) -> tuple[Entry, ...]:
+        """The front, fewest parameters first; at most that many, those of the highest values."""
+        found: list[Entry] = []
+        for free in sorted(self._best):
+            if not found or self._best[free].plain > found[-1].plain:
+                found.append(self._best[free])
+        return tuple(found[-most:])
 
 
 def _key(entry: Entry) -> tuple[Any, ...]:

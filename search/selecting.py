@@ -57,7 +57,7 @@ def select(
     way : "error": the best by the criterion of the run; "frequencies", "op": of the front, the least error at
     held-out frequencies or operating points. The answer is always stable.
     """
-    front = plain_selection(steps).front[-MOST:]
+    front = plain_selection(steps).front[:MOST]
     numbers = sorted({one.step for one in front} | {best.number})
     by_number = {step.number: step for step in steps}
     found = [_candidate(by_number[number], record_of(number), subject) for number in numbers]

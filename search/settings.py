@@ -13,7 +13,8 @@ class SearchSettings:
     over all islands. `from_elites`, `from_island` : share of parents from the elites and from the active island; the
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
-    elites and within islands; 0 and infinity for all alike.
+    elites and within islands; 0 and infinity for all alike. `front` : share of the draws from the elites that are made
+    along the front of error against free parameters, its `front_size` entries of least error.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
     `bound` : the same for a parameter at the end of its box.
@@ -36,6 +37,8 @@ class SearchSettings:
     migrants: float = 0.1
     rank_power: float = 2.0
     crowding: float = 10.0
+    front: float = 0.5
+    front_size: int = 8
     parsimony: float = 0.05
     layer: float = 3.0
     bound: float = 0.3

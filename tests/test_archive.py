@@ -10,7 +10,7 @@ from ibrid.errors import IbridError
 from search.archive import Archive, Entry
 from search.settings import SearchSettings
 
-SMALL = SearchSettings(population=60, islands=5, elites=8, sweep=40)
+SMALL = SearchSettings(population=60, islands=5, elites=8, sweep=40, front=0.0)
 
 
 def entry(step: int, reward: float = 0.0, island: int = 0, **changes) -> Entry:
@@ -195,6 +195,17 @@ def test_a_parent_with_many_children_is_drawn_less_often():
     assert drawn[1] / 20_000 == pytest.approx(0.2, abs=0.012)  # 1/4 against 1; four standard deviations
 
 
+def test_draws_along_the_front_reach_the_simple_and_the_good():
+    settings = replace(SMALL, from_elites=1.0, from_island=0.0, front=1.0, front_size=3, crowding=np.inf)
+    archive, rng = started(settings, replace(START, reward=-9.0, free=9)), np.random.default_rng(4)
+    for step, reward, free in ((1, 1.0, 3), (2, 2.0, 5), (3, 1.5, 6), (4, 3.0, 8), (5, 0.5, 2), (6, 3.0, 9)):
+        archive.admit(entry(step, reward, free=free))
+    assert [one.step for one in archive.front] == [1, 2, 4]  # 3 and 6 are beaten by simpler ones, 5 is the fourth
+    drawn = Counter(archive.sample(rng, number)[0].step for number in range(9_000))
+    assert drawn.keys() == {1, 2, 4}
+    assert all(count / 9_000 == pytest.approx(1 / 3, abs=0.02) for count in drawn.values())
+
+
 @pytest.mark.parametrize("change", [lambda reward: 1024 * reward, lambda reward: reward - 64, np.arctan])
 def test_selection_sees_the_order_of_rewards_only(change):
     _, children = grown(SMALL, 150)
@@ -275,7 +286,7 @@ def test_an_island_sees_no_more_than_its_part_of_the_population_and_always_its_o
 
 
 def test_the_lowest_reward_goes_first_and_of_equal_ones_the_least_simple():
-    settings = SearchSettings(population=13, islands=2, elites=1, sweep=1000)
+    settings = SearchSettings(population=13, islands=2, elites=1, sweep=1000, front=0.0)
     archive = started(settings)
     archive.admit(entry(1, 9.0, island=0))
     archive.admit(entry(2, 1.0, island=1))
@@ -370,7 +381,7 @@ def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
     # an entry is a structure: no copies, no copies of copies; the cap is filled with different ones
     assert len({one.hash for one in archive.entries}) == len(archive) == min(admitted + 1, population)
     # children are elsewhere than their parents only where a guest was drawn, a small part of the 0.2 island draws
-    assert 0 < crossed < 0.1 * admitted
+    assert 0 < crossed < 0.12 * admitted
     # migrations follow admissions
     assert counts.migrations == counts.admitted // 1000 == admitted // 1000
     # guests are elites too

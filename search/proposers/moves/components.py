@@ -1,6 +1,7 @@
 """Edits of one component: a filter, delay or path added, a block exchanged for another or taken away."""
 
 from collections.abc import Iterator
+from itertools import combinations
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
@@ -267,22 +268,19 @@ def removals(view: View) -> Iterator[Move]:
 
 def twin_removals(view: View) -> Iterator[Move]:
     """Two blocks that share their parameters go together, as they came."""
-    for name, one in view.draft.instances.items():
-        for other, twin in view.draft.instances.items():
-            shared = [value for value in twin.bindings.values() if isinstance(value, str)]
-            if (
-                other != name
-                and one.kind == twin.kind
-                and in_line(view.draft.kind(name))
-                and all(value.split(".")[0] == name for value in shared)
-                and shared
-            ):
+    for one, twin in combinations(view.draft.instances.values(), 2):
+        kind = view.draft.kind(one.name)
+        pairs = [
+            (one.bindings.get(key, f"{one.name}.{key}"), twin.bindings.get(key, f"{twin.name}.{key}"))
+            for key in kind.parameters
+        ]
+        if one.kind == twin.kind and in_line(kind) and pairs and all(a == b for a, b in pairs):
 
-                def change(draft: Draft, name: str = name, other: str = other) -> None:
-                    draft.bypass(other)
-                    draft.bypass(name)
+            def change(draft: Draft, name: str = one.name, other: str = twin.name) -> None:
+                draft.bypass(other)
+                draft.bypass(name)
 
-                yield Move(f"without the {one.kind}s {name} and {other}", change)
+            yield Move(f"without the {one.kind}s {one.name} and {twin.name}", change)
 
 
 def _summing(draft: Draft, target: str) -> str:
