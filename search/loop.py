@@ -131,8 +131,10 @@ class Loop:
 
     @property
     def _at_floor(self) -> bool:
-        """True when the best fits as well as the noise allows, be it with an odd structure."""
-        return self.best is not None and self.criterion.floor.reached(float(self.best.nrmse or 0.0))
+        """True when the best fits as well as the noise allows, without an absurd plant."""
+        best = self.best
+        fits = best is not None and self.criterion.floor.reached(float(best.nrmse or 0.0))
+        return best is not None and fits and not self._oddities(best).absurd
 
     @property
     def _tidying(self) -> bool:
@@ -305,7 +307,7 @@ class Loop:
 
     def _admit(self, step: Step) -> None:
         """Let a valid step into the archive; a start that is not as required is a parent, but no elite."""
-        if step.status is not Status.OK and step.number > 0:
+        if step.status is not Status.OK and not (step.number == 0 and step.status in USABLE):
             return
         entry = self._entry(step)
         if step.number == 0:
@@ -318,8 +320,8 @@ class Loop:
 
     def _rank(self, step: Step) -> tuple[float, int, int]:
         """Of eligible steps the least is the best."""
-        odd = self._oddities(step).total
-        return self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), odd), step.order or 0, step.number
+        value = self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), self._oddities(step))
+        return value, step.order or 0, step.number
 
     def _oddities(self, step: Step) -> Oddities:
         """What is doubtful in a fitted step."""

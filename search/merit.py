@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep
-from search.oddities import Oddities
+from search.oddities import SOUND, Oddities
 from search.settings import SearchSettings
 
 #: Errors up to this count as exact.
@@ -70,15 +70,17 @@ class Criterion:
     layer: float = 0.0
     bound: float = 0.0
 
-    def value(self, nrmse: float, free: int, oddities: int = 0) -> float:
-        """The lower, the better; an oddity counts as two free numbers."""
-        return log(max(nrmse, EXACT)) + self.price * (free / self.alone + 2 * oddities)
+    def value(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
+        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
+        return log(max(nrmse, self._least(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
-    def merit(self, nrmse: float, free: int, odd: Oddities = Oddities()) -> float:  # noqa: B008, frozen
-        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
+    def merit(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
+        """What the archive ranks parents by, the higher, the better."""
         priced = self.parsimony * free + self.bound * odd.at_bound
-        least = DOUBTFUL if odd.absurd else EXACT
-        return reward(max(nrmse, least)) - priced / self.alone - self.layer * odd.missing
+        return reward(max(nrmse, self._least(odd))) - priced / self.alone - self.layer * odd.missing
+
+    def _least(self, odd: Oddities) -> float:
+        return DOUBTFUL if odd.absurd else EXACT
 
 
 #: Price of a free number when the noise is not known: it breaks ties.

@@ -27,6 +27,10 @@ class Oddities:
         return self.missing + self.at_bound + self.absurd
 
 
+#: Nothing to doubt.
+SOUND = Oddities()
+
+
 def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
     """Count them in a fitted diagram."""
     found = roles(diagram, kinds)

@@ -12,7 +12,7 @@ from ibrid.errors import IbridError
 #: Packages whose versions can change a number.
 _PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "scipy")
 #: Options that may differ when a run is resumed.
-FREE = ("budget", "target", "workers", "ray", "wall")
+FREE = ("budget", "target", "workers", "ray", "settings.wall")
 
 
 def run_toml(options: Mapping[str, Any]) -> str:
@@ -36,14 +36,25 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
 
 def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
     """Raise IbridError when options that shape the search differ from those of the run; the same data may lie elsewhere."""
-    wanted = read_run_toml(run_toml(now), "the options")
-    moved = before.get("data_sha256") == wanted.get("data_sha256") is not None
-    for name in sorted((set(before) | set(wanted)) - {"versions", *FREE, *(["data"] if moved else [])}):
-        if before.get(name) != wanted.get(name):
+    made, wanted = _flat(before), _flat(read_run_toml(run_toml(now), "the options"))
+    moved = made.get("data_sha256") == wanted.get("data_sha256") is not None
+    for name in sorted((set(made) | set(wanted)) - {*FREE, *(["data"] if moved else [])}):
+        if made.get(name) != wanted.get(name):
             raise IbridError(
-                f"{where}: the run was made with {name} = {_shown(before.get(name))}, now it is "
+                f"{where}: the run was made with {name} = {_shown(made.get(name))}, now it is "
                 f"{_shown(wanted.get(name))}; resume with the same, or choose another folder"
             )
+
+
+def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by name, those of a table as "table.name"; without the versions."""
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        if isinstance(value, Mapping) and name != "versions":
+            found |= {f"{name}.{key}": inner for key, inner in value.items()}
+        elif name != "versions":
+            found[name] = value
+    return found
 
 
 def _shown(value: Any) -> str:

@@ -1,7 +1,8 @@
 """Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
 
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -109,12 +110,19 @@ def _candidate(step: Step, record: Record, subject: Subject) -> Candidate:
         order=int(step.order or 0),
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
-        holdout=float(np.mean(list(record.holdout.values()))) if record.holdout else None,
+        holdout=_mean_or_none(record.holdout.values()),
         frequencies=_at_held_out_frequencies(record, subject),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=_least_damping(record),
         note=step.note,
     )
+
+
+def _mean_or_none(errors: Iterable[float | None]) -> float | None:
+    """The mean; None without errors, and where one is unknown: the model has no such operating point."""
+    known = [math.nan if error is None else error for error in errors]
+    mean = float(np.mean(known)) if known else math.nan
+    return mean if math.isfinite(mean) else None
 
 
 def _least_damping(record: Record) -> float | None:

@@ -48,7 +48,7 @@ class SearchSettings:
     pruning: float = 0.15
     history: int = 0
     window: int = 8
-    final_pruning: float = 0.15
+    final_pruning: float = 0.1
     patience: int = 200
     lost: int = 3
     wall: float = 60.0

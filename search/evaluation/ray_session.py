@@ -22,10 +22,11 @@ ANSWER = 20.0
 KNOCK = 5.0
 #: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
 SHARED_MEMORY = 80 * 2**20
-#: Tells whether a cluster answers, in a process that can be stopped.
+#: Tells whether a cluster answers, in a process that can be stopped, and which one it is.
 _PROBE = """
-import logging, sys, ray
+import logging, os, sys, ray
 ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICAL)
+print(ray.get_runtime_context().gcs_address, os.environ.get("RAY_AUTH_MODE", ""))
 """
 
 
@@ -55,10 +56,18 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
     """
     if address is not None:
         _look_at(address)
-    ray = _import_ray(local=address is None)
-    if ray.is_initialized():
-        _require_same(ray.get_runtime_context().gcs_address, address)
-        return RaySession(ray, owned=False)
+    if "ray" in sys.modules:
+        ray = _import_ray(local=address is None)
+        if ray.is_initialized():
+            _require_same(ray.get_runtime_context().gcs_address, address)
+            return RaySession(ray, owned=False)
+        if address is not None:
+            _found(address)
+    else:
+        if address is not None:
+            address, mode = _found(address)
+            os.environ.update(mode)
+        ray = _import_ray(local=address is None)
     with _own_signals():
         return _start(ray, workers) if address is None else _connect(ray, address)
 
@@ -129,7 +138,6 @@ def _start(ray: Any, workers: int) -> RaySession:
 
 
 def _connect(ray: Any, address: str) -> RaySession:
-    _probe(address)
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL)
     except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
@@ -137,8 +145,12 @@ def _connect(ray: Any, address: str) -> RaySession:
     return RaySession(ray, owned=True)
 
 
-def _probe(address: str) -> None:
-    """Raise IbridError unless the cluster answers."""
+def _found(address: str) -> tuple[str, dict[str, str]]:
+    """HOST:PORT of the cluster that answers, since "auto" may have several to choose from; IbridError when none does.
+
+    Ray looks for a token by itself for "auto" alone. Where it found one, the environment for connecting to HOST:PORT says
+    so, which Ray reads when it is imported.
+    """
     probe = [sys.executable, "-c", _PROBE, address]
     try:
         done = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER)
@@ -147,9 +159,11 @@ def _probe(address: str) -> None:
         if b"AuthToken" in bytes(error.stderr or b""):
             found = "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the token is in ~/.ray"
         raise _no_cluster(address, found) from None
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if line.strip()]
+    lines = [line for line in (done.stdout if done.returncode == 0 else done.stderr).splitlines() if line.strip()]
+    if done.returncode or not lines:
         raise _no_cluster(address, lines[-1].strip() if lines else f"status {done.returncode}")
+    answer, *mode = lines[-1].split()
+    return answer, {"RAY_AUTH_MODE": mode[0]} if mode else {}
 
 
 def _no_cluster(address: str, found: str) -> IbridError:

@@ -33,6 +33,7 @@ def new_structure(diagram: Diagram, context: Context) -> bool:
     return not violations and not implausible(warnings)
 
 
-def proposal_of(view: View, move: Move, diagram: Diagram) -> Proposal:
-    """The proposal whose edit turns the parent into `diagram`."""
-    return Proposal(edit_between(program_text(view.diagram), program_text(diagram)), note=move.note)
+def proposal_of(view: View, move: Move, diagram: Diagram, family: str = "") -> Proposal:
+    """The proposal whose edit turns the parent into `diagram`; `family` of the edit is kept for statistics."""
+    edit = edit_between(program_text(view.diagram), program_text(diagram))
+    return Proposal(edit, note=move.note, usage={"family": family} if family else {})

@@ -48,7 +48,7 @@ class Rules:
                 move = _popped(options[family], rng)
                 found = edited(view, move)
                 if new_structure(found, context):
-                    return proposal_of(view, move, found)
+                    return proposal_of(view, move, found, family.name)
         return Proposal("", failure="every edit that the rules know leads to a structure met before")
 
 

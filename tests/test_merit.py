@@ -1,0 +1,129 @@
+"""By what candidates rank: laws of the criterion, and the noise floor against noise that was really drawn."""
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+import pytest
+from scripted_search import task
+
+from ibrid.measurement.noise import add_noise
+from ibrid.measurement.sweep import PointSweep, Sweep
+from search.merit import EXACT, Criterion, Floor, criterion, noise_floor
+from search.oddities import Oddities
+from search.settings import SearchSettings
+
+CLEAN = task().sweep
+SETTINGS = SearchSettings(parsimony=0.1, layer=2.0, bound=0.5)
+
+
+def noisy(decibel: float, seed: int = 0, **options) -> Sweep:
+    return add_noise(CLEAN, decibel, rng=np.random.default_rng(seed), **options)
+
+
+def misfit_of_the_truth(sweep: Sweep) -> float:
+    """NRMSE of the clean response against noisy data, mean over operating points."""
+    errors = [
+        np.linalg.norm(noisy.admittance - clean.admittance) / np.linalg.norm(noisy.admittance)
+        for noisy, clean in zip(sweep.points, CLEAN.points, strict=True)
+    ]
+    return float(np.mean(errors))
+
+
+# the noise floor
+
+
+@pytest.mark.parametrize("decibel", [60, 40])
+def test_the_floor_is_what_noise_leaves_of_the_truth(decibel):
+    errors = [misfit_of_the_truth(noisy(decibel, seed)) for seed in range(200)]
+    floor = noise_floor(noisy(decibel))
+    # 200 draws: the mean to 1/14 of a standard deviation, that itself to 5 %
+    assert np.mean(errors) == pytest.approx(floor.nrmse, abs=0.3 * floor.deviation)
+    assert np.std(errors) == pytest.approx(floor.deviation, rel=0.2)
+
+
+def test_the_true_model_reaches_the_floor_and_a_worse_one_does_not():
+    reached = [noise_floor(data).reached(misfit_of_the_truth(data)) for data in (noisy(40, seed) for seed in range(50))]
+    assert np.mean(reached) > 0.9  # two standard deviations
+    floor = noise_floor(noisy(40))
+    assert not floor.reached(1.5 * floor.nrmse)
+
+
+def test_runs_that_were_repeated_tell_the_noise_of_their_mean():
+    one, many = noise_floor(noisy(40)), noise_floor(noisy(40, repeats=16, record_sigma=False))
+    assert many.source == "repeats"
+    assert many.nrmse == pytest.approx(one.nrmse / 4, rel=0.3)  # sigma estimated from 16 runs
+
+
+def test_data_of_unknown_noise_are_as_good_as_exact():
+    assert noise_floor(CLEAN) == Floor(EXACT, 0.0, "unknown noise")
+    some = (noisy(40).points[0], CLEAN.points[1])
+    assert noise_floor(replace(CLEAN, points=some)).source == "unknown noise"
+
+
+def test_no_floor_lies_below_exact():
+    def nearly_clean(point: PointSweep) -> PointSweep:
+        return replace(point, sigma=np.full(point.admittance.shape, 1e-15))
+
+    assert noise_floor(replace(CLEAN, points=tuple(map(nearly_clean, CLEAN.points)))).nrmse == EXACT
+
+
+# the criterion
+
+
+def judged(sweep: Sweep = CLEAN, parameters: str = "shared") -> Criterion:
+    return criterion(sweep, parameters, SETTINGS)
+
+
+def numbers(sweep: Sweep) -> int:
+    return 8 * sum(len(point.frequency) for point in sweep.points)
+
+
+@pytest.mark.parametrize("parameters", ["shared", "per-op"])
+def test_with_known_noise_the_criterion_is_that_of_bayes(parameters):
+    one, count = judged(noisy(40), parameters), numbers(CLEAN)
+    for error, free in ((0.05, 6), (0.01, 12), (0.011, 11)):
+        bayes = count * log(error**2) + free * log(count)
+        assert 2 * count * one.value(error, free) == pytest.approx(bayes)
+
+
+def test_with_unknown_noise_a_free_number_breaks_ties_alone():
+    one = judged()
+    assert one.value(0.010, 30) < one.value(0.011, 3)
+    assert one.value(0.010, 3) < one.value(0.010, 4)
+
+
+def test_exact_fits_are_alike_but_for_their_size():
+    one = judged()
+    assert one.value(1e-12, 5) == one.value(1e-9, 5) == one.value(0.0, 5)
+    assert one.value(1e-9, 5) < one.value(1e-12, 6)
+    assert np.isfinite(one.merit(0.0, 5))
+
+
+def test_an_oddity_counts_against_a_candidate():
+    one = judged()
+    assert one.value(0.01, 5) < one.value(0.01, 5, Oddities(missing=1)) < one.value(0.01, 5, Oddities(1, 1))
+
+
+# the order of the parents
+
+
+def test_parents_rank_by_error_then_by_what_they_lack():
+    one = judged()
+    assert one.merit(0.01, 5) > one.merit(0.02, 5)
+    assert one.merit(0.01, 5) - one.merit(0.01, 6) == pytest.approx(SETTINGS.parsimony)
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(missing=1)) == pytest.approx(SETTINGS.layer)
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(at_bound=2)) == pytest.approx(2 * SETTINGS.bound)
+
+
+def test_numbers_of_each_operating_point_cost_as_much_as_shared_ones():
+    """Each of two points has its own: twice the numbers, and the same price."""
+    assert judged(parameters="per-op").merit(0.01, 10) == pytest.approx(judged().merit(0.01, 5))
+
+
+def test_an_absurd_plant_earns_nothing_by_a_perfect_fit():
+    one = judged()
+    assert one.merit(1e-5, 5, Oddities(absurd=1)) == one.merit(1e-4, 5, Oddities(absurd=1))
+    assert one.merit(1e-5, 5) > one.merit(1e-4, 5)
+    assert one.merit(0.1, 5, Oddities(absurd=1)) == one.merit(0.1, 5)
+    assert one.value(1e-5, 5, Oddities(absurd=1)) == one.value(1e-4, 5, Oddities(absurd=1))
