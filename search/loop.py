@@ -280,13 +280,12 @@ class Loop:
     def _absorb(self, until: int) -> None:
         """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
         while self.absorbed <= until:
-            step = self.steps[self.absorbed]
-            if step.status is Status.PENDING:
-                result = self.evaluator.collect(step.number)
+            while self.steps[self.absorbed].status is Status.PENDING:
+                result = self.evaluator.collect(self.evaluator.first_ended())  # stored as they come, whatever their turn
                 if self.halt_asked:  # compiled code may have made a failure of the interrupt
                     raise KeyboardInterrupt
                 self._conclude(result)
-                step = self.steps[self.absorbed]
+            step = self.steps[self.absorbed]
             self._admit(step)
             self.absorbed += 1
             self.watch(self, step)

@@ -100,6 +100,9 @@ class ScriptedEvaluator:
         self.open[job.number] = job
         self.jobs.append(job)
 
+    def first_ended(self) -> int:
+        return next(iter(self.open))
+
     def collect(self, number: int) -> Result:
         job = self.open.pop(number)
         self.collected.append(number)

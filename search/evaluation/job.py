@@ -56,6 +56,13 @@ class Evaluator(Protocol):
         """Hand over a job; returns at once. IbridError when its number waits already."""
         ...
 
+    def first_ended(self) -> int:
+        """The number of a job that was submitted, has a result and was not collected; blocks until there is one.
+
+        Raises IbridError when nothing waits, or when the workers are gone for good.
+        """
+        ...
+
     def collect(self, number: int) -> Result:
         """The result of that job, once; blocks until it is there and keeps the results of others.
 

@@ -30,6 +30,14 @@ class LocalEvaluator:
         """Keep the job until it is collected; IbridError when its number waits already."""
         self._jobs.add(job)
 
+    def first_ended(self) -> int:
+        """Evaluate the oldest waiting job, unless one has a result already; IbridError when nothing waits."""
+        number = self._jobs.first_with_result()
+        if number is None:
+            number = self._jobs.first_without_result().number
+            self._jobs.settle(self._evaluate(self._jobs.first_without_result()))
+        return number
+
     def collect(self, number: int) -> Result:
         """Evaluate the waiting jobs in the order of their submission up to that one; IbridError when it does not wait."""
         self._jobs.require(number)

@@ -35,6 +35,15 @@ class OpenJobs:
         """True when the job has ended."""
         return number in self._results
 
+    def first_with_result(self) -> int | None:
+        """The number of the oldest job that has ended and was not taken; None when there is none.
+
+        Raises IbridError when no job is open.
+        """
+        if not self._jobs:
+            raise IbridError("no job is open; submit one before asking which has ended")
+        return next((number for number in self._jobs if number in self._results), None)
+
     def first_without_result(self) -> Job:
         """The oldest job that has not ended; there must be one."""
         return next(job for number, job in self._jobs.items() if number not in self._results)

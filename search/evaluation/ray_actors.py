@@ -98,6 +98,16 @@ class RayEvaluator:
             self._turns.add(Attempt(job))
             self._change.notify_all()
 
+    def first_ended(self) -> int:
+        """The number of a job with a result that was not collected; blocks until there is one.
+
+        Raises IbridError when nothing waits, or when there are no workers and none comes.
+        """
+        with self._change:
+            while (number := self._jobs.first_with_result()) is None:
+                self._wait()
+            return number
+
     def collect(self, number: int) -> Result:
         """The result of that job, once; blocks until it is there.
 
@@ -108,9 +118,7 @@ class RayEvaluator:
                 self._jobs.require(number)
                 if self._jobs.has_result(number):
                     return self._jobs.take(number)
-                if not self._serving:
-                    raise IbridError(self._why)
-                self._change.wait(self._time_left())
+                self._wait()
 
     def close(self) -> None:
         """Kill the actors and end what was started for them; again does nothing."""
@@ -133,6 +141,12 @@ class RayEvaluator:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _wait(self) -> None:
+        """Until something changes; IbridError when there are no workers and none comes."""
+        if not self._serving:
+            raise IbridError(self._why)
+        self._change.wait(self._time_left())
 
     def _time_left(self) -> float | None:
         """Seconds until patience ends, None while somebody of the crew is ready."""
