@@ -6,11 +6,11 @@ print(run.best.program)
 
 from importlib import import_module
 
+#: Where the public names live. No module may have one of these names: importing it would put it in the name's place.
 _HOME = {
-    "Run": "search.run",
+    "Run": "search.running",
     "SearchSettings": "search.settings",
-    "open_run": "search.run",
-    "run": "search.run",
+    "run": "search.running",
 }
 
 __all__ = sorted(_HOME)

@@ -281,7 +281,9 @@ class Loop:
         """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
         while self.absorbed <= until:
             while self.steps[self.absorbed].status is Status.PENDING:
-                result = self.evaluator.collect(self.evaluator.first_ended())  # stored as they come, whatever their turn
+                result = self.evaluator.collect(
+                    self.evaluator.first_ended()
+                )  # stored as they come, whatever their turn
                 if self.halt_asked:  # compiled code may have made a failure of the interrupt
                     raise KeyboardInterrupt
                 self._conclude(result)

@@ -13,9 +13,10 @@ import pytest
 import scripted_search
 from scripted_search import (
     NAIVE,
-    Law,
     ScriptedEvaluator,
+    Verdict,
     by_luck,
+    luck,
     luckily_stable,
     naive_record,
     scripted,
@@ -102,7 +103,9 @@ def test_proposal_k_sees_the_results_up_to_k_minus_the_window(path, window, own,
 
 
 def test_with_history_the_best_and_the_last_failures_are_shown_best_and_latest_first(path):
-    law: Law = lambda program: Status.FAILED if "k=0.003" in program or "k=0.005" in program else by_luck(program)  # noqa: E731
+    def law(program: str) -> Verdict:
+        return Status.FAILED if "k=0.003" in program or "k=0.005" in program else 0.1 + luck(program)
+
     proposer = Scripted(numbered)
     ended(path, proposers=((proposer, 1.0),), settings=replace(PLAIN, history=2, window=1), budget=10,
           evaluator=ScriptedEvaluator(law, stable=lambda _: True))  # fmt: skip
@@ -244,7 +247,9 @@ def test_a_dead_server_and_an_unchanged_program_are_not_asked_again(path, answer
 
 
 def test_what_failed_is_never_a_parent_and_never_the_best(path):
-    law: Law = lambda program: Status.FAILED if program != NAIVE and hash(program) % 2 else by_luck(program)  # noqa: E731
+    def law(program: str) -> Verdict:
+        return Status.FAILED if program != NAIVE and luck(program) < 0.5 else by_luck(program)
+
     _, loop = ended(path, evaluator=ScriptedEvaluator(law), budget=40)
     steps = steps_of(path)
     assert Counter(step.status for step in steps)[Status.FAILED] > 5

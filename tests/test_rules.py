@@ -365,7 +365,7 @@ def imported(path: Path) -> set[str]:
 
 
 #: Who needs a textbook program: the naive one, where a run and a sitting begin.
-BEGIN_SOMEWHERE = {"run.py": "textbook_text", "mcp_server.py": "textbook"}
+BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "search.bench")
 OWN = sorted(path for path in SEARCH.rglob("*.py") if path.relative_to(SEARCH).parts[0] != "bench")
 

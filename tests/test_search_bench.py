@@ -94,7 +94,7 @@ def test_the_search_never_gets_the_held_out_point():
     assert sweep.names == inverter("paper_like").sweep.names
     assert folder == FOLDER
     assert options == {
-        "proposer": "rules", "budget": 500, "seed": 3, "workers": 2, "target": 1e-6, "holdout_op": (),
+        "proposer": "rules", "budget": 500, "seed": 3, "workers": 2, "holdout_op": (),
     }  # fmt: skip
 
 
@@ -112,12 +112,10 @@ def test_noise_asks_for_no_less_than_the_refitted_truth_and_has_the_trials_seed(
     sweeps = [one.hidden().sweep.points[0].admittance for one in (noisy, noisy, other)]
     np.testing.assert_array_equal(sweeps[0], sweeps[1])
     assert (sweeps[0] != sweeps[2]).all()
-    assert noisy.target(noisy.hidden()) is None
 
 
 def test_the_papers_table_asks_for_its_error_in_time():
     paper = trial(table="paper")
-    assert paper.target(paper.hidden()) is None
     program = ibrid.program_text(ibrid.textbook("gfl_pll_filter"))
     row = row_of(paper, program)
     # paper mode predicts nothing; the reference value of the contract
@@ -139,7 +137,6 @@ def test_the_error_counts_as_reached_at_the_first_evaluation_with_such_a_best():
 def test_without_a_truth_there_is_no_verdict():
     measured = replace(inverter("l_filter"), program="", values=None)
     one = trial(table="inverters", inverter="l_filter")
-    assert one.target(measured) is None
     fit = ibrid.evaluate(ibrid.parse_program(inverter("l_filter").program), measured.sweep)
     row = score(one, measured, Found(fit.program, fit))
     assert row["success"] is None

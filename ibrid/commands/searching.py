@@ -11,7 +11,7 @@ from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
-    from search.run import Run
+    from search.running import Run
 
 
 def declare(commands: Any) -> None:

@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None, *, search: Search | None = None
 
 
 def _search() -> Search:
-    from search.run import run
+    from search.running import run
 
     return run
 

@@ -29,7 +29,7 @@ Row = dict[str, Any]
 
 
 class Answer(Protocol):
-    """What is read from a `search.run.Run`. `trajectory` : (evaluation, nrmse, best so far); the start is 0."""
+    """What is read from a `search.running.Run`. `trajectory` : (evaluation, nrmse, best so far); the start is 0."""
 
     @property
     def best(self) -> Record | None: ...
@@ -43,7 +43,7 @@ class Answer(Protocol):
     def answer_program(self) -> str: ...
 
 
-#: `search.run.run`, or what stands for it in tests: (sweep, folder, options) -> answer.
+#: `search.run`, or what stands for it in tests: (sweep, folder, options) -> answer.
 Search = Callable[..., Answer]
 
 
@@ -57,7 +57,6 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
         budget=trial.budget,
         seed=trial.seed,
         workers=workers,
-        target=trial.target(hidden),
         holdout_op=(),
         **trial.mode,
     )

@@ -55,7 +55,6 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         budget=budget,
         seed=0,
         workers=workers,
-        target=None,
         holdout_op=(),
         **EXACT_MODE,
     )
