@@ -21,6 +21,7 @@ from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
 from ibrid.modules.control import LPF1_DQ
 from ibrid.modules.vocabulary import VOCABULARY
+from search.evaluation import ray_session
 from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator, Job, Result
 from search.evaluation.local import LocalEvaluator
@@ -32,6 +33,8 @@ from search.step import Status
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about who evaluates, not about the fit.
 QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
+#: Read when Ray is imported, by whichever test does it first.
+os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 #: Seconds: much more than a candidate takes (0.05 s), also on a busy machine.
 WALL = 2.0
 
@@ -243,6 +246,50 @@ def test_a_job_whose_worker_was_lost_comes_before_those_that_have_not_begun():
     assert (again.job.number, again.number, again.alone) == (1, 2, False)
 
 
+# ---------------------------------------------------------------- which Ray
+
+
+@pytest.mark.parametrize(
+    "address", ["ray://127.0.0.1:10001", "http://127.0.0.1:8265", "head", "head:", "127.0.0.1:99999"]
+)
+def test_an_address_that_names_no_head_is_refused(address: str):
+    with pytest.raises(IbridError, match="HOST:PORT of its head"):
+        open_session(1, address)
+
+
+def test_an_address_where_nothing_listens_is_refused_at_once():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+    started = time.monotonic()
+    with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
+        open_session(1, address)
+    assert time.monotonic() - started < 5
+
+
+def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    with pytest.raises(IbridError, match="no Ray cluster runs on this machine"):
+        open_session(1, "auto")
+    (tmp_path / "ray").mkdir()
+    (tmp_path / "ray" / "ray_current_cluster").write_text("left by ray start")
+    with pytest.raises(IbridError, match="found 'left by ray start'"):
+        open_session(1, "auto")
+    monkeypatch.setenv("RAY_ADDRESS", "of a job")
+    with pytest.raises(IbridError, match="found 'of a job'"):
+        open_session(1, "auto")
+
+
+def test_something_that_is_no_cluster_is_given_up_in_time(monkeypatch: pytest.MonkeyPatch):
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    monkeypatch.setattr(ray_session, "ANSWER", 2.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used.*no answer within 2 s"):
+            open_session(1, address)
+
+
 # ---------------------------------------------------------------- on Ray actors
 
 
@@ -382,30 +429,13 @@ def test_another_cluster_beside_the_connected_one_is_refused(session: RaySession
             open_session(1, address)
 
 
-@pytest.mark.parametrize(
-    "address", ["ray://127.0.0.1:10001", "http://127.0.0.1:8265", "head", "head:", "127.0.0.1:99999"]
-)
-def test_an_address_that_names_no_head_is_refused(address: str):
-    with pytest.raises(IbridError, match="HOST:PORT of its head"):
-        open_session(1, address)
-
-
-def test_an_address_where_nothing_listens_is_refused_at_once():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"127.0.0.1:{server.getsockname()[1]}"
-    started = time.monotonic()
-    with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
-        open_session(1, address)
-    assert time.monotonic() - started < 5
-
-
 def test_without_ray_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[ray\]'"):
         open_session(2)
 
 
-#: A search with a Ray of its own, whose terminal gets Ctrl-C in the middle of a job.
+#: A search with a Ray of its own, whose terminal gets Ctrl-C in the middle of a job, and one of whose workers dies.
 INTERRUPTED = """
 import os, signal, sys, time
 from pathlib import Path
@@ -418,19 +448,25 @@ asked = []
 signal.signal(signal.SIGINT, lambda *_: asked.append(True))
 signal.signal(signal.SIGTERM, lambda *_: asked.append(False))
 mine = signal.getsignal(signal.SIGTERM)
-with RayEvaluator(cases.subject(Path(sys.argv[2])), 1) as evaluator:
+with RayEvaluator(cases.subject(Path(sys.argv[2])), 1, lost=1) as evaluator:
     assert signal.getsignal(signal.SIGTERM) is mine
     evaluator.submit(Job(0, cases.program_with("logged")))
     while not evaluator.running:
         time.sleep(0.001)
     os.killpg(0, signal.SIGINT)
     found = evaluator.collect(0)
-    folder = evaluator._session.ray._private.worker._global_node.get_session_dir_path()
+    evaluator.submit(Job(1, cases.program_with("dying")))
+    evaluator.submit(Job(2, cases.NAIVE))
+    assert evaluator.collect(1).outcome == "lost"
+    assert evaluator.collect(2).outcome == "ok"
+    node = evaluator._session.ray._private.worker._global_node
+    assert node.node_ip_address == "127.0.0.1", node.node_ip_address
+    folder = node.get_session_dir_path()
 print(found.outcome.value, found.attempts, asked, folder)
 """
 
 
-def test_a_ray_of_ones_own_finishes_what_is_in_flight_at_ctrl_c_and_leaves_nothing(tmp_path: Path):
+def test_a_ray_of_ones_own_hears_no_ctrl_c_says_nothing_and_leaves_nothing(tmp_path: Path):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
     script = tmp_path / "interrupted.py"
@@ -442,10 +478,12 @@ def test_a_ray_of_ones_own_finishes_what_is_in_flight_at_ctrl_c_and_leaves_nothi
         text=True,
         timeout=300,
         start_new_session=True,
+        env={name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
+    assert len(done.stdout.splitlines()) == 1
     assert done.stdout.startswith("ok 1 [True] ")
     folder = Path(done.stdout.split()[-1])
     assert "ibrid-ray-" in folder.parts[-2]

@@ -9,23 +9,25 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scripted_search import NAIVE, steps_of, task
+from scripted_search import NAIVE, QUICK, steps_of, task
 
 import ibrid
 import search
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import read_record
+from ibrid.fit.settings import FitSettings
 from search.edits import edit_between
+from search.evaluation.assess import Subject
 from search.loop import BUDGET, STOPPED, TARGET
-from search.page import write_run_page
 from search.proposal import Context, Proposal
 from search.report.selection import read_selection
-from search.running import Run
 from search.run_file import read_run_toml
+from search.running import Run
 from search.settings import SearchSettings
 from search.step import EVALUATED, Status
 from search.store import Store
@@ -37,9 +39,18 @@ PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0)
 
 
 @pytest.fixture(autouse=True)
-def _quick_pages(monkeypatch: pytest.MonkeyPatch):
-    """Pages take seconds and have their own tests."""
+def _quick(monkeypatch: pytest.MonkeyPatch):
+    """Pages take seconds and have their own tests; these are about the run, not about the fits."""
     monkeypatch.setattr("search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    monkeypatch.setattr("search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
+    monkeypatch.setattr("search.running.FitSettings", lambda: QUICK)
+
+
+@pytest.fixture
+def real_fits(monkeypatch: pytest.MonkeyPatch):
+    """The fits that a user gets."""
+    monkeypatch.setattr("search.running.Subject", Subject)
+    monkeypatch.setattr("search.running.FitSettings", FitSettings)
 
 
 def ran(folder: Path, **options) -> Run:
@@ -90,12 +101,11 @@ def test_a_run_leaves_the_files_of_the_contract(finished):
     assert finished.evaluations == 8
 
 
-def test_the_page_of_a_run_can_be_written(finished, tmp_path):
-    with Store.open(finished.folder / "archive.sqlite", read_only=True) as store:
-        write_run_page(store, tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+def test_the_page_of_a_run_is_whole(finished):
+    text = (finished.folder / "report.html").read_text(encoding="utf-8")
     assert text.lower().startswith("<!doctype html>")
-    assert "</html>" in text
+    assert text.rstrip().endswith("</html>")
+    assert len(text) < 5_000_000
 
 
 def test_the_best_program_and_its_record_belong_together(finished):
@@ -169,6 +179,7 @@ def test_a_run_works_in_a_folder_that_is_there_and_keeps_what_lies_in_it(tmp_pat
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.usefixtures("real_fits")
 def test_a_budget_of_one_is_the_fit_of_the_start(tmp_path):
     found = ran(tmp_path / "run", budget=1)
     assert found.evaluations == 1
@@ -181,11 +192,12 @@ def test_a_target_ends_a_run(tmp_path):
     assert len([step for step in steps_in(tmp_path / "run") if step.status in EVALUATED]) < 50
 
 
-def test_a_start_of_ones_own_is_where_it_begins(tmp_path):
-    for start in (ibrid.textbook("gfl_l_filter"), ibrid.program_text(ibrid.textbook("gfl_l_filter"))):
-        found = ran(tmp_path / type(start).__name__, start=start, budget=1)
-        assert found.best is not None
-        assert ibrid.compare(found.best.diagram, ibrid.textbook("gfl_l_filter")).same
+@pytest.mark.parametrize("form", [ibrid.parse_program, str])
+def test_a_start_of_ones_own_is_where_it_begins(tmp_path, form):
+    text = NAIVE.replace("Gain_dq", "PI_dq")
+    found = ran(tmp_path / "run", start=form(text), budget=1)
+    assert found.best is not None
+    assert ibrid.compare(found.best.diagram, ibrid.parse_program(text)).same
 
 
 # what the proposer may not know
@@ -320,7 +332,9 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
         ({"proposer": "rules:-1"}, "a weight is a number above zero"),
         ({"proposer": "llm"}, "needs a model"),
         ({"proposer": []}, "at least one proposer"),
-        ({"proposer": 7}, "proposer"),
+        ({"proposer": 7}, "given by name, as an object"),
+        ({"proposer": [(Observer(), float("inf"))]}, "weight above zero"),
+        ({"proposer": [(Observer(), "much")]}, "weight above zero"),
         ({"require": "lively"}, "--require takes"),
         ({"vocabulary": "papr"}, "did you mean paper"),
         ({"equilibrium": "rough"}, "equilibrium"),
@@ -440,16 +454,17 @@ def wait_for(folder: Path, number: int, process: subprocess.Popen[str]) -> None:
     raise AssertionError(f"the run did not come to {number} evaluations: {process.communicate()[1]}")
 
 
+@pytest.mark.usefixtures("real_fits")
 def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_path):
-    process = child(tmp_path / "killed", "--budget", "14")
-    wait_for(tmp_path / "killed", 4, process)
+    process = child(tmp_path / "killed", "--budget", "12")
+    wait_for(tmp_path / "killed", 3, process)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
     assert process.returncode == -signal.SIGKILL
     interrupted = len(steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = search.run(sweep, tmp_path / "killed", budget=14, resume=True)
-    whole = search.run(sweep, tmp_path / "whole", budget=14)
+    again = search.run(sweep, tmp_path / "killed", budget=12, resume=True)
+    whole = search.run(sweep, tmp_path / "whole", budget=12)
     assert interrupted < len(steps_in(tmp_path / "whole"))
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program

@@ -15,7 +15,7 @@ EXACT = "gfl_pll_filter_exact"
 
 
 def test_true_values_are_found_again_at_once():
-    warm = {name: TRUE for name in benchmark().names}
+    warm = dict.fromkeys(benchmark().names, TRUE)
     record = ibrid.evaluate(ibrid.textbook(EXACT), benchmark(), settings=LAZY, warm=warm)
     assert record.nrmse is not None
     assert record.nrmse < 1e-9
@@ -49,9 +49,7 @@ def test_values_outside_their_boxes_are_moved_to_the_edge():
 def test_a_structure_with_an_entry_that_is_always_zero_is_fitted_too():
     """The logarithmic residual of such an entry has no finite value and no slope."""
     sweep = benchmark()
-    points = tuple(
-        dataclasses.replace(one, admittance=one.admittance + 0.1 * np.eye(2)[None]) for one in sweep.points
-    )
+    points = tuple(dataclasses.replace(one, admittance=one.admittance + 0.1 * np.eye(2)[None]) for one in sweep.points)
     diagram = ibrid.parse_program(
         """
 def through(g):

@@ -22,11 +22,10 @@ ANSWER = 20.0
 KNOCK = 5.0
 #: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
 SHARED_MEMORY = 80 * 2**20
-#: Tells whether a cluster answers, in a process that can be stopped, and which one it is.
+#: Tells whether a cluster answers, in a process that can be stopped.
 _PROBE = """
-import logging, os, sys, ray
+import logging, sys, ray
 ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICAL)
-print(ray.get_runtime_context().gcs_address, os.environ.get("RAY_AUTH_MODE", ""))
 """
 
 
@@ -54,28 +53,31 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
 
     Raises IbridError when Ray is not installed, does not start, or no cluster answers.
     """
-    if address is not None:
-        _look_at(address)
-    if "ray" in sys.modules:
-        ray = _import_ray(local=address is None)
-        if ray.is_initialized():
-            _require_same(ray.get_runtime_context().gcs_address, address)
-            return RaySession(ray, owned=False)
-        if address is not None:
-            _found(address)
-    else:
-        if address is not None:
-            address, mode = _found(address)
-            os.environ.update(mode)
-        ray = _import_ray(local=address is None)
+    head = None if address is None else _head(address)
+    if address == "auto" and "ray" not in sys.modules:
+        _use_token()
+    ray = _import_ray(local=address is None)
+    if ray.is_initialized():
+        _require_same(ray.get_runtime_context().gcs_address, head)
+        return RaySession(ray, owned=False)
     with _own_signals():
-        return _start(ray, workers) if address is None else _connect(ray, address)
+        return _start(ray, workers) if head is None else _connect(ray, head)
 
 
-def _look_at(address: str) -> None:
-    """Raise IbridError, at once in most cases, unless the address can be that of a cluster and something listens there."""
+def _head(address: str) -> str:
+    """HOST:PORT of the cluster's head. Raises IbridError, at once in most cases, unless something listens there.
+
+    "auto" is RAY_ADDRESS, which a cluster job has, or else what `ray start` left on this machine. Ray's own "auto" would
+    also take the local Ray of another search.
+    """
     if address == "auto":
-        return
+        note = Path(os.environ.get("RAY_TMPDIR", "/tmp")) / "ray" / "ray_current_cluster"
+        address = os.environ.get("RAY_ADDRESS") or (note.read_text().strip() if note.is_file() else "")
+        if not address:
+            raise IbridError(
+                "no Ray cluster runs on this machine: RAY_ADDRESS is not set and ray start left no address; give the "
+                "HOST:PORT of the cluster's head, or leave --ray out for a Ray of its own"
+            )
     host, _, port = address.rpartition(":")
     if not host or "://" in address or not port.isdigit() or not 0 < int(port) < 65536:
         raise IbridError(
@@ -86,11 +88,19 @@ def _look_at(address: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), timeout=KNOCK).close()
     except OSError as error:
         raise _no_cluster(address, _line(error)) from None
+    return address
+
+
+def _use_token() -> None:
+    """For the cluster of this machine, use its token where there is one, as Ray does; read when Ray is imported."""
+    given = {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)
+    if given or (Path.home() / ".ray" / "auth_token").is_file():
+        os.environ.setdefault("RAY_AUTH_MODE", "token")
 
 
 def _require_same(connected: str, address: str | None) -> None:
     """Raise IbridError when this process is connected to another cluster than the one asked for."""
-    if address not in (None, "auto", connected):
+    if address not in (None, connected):
         raise IbridError(
             f"this process is connected to the Ray at {connected} and cannot use {address} beside it; leave the address "
             "out, or call ray.shutdown() before"
@@ -138,6 +148,7 @@ def _start(ray: Any, workers: int) -> RaySession:
 
 
 def _connect(ray: Any, address: str) -> RaySession:
+    _probe(address)
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL)
     except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
@@ -145,12 +156,8 @@ def _connect(ray: Any, address: str) -> RaySession:
     return RaySession(ray, owned=True)
 
 
-def _found(address: str) -> tuple[str, dict[str, str]]:
-    """HOST:PORT of the cluster that answers, since "auto" may have several to choose from; IbridError when none does.
-
-    Ray looks for a token by itself for "auto" alone. Where it found one, the environment for connecting to HOST:PORT says
-    so, which Ray reads when it is imported.
-    """
+def _probe(address: str) -> None:
+    """Raise IbridError unless the cluster answers."""
     probe = [sys.executable, "-c", _PROBE, address]
     try:
         done = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER)
@@ -159,11 +166,9 @@ def _found(address: str) -> tuple[str, dict[str, str]]:
         if b"AuthToken" in bytes(error.stderr or b""):
             found = "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the token is in ~/.ray"
         raise _no_cluster(address, found) from None
-    lines = [line for line in (done.stdout if done.returncode == 0 else done.stderr).splitlines() if line.strip()]
-    if done.returncode or not lines:
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.strip()]
         raise _no_cluster(address, lines[-1].strip() if lines else f"status {done.returncode}")
-    answer, *mode = lines[-1].split()
-    return answer, {"RAY_AUTH_MODE": mode[0]} if mode else {}
 
 
 def _no_cluster(address: str, found: str) -> IbridError:

@@ -1,6 +1,6 @@
 """Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects of one's own."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ibrid.errors import IbridError, near
 from search.proposal import Proposer
@@ -20,15 +20,21 @@ def choose_proposers(chosen: str | Proposer | Sequence[tuple[Proposer, float]], 
     """
     if isinstance(chosen, str):
         return _parsed(chosen, _makers(models))
-    pairs = [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen)
+    pairs = (
+        [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
+    )
     for one in pairs:
-        if not isinstance(one, tuple) or len(one) != 2 or not isinstance(one[0], Proposer) or not one[1] > 0:
+        if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], Proposer) and _is_weight(one[1])):
             raise IbridError(
                 f"a proposer is given by name, as an object, or as (object, weight above zero), found {one!r:.80}"
             )
     if not pairs:
         raise IbridError("a search needs at least one proposer")
     return tuple(pairs)
+
+
+def _is_weight(weight: object) -> bool:
+    return isinstance(weight, int | float) and 0 < weight < float("inf")
 
 
 def _makers(models: Sequence[str]) -> Mapping[str, Callable[[], Proposer]]:
@@ -59,7 +65,7 @@ def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> Weighted
             weight = float(number) if number else 1.0
         except ValueError:
             weight = 0.0
-        if not 0 < weight < float("inf"):
+        if not _is_weight(weight):
             raise IbridError(f"--proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
         found.append((makers[name](), weight))
     return tuple(found)

@@ -17,6 +17,8 @@ FAMILIES: tuple[Family, ...] = (*SUB_LOOPS, *COMPONENTS, *WIRING)
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2
+#: How much the scale that was asked for raises the weight of a family.
+ASKED = 3.0
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
 
@@ -24,8 +26,8 @@ LEAST_RELEVANCE = 0.1
 class Rules:
     """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
 
-    One edit adds, replaces or removes at most one sub-loop. Edits that lead to an illegal or already known structure
-    are passed over; a scale without any edit left falls back to the others.
+    One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a preference, not a fence: what
+    an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over.
     """
 
     name = "rules"
@@ -41,19 +43,14 @@ class Rules:
         if view is None:
             return Proposal("", failure="the rules know diagrams with exactly one LCL or LFilter; use another proposer")
         bands = residual_bands(context.parent.record)
-        for scale in sorted(LARGEST_FIRST, key=lambda scale: scale != context.scale):
-            options = {family: list(family.moves(view)) for family in self.families if family.scale == scale}
-            while options := {family: moves for family, moves in options.items() if moves}:
-                family = _drawn(list(options), bands, rng)
-                move = _popped(options[family], rng)
-                found = edited(view, move)
-                if new_structure(found, context):
-                    return proposal_of(view, move, found, family.name)
+        options = {family: list(family.moves(view)) for family in self.families}
+        while options := {family: moves for family, moves in options.items() if moves}:
+            family = _drawn(list(options), bands, context.scale, rng)
+            move = _popped(options[family], rng)
+            found = edited(view, move)
+            if new_structure(found, context):
+                return proposal_of(view, move, found, family.name)
         return Proposal("", failure="every edit that the rules know leads to a structure met before")
-
-
-#: The scales, in the order in which they stand in for one that has no edit left.
-LARGEST_FIRST = ("structural", "module", "local")
 
 
 def residual_bands(record: Record) -> np.ndarray:
@@ -79,8 +76,9 @@ def _popped(moves: list[Move], rng: np.random.Generator) -> Move:
     return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
 
 
-def _drawn(families: Sequence[Family], bands: np.ndarray, rng: np.random.Generator) -> Family:
-    weights = np.ones(len(families))
+def _drawn(families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.random.Generator) -> Family:
+    """A family, by how usual it is, how much it matters where the error lies, and whether it has the scale asked for."""
+    weights = np.array([ASKED if one.scale == scale else 1.0 for one in families])
     if rng.random() >= CURIOSITY:
-        weights = np.array([one.weight * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families])
+        weights *= [one.weight * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families]
     return families[int(rng.choice(len(families), p=weights / weights.sum()))]

@@ -297,7 +297,7 @@ SUB_LOOPS = (
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 3.0, _current_loop),
     Family("voltage loop", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _voltage_loop),
     Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 2.0, where_missing(_power_loops, _outer)),
-    Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.5, where_present(_power_loops, _outer)),
+    Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.3, where_present(_power_loops, _outer)),
     Family("voltage magnitude", "structural", (1.0, 0.7, 0.2, 0.1), 0.5, _voltage_magnitude),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),
 )
