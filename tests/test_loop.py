@@ -384,6 +384,32 @@ def test_the_same_seed_gives_the_same_archive_and_another_seed_another(tmp_path)
     assert [step.hash for step in first] != [step.hash for step in other]
 
 
+#: Courses of a run: to the end of the budget, to a target with its tidying, mostly tidying, other windows, chance.
+COURSES = {
+    "budget": {"budget": 20},
+    "target": {"budget": 40, "target": 0.45},
+    "tidying": {"budget": 30, "settings": SearchSettings(final_pruning=0.8), "seed": 2},
+    "one by one": {"budget": 14, "settings": SearchSettings(window=1)},
+    "history": {"budget": 16, "settings": SearchSettings(history=3), "seed": 5},
+    "required": {"budget": 16, "requirements": Requirements(stable=True)},
+}
+
+
+class Backwards(ScriptedEvaluator):
+    """Workers of which the last to begin ends first."""
+
+    def first_ended(self) -> int:
+        return max(self.open)
+
+
+@pytest.mark.parametrize("course", ["budget", "target", "tidying"])
+def test_the_archive_does_not_depend_on_the_order_in_which_results_come(tmp_path, course):
+    paths = [tmp_path / f"{name}.sqlite" for name in ("forwards", "backwards")]
+    for path, evaluator in zip(paths, (ScriptedEvaluator(), Backwards()), strict=True):
+        ended(path, evaluator=evaluator, **COURSES[course])
+    assert steps_of(paths[0]) == steps_of(paths[1])
+
+
 class Killed(Exception):
     """What a test does to a run in place of SIGKILL."""
 
@@ -407,19 +433,11 @@ class Mortal(Store):
             raise Killed
 
 
-#: Courses of a run: to the end of the budget, to a target with its tidying, mostly tidying, other windows, chance.
-COURSES = {
-    "budget": {"budget": 24},
-    "target": {"budget": 60, "target": 0.4},
-    "tidying": {"budget": 40, "settings": SearchSettings(final_pruning=0.8), "seed": 2},
-    "one by one": {"budget": 20, "settings": SearchSettings(window=1)},
-    "history": {"budget": 24, "settings": SearchSettings(history=3), "seed": 5},
-    "required": {"budget": 24, "requirements": Requirements(stable=True)},
-}
-
-
+@pytest.mark.parametrize("evaluator", [ScriptedEvaluator, Backwards], ids=["in turn", "backwards"])
 @pytest.mark.parametrize("course", COURSES)
-def test_a_run_that_is_killed_after_every_single_write_ends_as_if_it_had_not_been(tmp_path, monkeypatch, course):
+def test_a_run_that_is_killed_after_every_single_write_ends_as_if_it_had_not_been(
+    tmp_path, monkeypatch, course, evaluator
+):
     whole, pieces, options = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite", COURSES[course]
     ending, _ = ended(whole, **options)
     monkeypatch.setattr(scripted_search, "Store", Mortal)
@@ -427,7 +445,7 @@ def test_a_run_that_is_killed_after_every_single_write_ends_as_if_it_had_not_bee
     while True:
         Mortal.writes = 0
         try:
-            assert ended(pieces, **options)[0] == ending
+            assert ended(pieces, evaluator=evaluator(), **options)[0] == ending
             break
         except Killed:
             kills += 1

@@ -287,16 +287,16 @@ def _outer(view: View) -> bool:
 
 
 SUB_LOOPS = (
-    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 3.0, where_missing(_plant, _lcl)),
+    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(_plant, _lcl)),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(_plant, _lcl)),
-    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 3.0, where_missing(_synchronisation, _synchronised)),
+    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(_synchronisation, _synchronised)),
     Family(
         "other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, where_present(_synchronisation, _synchronised)
     ),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, _no_synchronisation),
-    Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 3.0, _current_loop),
+    Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, _current_loop),
     Family("voltage loop", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _voltage_loop),
-    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 2.0, where_missing(_power_loops, _outer)),
+    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, where_missing(_power_loops, _outer)),
     Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.3, where_present(_power_loops, _outer)),
     Family("voltage magnitude", "structural", (1.0, 0.7, 0.2, 0.1), 0.5, _voltage_magnitude),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),
