@@ -19,13 +19,14 @@ from scripted_search import NAIVE, QUICK, steps_of, task
 import ibrid
 import search
 from ibrid.errors import IbridError
-from ibrid.evaluation.record import read_record
+from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.settings import FitSettings
 from search.edits import edit_between
 from search.evaluation.assess import Subject
 from search.loop import BUDGET, STOPPED, TARGET
 from search.proposal import Context, Proposal
 from search.report.selection import read_selection
+from search.requirements import Requirements
 from search.run_file import read_run_toml
 from search.running import Run
 from search.settings import SearchSettings
@@ -388,6 +389,23 @@ def test_what_is_required_holds_for_the_answer(tmp_path):
         assert steps[found.selection["answer"]].status is Status.OK
 
 
+def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, monkeypatch):
+    class NotTooGood(Requirements):
+        def unmet(self, record: Record) -> str:
+            return "" if record.nrmse is not None and record.nrmse > 0.99 else "it must be bad"
+
+    monkeypatch.setattr("search.running.FitSettings", FitSettings)  # finds 0.978 where little effort ends at 0.9999
+    monkeypatch.setattr("search.running.parse_requirements", lambda _: NotTooGood())
+    found = ran(tmp_path / "picky", budget=1)
+    monkeypatch.setattr("search.running.parse_requirements", lambda _: Requirements())
+    other = ran(tmp_path / "content", budget=1)
+    assert found.best is not None
+    assert found.best.nrmse is not None
+    assert other.best is not None
+    assert other.best.nrmse is not None
+    assert other.best.nrmse < 0.98 < 0.99 < found.best.nrmse
+
+
 def test_without_a_candidate_that_will_do_there_is_no_answer(tmp_path):
     # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
     found = ran(tmp_path / "run", require="passive:5-5000", budget=1)
@@ -456,16 +474,15 @@ def wait_for(folder: Path, number: int, process: subprocess.Popen[str]) -> None:
 
 @pytest.mark.usefixtures("real_fits")
 def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_path):
-    process = child(tmp_path / "killed", "--budget", "12")
-    wait_for(tmp_path / "killed", 3, process)
+    process = child(tmp_path / "killed", "--budget", "11")
+    wait_for(tmp_path / "killed", 2, process)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
     assert process.returncode == -signal.SIGKILL
-    interrupted = len(steps_in(tmp_path / "killed"))
+    assert any(step.status is Status.PENDING for step in steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = search.run(sweep, tmp_path / "killed", budget=12, resume=True)
-    whole = search.run(sweep, tmp_path / "whole", budget=12)
-    assert interrupted < len(steps_in(tmp_path / "whole"))
+    again = search.run(sweep, tmp_path / "killed", budget=11, resume=True)
+    whole = search.run(sweep, tmp_path / "whole", budget=11)
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program
     assert again.trajectory == whole.trajectory

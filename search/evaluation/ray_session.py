@@ -29,8 +29,13 @@ ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICA
 """
 
 
+#: What a cluster job was sent with, the copy of its folder among it. Ray deletes that copy, the working directory, as soon as
+#: a process that connected with it disconnects.
+_JOB = "RAY_JOB_CONFIG_JSON_ENV_VAR"
+
+
 class RaySession:
-    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here, so that `close` ends it."""
+    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be closed here."""
 
     def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None):
         self.ray = ray
@@ -153,14 +158,17 @@ def _connect(ray: Any, address: str) -> RaySession:
         ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL)
     except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
         raise _no_cluster(address, _line(error)) from None
-    return RaySession(ray, owned=True)
+    return RaySession(ray, owned=_JOB not in os.environ)
 
 
 def _probe(address: str) -> None:
     """Raise IbridError unless the cluster answers."""
     probe = [sys.executable, "-c", _PROBE, address]
+    environment = {name: value for name, value in os.environ.items() if name != _JOB}
     try:
-        done = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER)
+        done = subprocess.run(
+            probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER, env=environment
+        )
     except subprocess.TimeoutExpired as error:
         found = f"no answer within {ANSWER:g} s"
         if b"AuthToken" in bytes(error.stderr or b""):
