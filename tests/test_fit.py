@@ -281,8 +281,8 @@ def test_per_op_a_good_answer_starts_the_next_operating_point():
 
 def test_a_warm_start_at_the_truth_ends_there_without_a_wave():
     problem, wiring = problem_of(ibrid.textbook(EXACT), benchmark())
-    truth = x_of(problem, TRUE)
-    solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0=benchmark().omega_0, warm=truth)
+    warm = [TRUE] * len(benchmark().points)
+    solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0=benchmark().omega_0, warm=warm)
     assert solution is not None
     assert solution.waves == 0
     assert solution.errors.max() < 1e-8

@@ -10,6 +10,7 @@ from fitted import benchmark
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
+from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
@@ -128,3 +129,8 @@ def test_names_instead_of_a_diagram_and_a_sweep_are_one_sentence(wrong):
     diagram, sweep = wrong[0] or ibrid.textbook("naive"), wrong[1] or benchmark()
     with pytest.raises(ibrid.IbridError, match="takes a Diagram and a Sweep"):
         ibrid.evaluate(diagram, sweep)
+
+
+def test_an_earlier_limit_outside_stops_the_block_inside():
+    with pytest.raises(TimeoutError), time_limit(0.1), time_limit(60.0):
+        time.sleep(5.0)

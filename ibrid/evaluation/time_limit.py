@@ -36,7 +36,9 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     began = time.monotonic()
     before = signal.signal(signal.SIGALRM, stop)
-    outer, interval = signal.setitimer(signal.ITIMER_REAL, max(seconds, LEAST), AGAIN)
+    outer, interval = signal.getitimer(signal.ITIMER_REAL)
+    first = min(seconds, outer) if outer > 0 else seconds  # an earlier alarm of the caller stops this block too
+    signal.setitimer(signal.ITIMER_REAL, max(first, LEAST), AGAIN)
     try:
         try:
             armed = True

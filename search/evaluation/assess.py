@@ -12,10 +12,12 @@ from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.structure.program import parse_program
 from search.evaluation.job import Job
 
+#: Limit of a fit (s): far above the wall limit of a candidate, which alone stops it, so that load changes no score.
+BY_THE_WALL = 3600.0
 #: Most candidates get this: one wave of few starts, and the parent's values.
-QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
+QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, seconds=BY_THE_WALL)
 #: What promises something gets this on top.
-THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=1, kicked=16)
+THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=1, kicked=16, seconds=BY_THE_WALL)
 #: An error below this part of its parent's promises something.
 PROMISING = 0.99
 
