@@ -68,7 +68,7 @@ class Loop:
         self.archive = Archive(settings)
         self.steps: list[Step] = []
         self.known: dict[str, int] = {}
-        self.absorbed = 0
+        self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
         self.evaluations = 0
         self.best: Step | None = None
         self.idle = 0
@@ -154,6 +154,7 @@ class Loop:
         for step in self.store.steps():
             self.steps.append(step)
             self._remember(step)
+        self.restored = len(self.steps)
         for step in self.steps:
             if step.status is Status.PENDING:
                 self._submit(step)

@@ -4,6 +4,7 @@ import hashlib
 import signal
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -37,7 +38,7 @@ from search.requirements import parse_requirements
 from search.run_file import read_run_toml, require_same, run_toml
 from search.selecting import WAYS, select, selection_json
 from search.settings import SearchSettings
-from search.step import EVALUATED, Step
+from search.step import EVALUATED, Status, Step
 from search.store import Store
 from search.tally import Tally, counts
 from search.trajectory import improves, milestone, trajectory, trajectory_csv
@@ -294,11 +295,13 @@ def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store) -> None
 
 
 class _Watcher:
-    """Keeps the files of the best and the display up to date as steps are absorbed."""
+    """Keeps the files of the best and the display up to date as steps are absorbed; of those of an earlier sitting it
+    only takes note."""
 
     def __init__(self, store: Store, folder: Path, shown: Progress, budget: int) -> None:
         self.store, self.folder, self.shown, self.budget = store, folder, shown, budget
         self.mark: float | None = None
+        self.counts: Counter[Status] = Counter()
         self.evaluation = 0
         self.started = False
 
@@ -307,15 +310,22 @@ class _Watcher:
             self.started = True
             self.shown.start(self.budget, sum(one.status in EVALUATED for one in loop.steps))
         self.evaluation += step.status in EVALUATED
-        if loop.best is step:
-            self._improved(loop, step)
-        self.shown.update(
-            Snapshot(step.number, self.evaluation, self.mark, Tally.of(counts(loop.steps[: loop.absorbed + 1])))
-        )
+        self.counts[step.status] += step.number > 0
+        if step.number < loop.restored:
+            if loop.best is step and improves(self.mark, step.nrmse or 0.0):
+                self.mark = step.nrmse
+            if step.number == loop.restored - 1 and loop.best is not None:
+                self._keep(loop, loop.best)
+        elif loop.best is step:
+            self._keep(loop, step)
+            self._tell(loop, step)
+        self.shown.update(Snapshot(step.number, self.evaluation, self.mark, Tally.of(self.counts)))
 
-    def _improved(self, loop: Loop, step: Step) -> None:
+    def _keep(self, loop: Loop, step: Step) -> None:
         write_best(self.folder, loop.record(step.number))
         self.store.set_meta("best", str(step.number))
+
+    def _tell(self, loop: Loop, step: Step) -> None:
         before = self.mark
         if not improves(before, step.nrmse or 0.0):
             return  # as good, and simpler

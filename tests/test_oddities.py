@@ -1,0 +1,50 @@
+"""What an engineer doubts in a fitted candidate: layers that are missing, parameters at their bounds, absurd plants."""
+
+from dataclasses import replace
+
+import pytest
+from fitted import TRUE, benchmark
+
+import ibrid
+from ibrid.modules.vocabulary import VOCABULARY
+from search.merit import DOUBTFUL, EXACT, Criterion, Floor
+from search.oddities import SOUND, Oddities, oddities
+
+CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3, parsimony=0.05, layer=3.0, bound=0.3)
+
+
+def record_with(program: str, **changes: float):
+    values = {**TRUE, **{name.replace("__", "."): value for name, value in changes.items()}}
+    diagram = ibrid.textbook(program)
+    record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), restarts=0)
+    return diagram, replace(record, at_bound=(), parameters=dict.fromkeys(benchmark().names, values))
+
+
+def test_the_true_inverter_is_sound():
+    assert oddities(*record_with("gfl_pll_filter_exact"), VOCABULARY) == SOUND
+
+
+@pytest.mark.parametrize("change", [{"plant__L_F": 1.1e-4}, {"plant__R_F": 1.0}, {"plant__C_F": 1e-4}])
+def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
+    assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(absurd=1)
+
+
+def test_a_small_resistance_is_not_absurd():
+    assert oddities(*record_with("gfl_pll_filter_exact", plant__R_F=1e-5), VOCABULARY) == SOUND
+
+
+def test_the_naive_diagram_lacks_every_layer():
+    diagram, record = record_with("naive")
+    assert oddities(diagram, record, VOCABULARY).missing == 3
+
+
+def test_parameters_at_their_bounds_are_counted():
+    diagram, record = record_with("gfl_exact")
+    assert oddities(diagram, replace(record, at_bound=("pll.kP_pll", "current.kI")), VOCABULARY).at_bound == 2
+
+
+def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
+    absurd = Oddities(absurd=1)
+    assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
+    assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(7e-4, 12)  # a sound structure is the answer
+    assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(0.2, 13)  # where nothing fits, the error decides
