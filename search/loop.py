@@ -35,7 +35,7 @@ USABLE = (Status.OK, Status.REQUIRED)
 
 
 @dataclass(frozen=True)
-class Limits:
+class Goal:
     """When to end. `budget` : evaluations, the start included. `target` : NRMSE that is enough; None: the noise floor."""
 
     budget: int
@@ -52,7 +52,7 @@ class Loop:
         evaluator: Evaluator,
         proposers: Sequence[tuple[Proposer, float]],
         settings: SearchSettings,
-        limits: Limits,
+        goal: Goal,
         *,
         seed: int,
         criterion: Criterion,
@@ -61,7 +61,7 @@ class Loop:
     ) -> None:
         _require(settings)
         self.task, self.store, self.evaluator = task, store, evaluator
-        self.proposers, self.settings, self.limits, self.seed = tuple(proposers), settings, limits, seed
+        self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, seed
         self.criterion, self.requirements, self.watch = criterion, requirements, watch
         self.pruning, self.tidying = Pruning(), Pruning(pairs=True)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
@@ -116,7 +116,7 @@ class Loop:
     def _ending(self) -> str | None:
         if self.stop_asked:
             return STOPPED
-        if self.evaluations >= self.limits.budget:
+        if self.evaluations >= self.goal.budget:
             return BUDGET
         return NOTHING_NEW if self.idle >= self.settings.patience else None
 
@@ -125,7 +125,7 @@ class Loop:
         """TARGET or FLOOR when the best step is good enough."""
         if self.best is None or self.best.nrmse is None:
             return None
-        if self.limits.target is not None and self.best.nrmse <= self.limits.target:
+        if self.goal.target is not None and self.best.nrmse <= self.goal.target:
             return TARGET
         return FLOOR if self._at_floor and self._oddities(self.best).total == 0 else None
 
@@ -139,8 +139,8 @@ class Loop:
     @property
     def _tidying(self) -> bool:
         """True in the last part, in which things are only taken away from the best."""
-        kept = int(self.settings.final_pruning * self.limits.budget)
-        return self._at_floor or self._reached is not None or self.evaluations >= self.limits.budget - kept
+        kept = int(self.settings.final_pruning * self.goal.budget)
+        return self._at_floor or self._reached is not None or self.evaluations >= self.goal.budget - kept
 
     def _require_a_start(self) -> None:
         first = self.steps[0]

@@ -26,7 +26,7 @@ from ibrid.writing import write_whole
 from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator
 from search.evaluation.local import LocalEvaluator
-from search.loop import STOPPED, USABLE, Limits, Loop
+from search.loop import STOPPED, USABLE, Goal, Loop
 from search.merit import criterion
 from search.page import write_run_page
 from search.progress import Progress, Snapshot, milestone_row
@@ -34,6 +34,7 @@ from search.proposal import Proposer, Task
 from search.proposers.agent import Agent
 from search.proposers.choose import choose_proposers
 from search.proposers.language_model import LanguageModel
+from search.proposers.spending import Limits
 from search.requirements import parse_requirements
 from search.run_file import read_run_toml, require_same, run_toml
 from search.selecting import WAYS, select, selection_json
@@ -80,6 +81,7 @@ def run(
     start: Diagram | str | None = None,
     proposer: str | Proposer | Sequence[tuple[Proposer, float]] = "rules",
     models: Sequence[str] = (),
+    limits: Limits | None = None,
     budget: int = 500,
     target: float | None = None,
     seed: int = 0,
@@ -104,7 +106,8 @@ def run(
     sweep : measured operating points. folder : where the run lives; refused when it holds one already, unless `resume`.
     start : diagram or program text to begin from; the naive one when not given.
     proposer : "rules", "random", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
-    models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models.
+    models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
+        may spend in the whole run, `search.proposers.spending.Limits`.
     budget : evaluations at most, the start included. target : NRMSE that ends the search; None: only the noise floor does.
     seed : of everything random; the same seed gives the same archive, whatever the number of `workers`.
     workers : 1 evaluates in this process, more on a local Ray. ray : address of a Ray cluster.
@@ -123,7 +126,7 @@ def run(
     plan = make_plan(sweep, parameters, equilibrium, vocabulary, None, None, seed, holdout_op, None)
     first = _program(start)
     require_legal(parse_program(first, "the start"), plan.kinds, equilibrium=equilibrium)
-    proposers = choose_proposers(proposer, models)
+    proposers = choose_proposers(proposer, models, limits)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
     requirements = parse_requirements(require)
@@ -147,7 +150,7 @@ def run(
         watcher = _Watcher(store, folder, shown, budget)
         with _evaluator(subject, workers, ray, settings) as evaluator, shown:
             loop = Loop(
-                task, store, evaluator, proposers, settings, Limits(budget, target), seed=seed, criterion=judged,
+                task, store, evaluator, proposers, settings, Goal(budget, target), seed=seed, criterion=judged,
                 requirements=requirements, watch=watcher,
             )  # fmt: skip
             _remember(proposers, store)

@@ -16,7 +16,7 @@ from ibrid.fit.settings import FitSettings
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
 from search.evaluation.job import Job, Result
-from search.loop import Limits, Loop
+from search.loop import Goal, Loop
 from search.merit import criterion
 from search.proposal import Context, Evaluated, Proposer, Task
 from search.proposers.rules import Rules
@@ -146,7 +146,7 @@ def scripted(
             evaluator or ScriptedEvaluator(),
             proposers or ((Rules(), 1.0),),
             settings,
-            Limits(budget, target),
+            Goal(budget, target),
             seed=seed,
             criterion=criterion(task().sweep, "shared", settings),
             requirements=requirements or Requirements(),

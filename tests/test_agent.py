@@ -24,7 +24,7 @@ from search.proposers.agent_memory import remembered
 from search.proposers.agent_question import AgentSettings
 from search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
 from search.proposers.chat_server import ChatServer
-from search.proposers.language_model import Limits
+from search.proposers.spending import Limits
 from search.step import Status, Step
 
 Said = str | Answer | ChatError | Callable[[Sequence[Message]], Answer]

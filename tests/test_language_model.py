@@ -15,9 +15,10 @@ from search.edits import EditError, apply_edit
 from search.proposal import Complaint, Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.chat import Answer
 from search.proposers.chat_server import ChatServer
-from search.proposers.language_model import LanguageModel, Limits, read_answer
+from search.proposers.language_model import LanguageModel, read_answer
 from search.proposers.local_model import LocalModel
 from search.proposers.model_names import model_of
+from search.proposers.spending import Limits
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 
@@ -232,7 +233,7 @@ def test_a_limit_of_the_run_ends_the_questions(context, limits, usage, answers):
 def test_a_run_that_resumes_counts_what_was_spent_before(context):
     proposer = LanguageModel([(Told("told"), 1.0)], limits=Limits(tokens=100))
     proposer.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
-    assert proposer.spent == {"tokens": 100, "cost": 0.0, "seconds": 0.0}
+    assert proposer.spending.spent == {"tokens": 100, "cost": 0.0, "seconds": 0.0}
     assert proposer.propose(context, np.random.default_rng(0)).failure
 
 

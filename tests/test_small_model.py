@@ -150,7 +150,7 @@ def test_a_model_on_a_real_server_answers_the_question(server, folder, context, 
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
     proposer = LanguageModel.from_options([f"{folder}@{server}"], max_tokens=16, timeout=300.0, retries=0)
     check(proposer.propose(context, np.random.default_rng(0)))
-    assert proposer.spent["tokens"] > 1500
+    assert proposer.spending.spent["tokens"] > 1500
 
 
 def test_a_model_that_a_real_server_lacks_is_one_sentence(server, context):

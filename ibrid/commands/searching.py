@@ -33,6 +33,10 @@ def declare(commands: Any) -> None:
         help="for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
         "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY",
     )
+    for name, unit in (("tokens", "tokens in and out"), ("cost", "cost"), ("seconds", "seconds of waiting")):
+        search.add_argument(
+            f"--model-{name}", type=inputs.positive, metavar="X", help=f"{unit} that language models may take in all"
+        )
     search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
     search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
@@ -80,7 +84,10 @@ def run_search(arguments: Namespace) -> int:
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 
+    from math import inf
+
     import search
+    from search.proposers.spending import Limits
 
     try:
         found = search.run(
@@ -89,6 +96,11 @@ def run_search(arguments: Namespace) -> int:
             start=start,
             proposer=arguments.proposer,
             models=arguments.model,
+            limits=Limits(
+                tokens=arguments.model_tokens or inf,
+                cost=arguments.model_cost or inf,
+                seconds=arguments.model_seconds or inf,
+            ),
             budget=arguments.budget,
             target=arguments.target,
             seed=arguments.seed,

@@ -15,9 +15,8 @@ from search.proposers.agent_question import AgentSettings, question
 from search.proposers.agent_turn import Turn
 from search.proposers.agent_view import History, View
 from search.proposers.chat import Chat
-from search.proposers.language_model import Limits
 from search.proposers.model_names import model_of
-from search.proposers.spending import Spending
+from search.proposers.spending import Limits, Spending
 from search.step import Step
 
 

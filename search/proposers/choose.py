@@ -8,18 +8,21 @@ from search.proposers.agent import Agent
 from search.proposers.language_model import LanguageModel
 from search.proposers.random_edits import RandomEdits
 from search.proposers.rules import Rules
+from search.proposers.spending import Limits
 
 Weighted = tuple[tuple[Proposer, float], ...]
 
 
-def choose_proposers(chosen: str | Proposer | Sequence[tuple[Proposer, float]], models: Sequence[str] = ()) -> Weighted:
+def choose_proposers(
+    chosen: str | Proposer | Sequence[tuple[Proposer, float]], models: Sequence[str] = (), limits: Limits | None = None
+) -> Weighted:
     """Proposers with their weights.
 
-    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models : for "llm" and "agent".
+    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits : for "llm" and "agent".
     Raises IbridError for an unknown name, a weight that is not positive, or models that are missing or not usable.
     """
     if isinstance(chosen, str):
-        return _parsed(chosen, _makers(models))
+        return _parsed(chosen, _makers(models, limits))
     pairs = (
         [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
     )
@@ -37,12 +40,12 @@ def _is_weight(weight: object) -> bool:
     return isinstance(weight, int | float) and 0 < weight < float("inf")
 
 
-def _makers(models: Sequence[str]) -> Mapping[str, Callable[[], Proposer]]:
+def _makers(models: Sequence[str], limits: Limits | None) -> Mapping[str, Callable[[], Proposer]]:
     return {
         "rules": Rules,
         "random": RandomEdits,
-        "llm": lambda: LanguageModel.from_options(_required(models, "llm")),
-        "agent": lambda: Agent.from_options(_required(models, "agent")),
+        "llm": lambda: LanguageModel.from_options(_required(models, "llm"), limits=limits),
+        "agent": lambda: Agent.from_options(_required(models, "agent"), limits=limits),
     }
 
 

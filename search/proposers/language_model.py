@@ -1,8 +1,6 @@
 """The proposer `llm`: one question to a language model, one edit; several models with weights, limits for the whole run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -14,29 +12,16 @@ from search.proposal import Context, Proposal
 from search.proposers.chat import LONGEST_ANSWER, Chat, ChatError, estimated_tokens
 from search.proposers.local_model import LocalModel
 from search.proposers.model_names import model_of
+from search.proposers.spending import Limits, Spending
 
 _CHANGE = "change:"
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;
-    seconds of waiting for answers."""
-
-    tokens: float = inf
-    cost: float = inf
-    seconds: float = inf
-
-    def __post_init__(self) -> None:
-        if not all(one > 0 for one in (self.tokens, self.cost, self.seconds)):
-            raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
 
 
 class LanguageModel:
     """Asks a model for an edit of the parent; a proposer in the sense of `search.proposal`.
 
     `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one
-    question, see `search.context.prompt`. `spent` : tokens, cost and seconds so far.
+    question, see `search.context.prompt`. `spending` : tokens, cost and seconds so far.
     """
 
     name = "llm"
@@ -57,9 +42,8 @@ class LanguageModel:
             )
         self.models = tuple(chat for chat, _ in models)
         self.weights = weights / weights.sum()
-        self.limits = limits or Limits()
         self.prompt_tokens = prompt_tokens
-        self.spent: dict[str, float] = {"tokens": 0, "cost": 0.0, "seconds": 0.0}
+        self.spending = Spending(limits)
 
     @classmethod
     def from_options(
@@ -78,21 +62,14 @@ class LanguageModel:
 
     def count(self, usage: Mapping[str, Any]) -> None:
         """Count what an answer has cost; a run that resumes does so for the steps of its store."""
-        for name in ("prompt_tokens", "completion_tokens", "cost", "seconds"):
-            value = usage.get(name, 0)
-            if isinstance(value, int | float) and 0 <= value < inf:
-                self.spent["tokens" if name.endswith("tokens") else name] += value
+        self.spending.count(usage)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; a failure in one sentence for whatever a server or a model does wrong."""
         chat = self.models[int(rng.choice(len(self.models), p=self.weights))]
         seed = int(rng.integers(2**31))
-        for name, unit in (("tokens", "tokens"), ("cost", "of cost"), ("seconds", "s")):
-            limit = getattr(self.limits, name)
-            if self.spent[name] >= limit:
-                return Proposal(
-                    "", failure=f"the limit of {limit:g} {unit} of this run is spent; raise it or use another proposer"
-                )
+        if self.spending.over:
+            return Proposal("", failure=self.spending.over)
         try:
             count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
             answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens, count=count), rng_seed=seed)

@@ -1,12 +1,27 @@
 """What language models may cost a run, and what they have cost so far."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-from search.proposers.language_model import Limits
+from ibrid.errors import IbridError
 
 _UNITS = {"tokens": "tokens", "cost": "of cost", "seconds": "s"}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;
+    seconds of waiting for answers."""
+
+    tokens: float = inf
+    cost: float = inf
+    seconds: float = inf
+
+    def __post_init__(self) -> None:
+        if not all(one > 0 for one in (self.tokens, self.cost, self.seconds)):
+            raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
 
 
 class Spending:
