@@ -41,7 +41,7 @@ def declare(commands: Any) -> None:
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
     search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
     search.add_argument("--workers", type=inputs.natural, metavar="N", help="evaluate on so many cores (all)")
-    search.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster, such as auto or ray://host:10001")
+    search.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster: auto, or HEAD:6379")
     search.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
     search.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
     search.add_argument("--parameters", default="shared", help="shared (default) | per-op")
@@ -56,7 +56,9 @@ def declare(commands: Any) -> None:
         "--choose", default="error", help="the answer by: error (default) | frequencies | op, the latter held out"
     )
     search.add_argument("--truth", metavar="PROGRAM", help="shown beside the answer; the search does not see it")
-    search.add_argument("--learn", action="store_true", help="train the proposer on the way")
+    search.add_argument(
+        "--learn", action="store_true", help="train the proposer on the way (no proposer of this version learns)"
+    )
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
     tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
