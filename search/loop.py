@@ -282,9 +282,8 @@ class Loop:
         """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
         while self.absorbed <= until:
             while self.steps[self.absorbed].status is Status.PENDING:
-                result = self.evaluator.collect(
-                    self.evaluator.first_ended()
-                )  # stored as they come, whatever their turn
+                ended = self.evaluator.first_ended()  # results are stored as they come, whatever their turn
+                result = self.evaluator.collect(ended)
                 if self.halt_asked:  # compiled code may have made a failure of the interrupt
                     raise KeyboardInterrupt
                 self._conclude(result)
@@ -378,4 +377,6 @@ _WORTH_ANOTHER_TRY = (
     Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE, Status.ILLEGAL, Status.IMPLAUSIBLE,
 )  # fmt: skip
 #: What a proposer can learn from.
-_INSTRUCTIVE = (*_WORTH_ANOTHER_TRY, Status.UNCHANGED, Status.DUPLICATE, Status.FAILED, Status.REQUIRED)
+_INSTRUCTIVE = (
+    *_WORTH_ANOTHER_TRY, Status.UNCHANGED, Status.DUPLICATE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED,
+)  # fmt: skip

@@ -28,13 +28,15 @@ from search.evaluation.job import Evaluator
 from search.evaluation.local import LocalEvaluator
 from search.loop import STOPPED, USABLE, Goal, Loop
 from search.merit import criterion
-from search.page import write_run_page
+from search.page import ARCHIVE, write_run_page
+from search.page import FILE as PAGE
 from search.progress import Progress, Snapshot, milestone_row
 from search.proposal import Proposer, Task
 from search.proposers.agent import Agent
 from search.proposers.choose import choose_proposers
 from search.proposers.language_model import LanguageModel
 from search.proposers.spending import Limits
+from search.report.selection import FILE as SELECTION
 from search.requirements import parse_requirements
 from search.run_file import read_run_toml, require_same, run_toml
 from search.selecting import WAYS, select, selection_json
@@ -44,8 +46,7 @@ from search.store import Store
 from search.tally import Tally, counts
 from search.trajectory import improves, milestone, trajectory, trajectory_csv
 
-ARCHIVE, RUN_TOML, BEST_PROGRAM, BEST_RECORD = "archive.sqlite", "run.toml", "best.py", "best.json"
-TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
+RUN_TOML, BEST_PROGRAM, BEST_RECORD, TRAJECTORY = "run.toml", "best.py", "best.json", "trajectory.csv"
 #: What SQLite and the store keep beside the archive.
 BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
 

@@ -16,6 +16,7 @@ from search.merit import EXACT, Criterion
 from search.report.selection import plain_selection
 from search.requirements import passivity_index
 from search.step import Step
+from search.trajectory import eligible
 
 #: Structures of the front that are looked at closely, the least errors first.
 MOST = 10
@@ -64,11 +65,7 @@ def select(
     found = [_candidate(by_number[number], record_of(number), subject) for number in numbers]
     answer, why = _chosen(found, best, way)
     limit = ALIKE * max(float(best.nrmse or 0.0), EXACT, criterion.floor.nrmse + 2 * criterion.floor.deviation)
-    alike = [
-        step.number
-        for step in steps
-        if step.status == "ok" and step.stable and step.nrmse is not None and step.nrmse <= limit
-    ]
+    alike = [step.number for step in steps if eligible(step) and float(step.nrmse or 0.0) <= limit]
     record = record_of(answer)
     return {
         "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],

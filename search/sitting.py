@@ -1,6 +1,5 @@
 """The logbook of a sitting: in memory alone, or in a folder where the next sitting on the same data goes on."""
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -8,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.csv_file import sweep_csv
 from ibrid.writing import write_whole
 from search.logbook import Effort, Logbook
 from search.proposal import Task
@@ -37,19 +35,11 @@ def open_logbook(task: Task, effort: Effort, folder: Path | None, start: str) ->
         "seed": effort.seed,
         "holdout_op": list(effort.holdout_op),
     }
-    texts = {"data": sweep_text(task.sweep), "start": start, "truth": ""}
+    texts = {"data": sweep_csv(task.sweep), "start": start, "truth": ""}
     with _store(Path(folder), texts, options) as store:
         for step in store.pending():
             store.conclude(step.number, status=Status.LOST, reason=_STOPPED)
         yield Logbook(task, effort=effort, store=store, folder=Path(folder), steps=tuple(store.steps()))
-
-
-def sweep_text(sweep: Sweep) -> str:
-    """The sweep as the text of a CSV file."""
-    with tempfile.TemporaryDirectory(prefix="ibrid-") as place:
-        path = Path(place) / "data.csv"
-        write_sweep(sweep, path)
-        return path.read_text(encoding="utf-8")
 
 
 def _store(folder: Path, texts: dict[str, str], options: dict[str, Any]) -> Store:

@@ -22,8 +22,11 @@ def _plant(view: View) -> Iterator[Move]:
                     draft.disconnect(f"{plant}.i_g", target)
                     draft.connect(f"{plant}.i_ti", target)
 
+        def grid_side(draft: Draft) -> None:
+            _other_plant(draft, roles, "LCL")
+
         yield Move("LCL filter instead of the L filter, control of the converter current", converter_side)
-        yield Move("LCL filter instead of the L filter, control of the grid current", lambda d: _swap(d, roles, "LCL"))
+        yield Move("LCL filter instead of the L filter, control of the grid current", grid_side)
     if roles.lcl and view.known("LFilter"):
 
         def single(draft: Draft) -> None:
@@ -32,10 +35,6 @@ def _plant(view: View) -> Iterator[Move]:
             _other_plant(draft, roles, "LFilter")
 
         yield Move("L filter instead of the LCL filter", single)
-
-
-def _swap(draft: Draft, roles: Roles, kind: str) -> None:
-    _other_plant(draft, roles, kind)
 
 
 def _other_plant(draft: Draft, roles: Roles, kind: str) -> str:
