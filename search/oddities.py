@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.roles import roles
 from ibrid.structure.wiring import PLANT
-from search.roles import roles
 
 #: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
 ABSURD = 30.0

@@ -6,7 +6,7 @@ import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations, warnings
-from search.drafting import Draft
+from ibrid.structure.drafting import Draft
 
 GFL = ibrid.textbook("gfl_pll_filter_exact")
 

@@ -26,6 +26,7 @@ from scripted_search import (
 
 import ibrid
 from ibrid.errors import IbridError
+from ibrid.structure.roles import roles
 from search.edits import edit_between
 from search.evaluation.job import Result
 from search.loop import BUDGET, FLOOR, NOTHING_NEW, STOPPED, TARGET, Loop
@@ -33,7 +34,6 @@ from search.proposal import Context, Proposal
 from search.proposers.random_edits import RandomEdits
 from search.proposers.rules import Rules
 from search.requirements import Requirements
-from search.roles import roles
 from search.settings import SearchSettings
 from search.step import EVALUATED, REFUSED, Status, Step
 from search.store import Store

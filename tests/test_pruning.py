@@ -10,7 +10,7 @@ import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
-from search.drafting import Draft
+from ibrid.structure.drafting import Draft
 from search.edits import apply_edit
 from search.proposal import Proposal
 from search.proposers.moves.family import view_of

@@ -4,9 +4,9 @@ import pytest
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.structure.drafting import Draft
+from ibrid.structure.roles import Roles, roles
 from search.bench.inverters import inverter
-from search.drafting import Draft
-from search.roles import Roles, roles
 
 GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name != "naive"]
 

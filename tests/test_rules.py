@@ -17,15 +17,15 @@ from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
 from ibrid.signals import Signal
 from ibrid.structure.canonical import structure_hash
+from ibrid.structure.drafting import Draft
+from ibrid.structure.roles import Roles, roles
 from search.bench.inverters import DIAGRAMS, inverter
-from search.drafting import Draft
 from search.edits import apply_edit
 from search.gates import implausible
 from search.proposal import SCALES, Proposal
 from search.proposers.edited import edited
 from search.proposers.moves.family import Move, view_of
 from search.proposers.rules import FAMILIES, Rules, residual_bands
-from search.roles import Roles, roles
 
 SEARCH = Path(__file__).resolve().parents[1] / "search"
 #: An engineer's edit is no larger than this: a droop with its rotations has seven blocks.
@@ -397,7 +397,8 @@ def test_a_run_begins_with_the_naive_program_and_no_other(name):
 OFFLINE = [
     *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning", "edited")),
     *sorted((SEARCH / "proposers" / "moves").glob("*.py")),
-    *(SEARCH / f"{name}.py" for name in ("drafting", "roles", "gates")),
+    *(SEARCH.parent / "ibrid" / "structure" / f"{name}.py" for name in ("drafting", "roles")),
+    SEARCH / "gates.py",
 ]
 
 

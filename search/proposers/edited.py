@@ -4,8 +4,8 @@ from ibrid.errors import DiagramError
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.drafting import Draft
 from ibrid.structure.program import program_text
-from search.drafting import Draft
 from search.edits import edit_between
 from search.gates import implausible
 from search.proposal import Context, Proposal

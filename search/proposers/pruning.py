@@ -8,8 +8,8 @@ from itertools import chain, combinations, starmap
 import numpy as np
 
 from ibrid.evaluation.record import Record
+from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
 from search.proposers.moves.components import removals, twin_removals

@@ -5,9 +5,9 @@ import numpy as np
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
+from ibrid.structure.drafting import Draft
 from ibrid.structure.program import program_text
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 from search.edits import edit_between
 from search.proposal import Context, Proposal
 from search.proposers.edited import new_structure

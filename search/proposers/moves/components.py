@@ -6,8 +6,8 @@ from itertools import combinations
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
+from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 from search.proposers.moves.family import Family, Move, View, where_missing, where_present
 
 #: Blocks that shape a signal on its way, most usual first.

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
-from search.drafting import Draft
-from search.roles import Roles, roles
+from ibrid.structure.drafting import Draft
+from ibrid.structure.roles import Roles, roles
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.drafting import Draft
+from ibrid.structure.roles import Roles
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 from search.proposers.moves.family import Family, Move, View, where_missing, where_present
-from search.roles import Roles
 
 
 def _plant(view: View) -> Iterator[Move]:

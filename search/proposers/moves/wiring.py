@@ -5,8 +5,8 @@ from itertools import combinations
 
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 from search.proposers.moves.family import Family, Move, View
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
+from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from search.drafting import Draft
 
 #: Kinds that can regulate a dq error, and a scalar one.
 REGULATORS_DQ, REGULATORS = ("PI_dq", "Gain_dq"), ("PI", "Gain", "Integrator")
