@@ -37,7 +37,7 @@ class SearchSettings:
     migrants: float = 0.1
     rank_power: float = 2.0
     crowding: float = 10.0
-    front: float = 0.5
+    front: float = 1.0
     front_size: int = 8
     parsimony: float = 0.05
     layer: float = 3.0

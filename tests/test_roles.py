@@ -81,6 +81,16 @@ def test_a_current_loop_on_the_grid_current_is_one_too():
     assert changed(other_current).current_loop == "current"
 
 
+def test_loops_that_drive_the_command_past_the_current_loop_are_not_its_outer_loops():
+    def past_the_current_loop(draft: Draft) -> None:
+        draft.disconnect("i_ref.out", "current.in_")
+        draft.connect("i_ref.out", "plant.u_r")
+
+    found = changed(past_the_current_loop)
+    assert (found.current_loop, found.outer) == ("current", ())
+    assert found.missing_layers == 1
+
+
 def test_a_regulator_that_adds_its_measurement_is_no_feedback_loop():
     def wrong_sign(draft: Draft) -> None:
         draft.disconnect("plant.i_ti", "minus_i.in_")

@@ -63,9 +63,14 @@ class Draft:
             if carried is signal
         ]
 
-    def upstream(self, port: str) -> set[str]:
-        """Modules from which an input or output can be reached, its own module left out for an input."""
+    def upstream(self, port: str, *, without: str | None = None) -> set[str]:
+        """Modules from which an input or output can be reached, its own module left out for an input.
+
+        without : a module through which no path counts.
+        """
         graph = self._graph()
+        if without is not None:
+            graph.remove_edges_from(list(graph.out_edges(without)))
         name, inner = split_port(port)
         if name and inner in self.kind(name).outputs:
             return (nx.ancestors(graph, name) | {name}) & set(self.instances)

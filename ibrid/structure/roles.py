@@ -58,7 +58,7 @@ def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
     voltage_loop = _regulator(draft, reference, (voltage,), apart_from=current_loop)
     makers = [split_port(one)[0] for one in draft.sources(f"{plant}.delta_omega")]
     frequency = next((name for name in makers if name and draft.instances[name].kind != "ConstZero"), None)
-    packs = [name for name in draft.named("PackDQ") if name in draft.upstream(reference)]
+    packs = [name for name in draft.named("PackDQ") if name in draft.upstream(reference, without=plant)]
     outer = [
         name
         for name in draft.instances

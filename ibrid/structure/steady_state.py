@@ -1,14 +1,15 @@
 """Which signals of a diagram have an operating point that follows from the plant, whatever the controller contains.
 
 It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC
-gain of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either.
+gain of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either. What drives
+the plant's command comes from behind integrators, but together it rests where the plant's u_r does.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ibrid.modules.kind import ModuleKind
-from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 
@@ -17,11 +18,17 @@ class Steady:
     """Signals at rest.
 
     `order` : modules whose outputs follow from the plant, each after the modules that it needs; the plant itself is not
-    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant.
+    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant. `command` :
+    inputs that have the plant's u_r at rest, since the same sources drive them.
     """
 
     order: tuple[str, ...]
     known: frozenset[str]
+    command: frozenset[str]
+
+    def follows(self, wiring: Wiring, port: str) -> bool:
+        """True when the operating point at an input is known."""
+        return port in self.command or self.known.issuperset(wiring.sources.get(port, ()))
 
 
 def carries(kind: ModuleKind) -> bool:
@@ -40,16 +47,34 @@ def steady_inputs(kind: ModuleKind) -> tuple[str, ...]:
     return tuple(port for port in kind.inputs if port in kind.equilibrium_ports) or tuple(kind.inputs)
 
 
+def command_inputs(wiring: Wiring) -> frozenset[str]:
+    """Inputs of other modules that the sources of the plant's command drive, all of them and nothing else."""
+    command = f"{wiring.plant}.u_r"
+    sources = set(wiring.sources.get(command, ()))
+    alike = (target for target, found in wiring.sources.items() if sources and set(found) == sources)
+    return frozenset(target for target in alike if target not in (command, TERMINAL_CURRENT))
+
+
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
     known = {TERMINAL_VOLTAGE}
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
             known.update(f"{name}.{port}" for port in kind.outputs)
+    order = _carried(wiring, known, frozenset())
+    if known.issuperset(wiring.sources.get(f"{wiring.plant}.u_r", ())):
+        return Steady(order, frozenset(known), frozenset())
+    command = command_inputs(wiring)
+    return Steady((*order, *_carried(wiring, known, command)), frozenset(known), command)
+
+
+def _carried(wiring: Wiring, known: set[str], command: frozenset[str]) -> tuple[str, ...]:
+    """Add to `known` the outputs that follow from it and from `command`; their modules, each after those it needs."""
     waiting: dict[str, set[str]] = {}
     for name, kind in wiring.kinds.items():
-        if carries(kind):
-            needed = (source for port in steady_inputs(kind) for source in wiring.sources[f"{name}.{port}"])
+        if carries(kind) and not known.issuperset(f"{name}.{port}" for port in kind.outputs):
+            ports = (f"{name}.{port}" for port in steady_inputs(kind))
+            needed = (source for port in ports if port not in command for source in wiring.sources[port])
             waiting[name] = {source for source in needed if source not in known}
     users: dict[str, list[str]] = {}
     for name, sources in waiting.items():
@@ -64,25 +89,25 @@ def steady_order(wiring: Wiring) -> Steady:
                 waiting[user].discard(source)
                 if not waiting[user]:
                     order.append(user)
-    return Steady(tuple(order), frozenset(known))
+    return tuple(order)
 
 
 def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
     """(instance, port) wherever a module needs the operating point of a signal that does not follow from the plant."""
-    known = (steady or steady_order(wiring)).known
+    steady = steady or steady_order(wiring)
     return tuple(
         (name, port)
         for name, kind in wiring.kinds.items()
         if kind.family != PLANT
         for port in kind.equilibrium_ports
-        if not known.issuperset(wiring.sources.get(f"{name}.{port}", ()))
+        if not steady.follows(wiring, f"{name}.{port}")
     )
 
 
 def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | None:
     """The nearest module upstream of an input at which its operating point is lost; None when that is a loop."""
-    known = (steady or steady_order(wiring)).known
-    front, seen = list(_unknown(wiring, port, known)), set[str]()
+    steady = steady or steady_order(wiring)
+    front, seen = list(_unknown(wiring, port, steady)), set[str]()
     for name in front:  # breadth first; grows while it is walked
         if name in seen:
             continue
@@ -91,9 +116,10 @@ def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | No
         if not carries(kind):
             return name
         for one in steady_inputs(kind):
-            front += _unknown(wiring, f"{name}.{one}", known)
+            front += _unknown(wiring, f"{name}.{one}", steady)
     return None
 
 
-def _unknown(wiring: Wiring, port: str, known: frozenset[str]) -> Iterator[str]:
-    return (split_port(source)[0] for source in wiring.sources[port] if source not in known)
+def _unknown(wiring: Wiring, port: str, steady: Steady) -> Iterator[str]:
+    sources = () if port in steady.command else wiring.sources[port]
+    return (split_port(source)[0] for source in sources if source not in steady.known)

@@ -19,6 +19,8 @@ FAMILIES: tuple[Family, ...] = (*SUB_LOOPS, *COMPONENTS, *WIRING)
 CURIOSITY = 0.2
 #: How much the scale that was asked for raises the weight of a family.
 ASKED = 3.0
+#: How much lighter everything else is while a part that every controller has is missing.
+LATER = 0.2
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
 
@@ -81,4 +83,6 @@ def _drawn(families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.ra
     weights = np.array([ASKED if one.scale == scale else 1.0 for one in families])
     if rng.random() >= CURIOSITY:
         weights *= [one.weight * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families]
+        if any(one.first for one in families):
+            weights *= [1.0 if one.first else LATER for one in families]
     return families[int(rng.choice(len(families), p=weights / weights.sum()))]

@@ -50,6 +50,7 @@ def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
 class Family:
     """`scale` : local, module or structural. `bands` : how much it usually matters in each frequency band, 0 to 1, in
     the order of the record. `weight` : how readily an engineer tries it. `moves` : the edits that apply to a parent.
+    `first` : it puts in a part that every controller has, so it comes before the rest.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Family:
     bands: tuple[float, float, float, float]
     weight: float
     moves: Moves
+    first: bool = False
 
 
 def view_of(diagram: Diagram, kinds: Vocabulary) -> View | None:

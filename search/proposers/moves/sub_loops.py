@@ -187,6 +187,39 @@ def _power_loops(view: View) -> Iterator[Move]:
             yield Move(f"PI control of {how}{gains}", loops)
 
 
+def _missing_axis(view: View) -> Iterator[Move]:
+    """The reference of one axis has an outer loop and the other none: a loop of the other power, with gains of its own or
+    those of the one that is there, or of the voltage magnitude."""
+    roles = view.roles
+    free = [axis for axis in ("in_d", "in_q") if not _regulated(view, axis)]
+    if len(free) != 1 or not view.known("PQ_calc") or not view.known("PI"):
+        return
+    (axis,), twins = free, [name for name in roles.outer if view.draft.instances[name].kind == "PI"]
+    for like in (None, *twins):
+
+        def loop(draft: Draft, like: str | None = like) -> None:
+            power = _power(draft, roles)
+            regulator = draft.add("PI", "p_loop" if axis == "in_d" else "q_loop")
+            source = draft.negated(f"{power}.p") if axis == "in_d" else f"{power}.q"
+            draft.connect(source, f"{regulator}.in_")
+            _to_axis(draft, f"{regulator}.out", roles.reference, axis)
+            if like is not None:
+                bound = draft.instances[like].bindings
+                draft.bind(regulator, **{key: bound.get(key, f"{like}.{key}") for key in ("kP", "kI")})
+
+        what = "p" if axis == "in_d" else "q"
+        yield Move(f"PI control of {what}" + (f" with the gains of {like}" if like else " too"), loop)
+    if axis == "in_q":
+        yield from (move for move in _voltage_magnitude(view) if "PI" in move.note)
+
+
+def _regulated(view: View, axis: str) -> bool:
+    """True when an outer loop drives this axis of the current loop's reference."""
+    draft = view.draft
+    packs = {split_port(source)[0] for source in draft.sources(view.roles.reference)} & set(draft.named("PackDQ"))
+    return any(set(view.roles.outer) & draft.upstream(f"{pack}.{axis}", without=view.roles.plant) for pack in packs)
+
+
 def _voltage_magnitude(view: View) -> Iterator[Move]:
     """Outer control of the voltage: PI on its magnitude to the q axis, or a droop of q to the d axis."""
     roles = view.roles
@@ -288,14 +321,15 @@ def _outer(view: View) -> bool:
 SUB_LOOPS = (
     Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(_plant, _lcl)),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(_plant, _lcl)),
-    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(_synchronisation, _synchronised)),
+    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(_synchronisation, _synchronised), True),
     Family(
         "other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, where_present(_synchronisation, _synchronised)
     ),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, _no_synchronisation),
-    Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, _current_loop),
+    Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, _current_loop, True),
     Family("voltage loop", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, _voltage_loop),
-    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, where_missing(_power_loops, _outer)),
+    Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 9.0, where_missing(_power_loops, _outer), True),
+    Family("missing axis", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, _missing_axis),
     Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.3, where_present(_power_loops, _outer)),
     Family("voltage magnitude", "structural", (1.0, 0.7, 0.2, 0.1), 0.5, _voltage_magnitude),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),

@@ -63,6 +63,20 @@ def _measurements(view: View) -> Iterator[Move]:
                 yield Move(f"{b} instead of {a} in the whole controller", _everywhere(a, b))
 
 
+def _other_current(view: View) -> Iterator[Move]:
+    """The current loop measures the other one of converter and grid current; alone, or the whole controller does."""
+    roles, draft = view.roles, view.draft
+    if roles.current_loop is None or not roles.lcl:
+        return
+    both = (f"{roles.plant}.i_ti", f"{roles.plant}.i_g")
+    for one, other in (both, both[::-1]):
+        for target in draft.targets(one):
+            name, port = split_port(target)
+            if name and draft.instances[name].kind in ("Negate_dq", "LPF1_dq") and port == "in_":
+                yield Move(f"{other} instead of {one} at {target}", _rewired(one, other, target))
+        yield Move(f"{other} instead of {one} in the whole controller", _everywhere(one, other))
+
+
 def _rewired(source: str, other: str, target: str):
     def change(draft: Draft) -> None:
         draft.disconnect(source, target)
@@ -155,6 +169,7 @@ def _shared(one: str, other: str, keys: tuple[str, ...]):
 WIRING = (
     Family("sign", "local", (0.5, 0.5, 0.5, 0.5), 0.5, _signs),
     Family("measured signal", "local", (0.3, 0.6, 1.0, 0.7), 0.8, _measurements),
+    Family("other current", "local", (0.3, 0.6, 1.0, 0.7), 3.0, _other_current),
     Family("injection point", "local", (0.4, 0.6, 0.8, 0.5), 0.8, _injection_points),
     Family("one wire less", "local", (0.4, 0.4, 0.4, 0.4), 0.4, cut_wires),
     Family("shared parameters", "local", (0.5, 0.5, 0.5, 0.5), 0.3, shared_parameters),
