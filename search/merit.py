@@ -59,8 +59,9 @@ class Criterion:
     each has its own).
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
-    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer`, `bound` :
-    prices of a free number, a missing control layer and a parameter at its bound in the order of the parents.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer`, `bound`,
+    `residual` : prices of a free number, a missing control layer, a parameter at its bound and a residual module in the
+    order of the parents.
     """
 
     floor: Floor
@@ -69,6 +70,7 @@ class Criterion:
     alone: int = 1
     layer: float = 0.0
     bound: float = 0.0
+    residual: float = 0.0
 
     def value(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
@@ -77,7 +79,12 @@ class Criterion:
     def merit(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
         """What the archive ranks parents by, the higher, the better."""
         priced = self.parsimony * free + self.bound * odd.at_bound
-        return reward(max(nrmse, self._least(odd))) - priced / self.alone - self.layer * odd.missing
+        return (
+            reward(max(nrmse, self._least(odd)))
+            - priced / self.alone
+            - self.layer * odd.missing
+            - self.residual * odd.residual
+        )
 
     def _least(self, odd: Oddities) -> float:
         return DOUBTFUL if odd.absurd else EXACT
@@ -94,4 +101,4 @@ def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criter
     alone = len(sweep.points) if parameters == "per-op" else 1
     known = floor.source != "unknown noise"
     price = log(numbers) * alone / (2 * numbers) if known else TIE
-    return Criterion(floor, price, settings.parsimony, alone, settings.layer, settings.bound)
+    return Criterion(floor, price, settings.parsimony, alone, settings.layer, settings.bound, settings.residual)

@@ -15,15 +15,17 @@ ABSURD = 30.0
 @dataclass(frozen=True)
 class Oddities:
     """`missing` : control layers that are not there. `at_bound` : parameters at the end of their box: a block that does
-    nothing, say. `absurd` : plant parameters that stand in for a controller, such as a resistance of 1 per unit."""
+    nothing, say. `absurd` : plant parameters that stand in for a controller, such as a resistance of 1 per unit.
+    `residual` : modules that fit anything and mean little, which is a reason to look further, but none to doubt the rest."""
 
     missing: int = 0
     at_bound: int = 0
     absurd: int = 0
+    residual: int = 0
 
     @property
     def total(self) -> int:
-        """All together."""
+        """All that is doubtful, together."""
         return self.missing + self.at_bound + self.absurd
 
 
@@ -38,6 +40,7 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
         missing=0 if found is None else found.missing_layers,
         at_bound=len(record.at_bound),
         absurd=max((_absurd(diagram, record, kinds, op) for op in record.parameters), default=0),
+        residual=record.residual_modules,
     )
 
 

@@ -17,7 +17,7 @@ class SearchSettings:
     along the front of error against free parameters, its `front_size` entries of least error.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
-    `bound` : the same for a parameter at the end of its box.
+    `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
 
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees.
@@ -42,6 +42,7 @@ class SearchSettings:
     parsimony: float = 0.05
     layer: float = 3.0
     bound: float = 0.3
+    residual: float = 0.3
     scales: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )

@@ -10,7 +10,7 @@ from ibrid.signals import Signal
 from ibrid.structure.check import HIGHEST_ORDER, violations
 from ibrid.structure.diagram import Binding, Diagram
 
-PLANTS = ("LCL", "LFilter")
+PLANTS = tuple(kind.name for kind in VOCABULARY if kind.family == "physical plant")
 FRAME = ("Rot_v", "Rot_i", "SRF_PLL")
 
 

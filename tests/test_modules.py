@@ -28,6 +28,7 @@ P = {
     "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.12, "R_g": 0.01, "kP": 0.4, "kI": 15.0, "omega_c": 3000.0,
     "kP_pll": 60.0, "kI_pll": 1400.0, "k": -1.7, "L": 3e-4, "T_d": 2e-4, "omega_n": 900.0, "Q": 3.0,
     "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
+    "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
 }  # fmt: skip
 
 
@@ -54,6 +55,38 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         x = np.linalg.solve(s * np.eye(6) - a, b)
         i_ti, e, i_g = x[:2], x[2:4], x[4:]
         return np.vstack([i_ti, e, i_g, e[1:], i_ti - i_g])
+
+    def lcl_node(rest: np.ndarray, admittance: np.ndarray) -> np.ndarray:
+        """An LCL with any branches at the node e: admittance (2, 2), and their current for delta_omega alone."""
+        z_1, z_2 = (r * I2 + x * (s / w * I2 + J) for r, x in ((rf, lf), (rg, lg)))
+        y_1, y_2 = np.linalg.inv(z_1), np.linalg.inv(z_2)
+        turn_1, turn_2 = -lf / w * J @ i_eq, -lg / w * J @ i_eq
+        by = np.hstack([y_1, y_2, y_1 @ turn_1 - y_2 @ turn_2 - rest])
+        e = np.linalg.solve(y_1 + y_2 + admittance, by)
+        i_ti = y_1 @ (np.hstack([I2, ZERO, turn_1]) - e)
+        i_g = y_2 @ (e + np.hstack([ZERO, -I2, turn_2]))
+        return np.vstack([i_ti, e, i_g, e[1:], i_ti - i_g])
+
+    def capacitor(c: float, voltage: np.ndarray, r: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """(admittance, current for delta_omega alone) of a series r, c whose capacitor rests at a voltage."""
+        y = np.linalg.inv(r * I2 + np.linalg.inv(c * (s / w * I2 + J)))
+        return y, y @ np.linalg.inv(c * (s / w * I2 + J)) @ (c / w * J @ voltage)
+
+    def lcl_r() -> np.ndarray:
+        y, rest = capacitor(cf, e_eq, P["R_C"])
+        return lcl_node(rest, y)
+
+    def lcl_rc() -> np.ndarray:
+        branch_voltage = np.linalg.solve(I2 + P["R_d"] * P["C_d"] * J, e_eq)
+        (y, rest), (y_d, rest_d) = capacitor(cf, e_eq), capacitor(P["C_d"], branch_voltage, P["R_d"])
+        return lcl_node(rest + rest_d, y + y_d)
+
+    def ll_filter() -> np.ndarray:
+        z = (rf + rg) * I2 + (lf + lg) * (s / w * I2 + J)
+        current = np.linalg.solve(z, np.hstack([I2, -I2, -(lf + lg) / w * J @ i_eq]))
+        line = rg * I2 + lg * (s / w * I2 + J)
+        voltage = line @ current + np.hstack([ZERO, I2, lg / w * J @ i_eq])
+        return np.vstack([current, voltage, voltage[1:]])
 
     def l_filter() -> np.ndarray:
         a = -w * rf / lf * I2 - w * J
@@ -89,11 +122,17 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         # beyond the appendix: equation (6b) linearised about [I0d, 0], and a delay, whose matrices are those without it
         "JMul_omega": lambda: np.hstack([P["L"] * J, P["L"] / w * (J @ i_eq)]),
         "Delay": lambda: I2,
+        "Magnitude": lambda: [[1, 0]],
+        "LCL_R": lcl_r,
+        "LCL_RC": lcl_rc,
+        "LLFilter": ll_filter,
+        "Shunt_RC": lambda: -np.linalg.inv(P["R"] * I2 + np.linalg.inv(P["C"] * (s / w * I2 + J))),
+        "DC_link": lambda: [[-i0 / (P["C_dc"] * s), 0, -e0 / (P["C_dc"] * s), 0]],
     }
     return np.array(forms[name](), dtype=complex)
 
 
-#: Boxes as the appendix prints them; of the two extended kinds: L per unit like other inductances, T_d up to 500 us.
+#: Boxes as the appendix prints them, then those of the extended kinds: L per unit like other inductances, T_d to 500 us.
 PLANT_BOXES = {"L_F": (1e-4, 1), "R_F": (1e-5, 1), "C_F": (1e-5, 1), "L_g": (1e-4, 1), "R_g": (1e-5, 1)}
 PI_BOXES = {"kP": (1e-6, 1e5), "kI": (1e-6, 1e7)}
 CUTOFF = {"omega_c": (2 * pi * 0.1, 2 * pi * 5e4)}
@@ -113,10 +152,16 @@ BOXES = {
     "Notch": {"omega_n": (2 * pi * 5, 2 * pi * 1e4), "Q": (0.5, 100)},
     "JMul_omega": {"L": (1e-4, 1)},
     "Delay": {"T_d": (1e-6, 5e-4)},
+    "LCL_R": {**PLANT_BOXES, "R_C": (1e-5, 10)},
+    "LCL_RC": {**PLANT_BOXES, "R_d": (1e-5, 10), "C_d": (1e-5, 1)},
+    "LLFilter": {name: PLANT_BOXES[name] for name in ("L_F", "R_F", "L_g", "R_g")},
+    "Shunt_RC": {"R": (1e-4, 100), "C": (1e-5, 10)},
+    "DC_link": {"C_dc": (1e-4, 1)},
 }
 ORDERS = {
     "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
+    "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -126,6 +171,11 @@ PAPER_NUMBERS = {
     "Rot_i": {"delta_eq", "I0d"},
     "PQ_calc": {"E0d", "I0d"},
     "JMul_omega": {"I0d"},
+    "Magnitude": {"E0d"},
+    "LCL_R": {"E0d", "I0d"},
+    "LCL_RC": {"E0d", "I0d"},
+    "LLFilter": {"I0d"},
+    "DC_link": {"E0d", "I0d"},
 }
 
 
@@ -166,11 +216,12 @@ def paper_matrices(name: str) -> list[np.ndarray]:
     return as_arrays(kind_named(name), found["it"])
 
 
-def test_the_paper_has_23_kinds_and_the_default_vocabulary_two_more():
+def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_behind_them():
     assert len(PAPER_VOCABULARY) == 23
-    assert [kind.name for kind in VOCABULARY if kind.extended] == ["JMul_omega", "Delay"]
+    extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
+    assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 25
+    assert len(set(NAMES)) == 31
 
 
 @pytest.mark.parametrize("name", NAMES)

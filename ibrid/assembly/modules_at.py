@@ -47,17 +47,15 @@ def module_matrices(
             found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
             found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
-    if equilibrium != "paper":
+    if equilibrium != "paper" and "L_g" in parameters[wiring.plant]:  # only a node behind an impedance has a limit
         found[wiring.plant] = _where_it_exists(found[wiring.plant], at[wiring.plant][1])
     return found
 
 
 def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:
     """The plant, not a number without a real operating point, also where no signal asks for that point."""
-    if "e" not in ports:  # only a capacitor behind an impedance has a limit
-        return matrices
     a, b, c, d = matrices
-    mark = zero_of(ports["e"][0])
+    mark = zero_of(ports["i_g"][0])
     return [[a[0][0] + mark, *a[0][1:]], *a[1:]], b, c, d
 
 

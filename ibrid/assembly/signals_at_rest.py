@@ -1,7 +1,8 @@
 """The operating point of every signal that follows from the plant, channel by channel.
 
 It is carried from the terminal voltage and the plant's outputs through sums, memoryless modules and the DC gain of
-filters and delays. Which channels follow is a question of structure alone, so that it never depends on values.
+filters and delays; what drives the plant's command has the plant's u_r. Which channels follow is a question of structure
+alone, so that it never depends on values.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,7 +14,7 @@ from ibrid.modules.declaration import trial_arguments
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import carries, steady_inputs
+from ibrid.structure.steady_state import carries, command_inputs, steady_inputs
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
@@ -27,16 +28,18 @@ class Carried:
     """Output channels that follow from the plant, each after those it needs.
 
     `needs` : channel -> the input channels of its module that set it. `known` : these and those of the plant.
-    `reached` : the known ones that carry more than a ConstZero.
+    `reached` : the known ones that carry more than a ConstZero. `command` : input channels that have the plant's u_r,
+    because the same sources drive them and not all of these are known.
     """
 
     needs: Mapping[Channel, tuple[Channel, ...]]
     known: frozenset[Channel]
     reached: frozenset[Channel]
+    command: frozenset[Channel]
 
     def follows(self, wiring: Wiring, channel: Channel) -> bool:
         """True when the operating point of a channel is known."""
-        return self.known.issuperset(sources_of(wiring, channel))
+        return channel in self.command or self.known.issuperset(sources_of(wiring, channel))
 
 
 def carried(wiring: Wiring) -> Carried:
@@ -45,14 +48,34 @@ def carried(wiring: Wiring) -> Carried:
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
             known.update(channels_of(name, kind.outputs))
-    reached = set(known)
-    waiting: dict[Channel, set[Channel]] = {}
-    needs: dict[Channel, tuple[Channel, ...]] = {}
-    for name, kind in wiring.kinds.items():
-        if carries(kind):
-            for channel, inputs in _dependence(name, kind).items():
-                needs[channel] = inputs
-                waiting[channel] = {source for one in inputs for source in sources_of(wiring, one)}
+    needs = {
+        channel: inputs
+        for name, kind in wiring.kinds.items()
+        if carries(kind)
+        for channel, inputs in _dependence(name, kind).items()
+    }
+    reached, command = set(known), frozenset[Channel]()
+    order = _follow(wiring, needs, known, reached, command)
+    driven = [(f"{wiring.plant}.u_r", axis) for axis in (0, 1)]
+    if lost := [axis for _, axis in driven if not known.issuperset(sources_of(wiring, driven[axis]))]:
+        command = frozenset((port, axis) for port in command_inputs(wiring) for axis in lost)
+        order += _follow(wiring, needs, known, reached, command)
+    return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached), command)
+
+
+def _follow(
+    wiring: Wiring,
+    needs: Mapping[Channel, tuple[Channel, ...]],
+    known: set[Channel],
+    reached: set[Channel],
+    command: frozenset[Channel],
+) -> list[Channel]:
+    """Add to `known` and `reached` what follows from them and from `command`; the new channels in order."""
+    waiting = {
+        channel: {source for one in inputs if one not in command for source in sources_of(wiring, one)}
+        for channel, inputs in needs.items()
+        if channel not in known
+    }
     users: dict[Channel, list[Channel]] = {}
     for channel, sources in waiting.items():
         for source in sources:
@@ -61,13 +84,13 @@ def carried(wiring: Wiring) -> Carried:
     order = [channel for channel, missing in found.items() if not missing]
     for channel in order:  # grows while it is walked
         known.add(channel)
-        if not reached.isdisjoint(waiting[channel]):
+        if not reached.isdisjoint(waiting[channel]) or not command.isdisjoint(needs[channel]):
             reached.add(channel)
         for user in users.get(channel, ()):
             found[user] -= 1
             if not found[user]:
                 order.append(user)
-    return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached))
+    return order
 
 
 def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...]]:
@@ -106,13 +129,15 @@ def signals_at_rest(
     wanted = tuple(wanted)
     upstream = _upstream(wiring, flow, wanted)
     found = _given(wiring, in_grid, frame, upstream)
+    if flow.command:
+        found |= {(f"{wiring.plant}.u_r", axis): value for axis, value in enumerate(to_frame(frame, in_grid["u_r"]))}
     direct: dict[str, Matrices] = {}
     for channel, inputs in flow.needs.items():
         if channel not in upstream:
             continue
         name, port = split_port(channel[0])
         kind = wiring.kinds[name]
-        entering = {one: _arriving(wiring, found, one) for one in inputs}
+        entering = {one: _arriving(wiring, flow, found, one) for one in inputs}
         if not kind.static:
             gains: Mapping[Channel, Any] = dict.fromkeys(inputs, kind.dc_gain)
         else:
@@ -122,7 +147,7 @@ def signals_at_rest(
                 zip(channels_of(name, kind.inputs), direct[name][3][_row(kind, port, channel[1])], strict=True)
             )
         found[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
-    return {channel: _arriving(wiring, found, channel) for channel in wanted}
+    return {channel: _arriving(wiring, flow, found, channel) for channel in wanted}
 
 
 def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
@@ -151,12 +176,13 @@ def matrices_of(
 
 def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
     """The output channels on which the wanted ones depend."""
-    front = [source for channel in wanted for source in sources_of(wiring, channel)]
+    front = [source for channel in wanted if channel not in flow.command for source in sources_of(wiring, channel)]
     found: set[Channel] = set()
     for channel in front:  # grows while it is walked
         if channel not in found:
             found.add(channel)
-            front += [source for one in flow.needs.get(channel, ()) for source in sources_of(wiring, one)]
+            inputs = (one for one in flow.needs.get(channel, ()) if one not in flow.command)
+            front += [source for one in inputs for source in sources_of(wiring, one)]
     return found
 
 
@@ -171,7 +197,9 @@ def _given(wiring: Wiring, in_grid: Mapping[str, Pair], frame: Frame, upstream: 
     return found
 
 
-def _arriving(wiring: Wiring, found: Mapping[Channel, Any], channel: Channel) -> Any:
+def _arriving(wiring: Wiring, flow: Carried, found: Mapping[Channel, Any], channel: Channel) -> Any:
+    if channel in flow.command:
+        return found[f"{wiring.plant}.u_r", channel[1]]
     return weighted_sum((1.0, found[source]) for source in sources_of(wiring, channel))
 
 

@@ -1,4 +1,4 @@
-"""Memoryless blocks whose entries are the operating point: frame rotations, power, decoupling with the PLL frequency.
+"""Memoryless blocks whose entries are the operating point: frame rotations, power, magnitude, decoupling by the PLL.
 
 R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilibria (E0d, 0), (I0d, 0) and V0 = (1, 0)
 these are the printed matrices of the paper; with the full operating point they are the exact linearisation.
@@ -85,4 +85,24 @@ J_MUL_OMEGA = ModuleKind(
     equilibrium={"in_": "I0d"},
     extended=True,
     reference="paper, equation (6b), linearised",
+)
+
+
+def _magnitude(in__eq):
+    size = (in__eq[0] * in__eq[0] + in__eq[1] * in__eq[1]) ** 0.5
+    return [], [], [[]], [[in__eq[0] / size, in__eq[1] / size]]
+
+
+MAGNITUDE = ModuleKind(
+    name="Magnitude",
+    family="operating point",
+    law="out = |in_|, linearised: in_eq' in_ / |in_eq|",
+    inputs={"in_": Signal.DQ_VEC},
+    outputs={"out": Signal.SCALAR},
+    states=(),
+    parameters={},
+    state_space=_magnitude,
+    equilibrium={"in_": "E0d"},
+    extended=True,
+    reference="AC-voltage control; the d component where the frame lies on the vector",
 )

@@ -12,7 +12,8 @@ RESISTANCE = Range(1e-5, 1.0, 5e-3, "pu", "resistance")
 CAPACITANCE = Range(1e-5, 1.0, 0.05, "pu", "filter capacitance", divides=True)
 
 
-def _lcl(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq):
+def lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq):
+    """(A, B, C, D) of the LCL filter."""
     w, f, c, g = omega_0, omega_0 / L_F, omega_0 / C_F, omega_0 / L_g
     a = [
         [-f * R_F, w, -f, 0, 0, 0],
@@ -58,7 +59,7 @@ LCL = ModuleKind(
         "L_g": INDUCTANCE,
         "R_g": RESISTANCE,
     },
-    state_space=_lcl,
+    state_space=lcl_matrices,
     equilibrium={"i_ti": "I0d", "e": "E0d", "i_g": "I0d"},
     reference="paper, appendix A.2 and equation (1)",
 )

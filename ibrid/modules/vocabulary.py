@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 
 from ibrid.errors import DiagramError, near
+from ibrid.modules.branch import DC_LINK, SHUNT_RC
 from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
 from ibrid.modules.delay import DELAY
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.operating_point import J_MUL_OMEGA, PQ_CALC, ROT_I, ROT_V
+from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, ROT_I, ROT_V
 from ibrid.modules.plant import L_FILTER, LCL
+from ibrid.modules.plant_variants import LCL_R, LCL_RC, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
 from ibrid.modules.static import (
     CONST_ZERO,
@@ -52,7 +54,17 @@ PAPER_VOCABULARY: Vocabulary = (
 )
 
 #: The default: the paper's kinds and the extended ones.
-VOCABULARY: Vocabulary = (*PAPER_VOCABULARY, J_MUL_OMEGA, DELAY)
+VOCABULARY: Vocabulary = (
+    *PAPER_VOCABULARY,
+    J_MUL_OMEGA,
+    DELAY,
+    MAGNITUDE,
+    LCL_R,
+    LCL_RC,
+    LL_FILTER,
+    SHUNT_RC,
+    DC_LINK,
+)
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}
 

@@ -44,9 +44,12 @@ def law_equations(number: int, block: Block, family: str) -> list[Equation]:
     every = [(number, port, channel) for port, width in ports.items() for channel in range(width)]
     if block.outer or family == PLANT:
         return [((unknown,), 0) for unknown in every]
-    if block.kind == "PQ_calc":  # a product: each factor may change its sign
-        e, i, p, q = (_channels(number, port, ports[port]) for port in ("e", "i", "p", "q"))
-        return [*_equal(e), *_equal(i), *_equal([p[0], q[0]]), ((e[0], i[0], p[0]), 0)]
+    if block.kind in ("PQ_calc", "DC_link"):  # a product: each factor may change its sign
+        first, second = (_channels(number, port, ports[port]) for port in block.inputs)
+        products = [(number, port, 0) for port in block.outputs]
+        return [*_equal(first), *_equal(second), *_equal(products), ((first[0], second[0], products[0]), 0)]
+    if block.kind == "Magnitude":
+        return [*_equal(_channels(number, "in_", 2)), (((number, "out", 0),), 0)]
     if block.kind in ("Rot_v", "Rot_i", "JMul_omega"):  # the product with angle or frequency follows the vector
         deviations = [unknown for unknown in every if ports[unknown[1]] == 1]
         vectors = [unknown for unknown in every if ports[unknown[1]] == 2]

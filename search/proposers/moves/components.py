@@ -235,6 +235,7 @@ USUAL_EXCHANGES = {
     ("Pade1_dq", "Delay"): 2.0,
     ("Gain_dq", "PI_dq"): 2.0,
     ("Gain", "PI"): 2.0,
+    ("Integrator", "PI"): 2.0,
     ("JMul", "JMul_omega"): 4.0,
     ("JMul_omega", "JMul"): 2.0,
 }

@@ -321,7 +321,9 @@ def _outer(view: View) -> bool:
 SUB_LOOPS = (
     Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(_plant, _lcl)),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(_plant, _lcl)),
-    Family("synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(_synchronisation, _synchronised), True),
+    Family(
+        "synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(_synchronisation, _synchronised), True
+    ),
     Family(
         "other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, where_present(_synchronisation, _synchronised)
     ),
