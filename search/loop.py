@@ -76,6 +76,7 @@ class Loop:
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
         self._records: dict[int, Record] = {}
         self._odd: dict[int, Oddities] = {}
+        self._error: dict[int, float] = {}
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -127,14 +128,18 @@ class Loop:
             return None
         if self.goal.target is not None and self.best.nrmse <= self.goal.target:
             return TARGET
-        return FLOOR if self._at_floor and self._oddities(self.best).total == 0 else None
+        if not self._at_floor or self._oddities(self.best).total:
+            return None
+        waited = len(self.steps) - self.best.number
+        return FLOOR if not self.criterion.floor.known or waited >= self.settings.settled else None
 
     @property
     def _at_floor(self) -> bool:
         """True when the best fits as well as the noise allows, without an absurd plant."""
         best = self.best
-        fits = best is not None and self.criterion.floor.reached(float(best.nrmse or 0.0))
-        return best is not None and fits and not self._oddities(best).absurd
+        if best is None or self._oddities(best).absurd:
+            return False
+        return self.criterion.floor.reached(self.error(best.number), int(best.free or 0))
 
     @property
     def _tidying(self) -> bool:
@@ -268,6 +273,12 @@ class Loop:
             self._records[number] = self.store.record(number, self.task.kinds)
         return self._records[number]
 
+    def error(self, number: int) -> float:
+        """Error of a fitted step, as the run measures it."""
+        if number not in self._error:
+            self._error[number] = self.criterion.floor.error(self.record(number))
+        return self._error[number]
+
     # --- evaluating and admitting ------------------------------------------------------------------------------------
 
     def _submit(self, step: Step) -> None:
@@ -275,7 +286,7 @@ class Loop:
             job = Job(step.number, step.program)
         else:
             before = self.record(step.parent)
-            job = Job(step.number, step.program, before.parameters, PROMISING * float(before.nrmse or 0.0))
+            job = Job(step.number, step.program, before.parameters, PROMISING * self.criterion.floor.error(before))
         self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:
@@ -321,7 +332,7 @@ class Loop:
 
     def _rank(self, step: Step) -> tuple[float, int, int]:
         """Of eligible steps the least is the best."""
-        value = self.criterion.value(float(step.nrmse or 0.0), int(step.free or 0), self._oddities(step))
+        value = self.criterion.value(self.error(step.number), int(step.free or 0), self._oddities(step))
         return value, step.order or 0, step.number
 
     def _oddities(self, step: Step) -> Oddities:
@@ -332,19 +343,19 @@ class Loop:
         return self._odd[step.number]
 
     def _entry(self, step: Step) -> Entry:
-        nrmse, free, odd = float(step.nrmse or 0.0), int(step.free or 0), self._oddities(step)
+        error, free, odd = self.error(step.number), int(step.free or 0), self._oddities(step)
         return Entry(
             step=step.number,
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(nrmse, free, odd),
-            nrmse=nrmse,
+            reward=self.criterion.merit(error, free, odd),
+            nrmse=float(step.nrmse or 0.0),
             order=int(step.order or 0),
             free=free,
             stable=bool(step.stable),
             program=step.program,
-            value=self.criterion.merit(nrmse, 0, odd),
+            value=self.criterion.merit(error, 0, odd),
         )
 
 
@@ -354,6 +365,7 @@ def _require(settings: SearchSettings) -> None:
     for holds, law, found in (
         (settings.window >= 1, "window must be 1 or more", settings.window),
         (settings.patience >= 1, "patience must be 1 or more", settings.patience),
+        (settings.settled >= 0, "settled must be 0 or more", settings.settled),
         (0 <= settings.pruning <= 1, "pruning must be a share from 0 to 1", settings.pruning),
         (0 <= settings.final_pruning <= 1, "final_pruning must be a share from 0 to 1", settings.final_pruning),
         (set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))),

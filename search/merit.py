@@ -1,10 +1,11 @@
 """By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
 
 from dataclasses import dataclass
-from math import log, sqrt
+from math import inf, log, sqrt
 
 import numpy as np
 
+from ibrid.evaluation.record import Record
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep
@@ -15,47 +16,63 @@ from search.settings import SearchSettings
 EXACT = 1e-6
 #: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
 DOUBTFUL = 1e-3
+#: Source of a noise that the data do not tell.
+UNKNOWN = "unknown noise"
 
 
 @dataclass(frozen=True)
 class Floor:
-    """The NRMSE that the noise of the data leaves: `nrmse` and its standard deviation; `source` : how it is known.
+    """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` : how it is known.
 
-    Without a known noise it is that of an exact fit, `EXACT`.
+    Error is measured against the noise where that is known: `Record.misfit` times `level`, the relative size of the
+    noise, so it means the same at every frequency. Without a known noise it is the NRMSE, and the floor that of an exact
+    fit, `EXACT`.
     """
 
-    nrmse: float
-    deviation: float
+    level: float
+    numbers: int
     source: str
 
-    def reached(self, error: float) -> bool:
-        """True when an error is no larger than noise would leave it, within two standard deviations."""
-        return error <= self.nrmse + 2 * self.deviation
+    @property
+    def known(self) -> bool:
+        """True when the data tell their noise."""
+        return self.source != UNKNOWN
+
+    @property
+    def objective(self) -> str:
+        """What fits should minimise."""
+        return "sigma" if self.known else "nrmse"
+
+    def error(self, record: Record) -> float:
+        """Error of a fitted record, infinite where it has none."""
+        if self.known:
+            return inf if record.misfit is None else record.misfit * self.level
+        return inf if record.nrmse is None else record.nrmse
+
+    def reached(self, error: float, free: int = 0) -> bool:
+        """True when an error is no larger than noise would leave it after a fit of so many free numbers, on average."""
+        left = max(1.0 - free / self.numbers, 0.0) if self.known else 1.0
+        return error <= max(self.level * sqrt(left), EXACT)
 
 
 def noise_floor(sweep: Sweep) -> Floor:
-    """Law: mean over operating points of sqrt(2) |sigma|_F / |Y|_F, sigma of each real and imaginary part.
+    """Law: level is the mean over frequencies and operating points of sqrt(2) |sigma|_F / |Y|_F.
 
-    sigma as given or from repeats (smoothness gives only an upper bound, which must not end a search). The squared error
-    has mean 2 sum sigma^2 and variance 4 sum sigma^4 (two real numbers each), so few large entries make it uncertain.
+    sigma as given or from repeats; smoothness gives only an upper bound, which must not end a search.
     """
-    levels, variances, source = [], [], ""
+    numbers, levels = 8 * sum(len(point.frequency) for point in sweep.points), []
     for point in sweep.points:
         noise = estimate_point(point)
-        if noise.sigma is None or noise.source not in ("sigma", "repeats"):
-            return Floor(EXACT, 0.0, "unknown noise")
-        power, size = noise.sigma**2, np.linalg.norm(point.admittance)
-        level = sqrt(2.0 * power.sum()) / size
-        levels.append(level)
-        variances.append(level**2 * (power**2).sum() / (4.0 * power.sum() ** 2))
+        if noise.relative is None or noise.source not in ("sigma", "repeats"):
+            return Floor(EXACT, numbers, UNKNOWN)
+        levels.append(noise.relative)
         source = noise.source
-    number = len(levels)
-    return Floor(max(sum(levels) / number, EXACT), sqrt(sum(variances)) / number, source)
+    return Floor(max(float(np.mean(np.concatenate(levels))), EXACT), numbers, source)
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """What the best of a run is: the least ln(max(NRMSE, `EXACT`)) + price x free numbers (of one operating point, when
+    """What the best of a run is: the least ln(max(error, `EXACT`)) + price x free numbers (of one operating point, when
     each has its own).
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
@@ -72,15 +89,15 @@ class Criterion:
     bound: float = 0.0
     residual: float = 0.0
 
-    def value(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
+    def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
-        return log(max(nrmse, self._least(odd))) + self.price * (free / self.alone + 2 * odd.total)
+        return log(max(error, self._least(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
-    def merit(self, nrmse: float, free: int, odd: Oddities = SOUND) -> float:
+    def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """What the archive ranks parents by, the higher, the better."""
         priced = self.parsimony * free + self.bound * odd.at_bound
         return (
-            reward(max(nrmse, self._least(odd)))
+            reward(max(error, self._least(odd)))
             - priced / self.alone
             - self.layer * odd.missing
             - self.residual * odd.residual
@@ -97,8 +114,6 @@ TIE = 1e-3
 def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criterion:
     """The criterion for the operating points that are fitted."""
     floor = noise_floor(sweep)
-    numbers = 8 * sum(len(point.frequency) for point in sweep.points)
     alone = len(sweep.points) if parameters == "per-op" else 1
-    known = floor.source != "unknown noise"
-    price = log(numbers) * alone / (2 * numbers) if known else TIE
+    price = log(floor.numbers) * alone / (2 * floor.numbers) if floor.known else TIE
     return Criterion(floor, price, settings.parsimony, alone, settings.layer, settings.bound, settings.residual)

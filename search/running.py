@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.plan import make_plan
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
+from ibrid.measurement.noise_estimate import with_sigma
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.check import require_legal
@@ -144,9 +146,9 @@ def run(
     folder = _folder(folder)
     meta = {"data": sweep_csv(sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     with _opened(folder, options, meta, resume) as store:
-        subject = Subject(sweep, parameters, equilibrium, plan.kinds, held, seed=seed)
         shown = Progress(progress) if isinstance(progress, str) else progress
         judged = criterion(plan.fitted, parameters, settings)
+        subject = Subject(with_sigma(sweep), parameters, equilibrium, plan.kinds, held, seed=seed, floor=judged.floor)
         task = Task(plan.fitted, plan.kinds, equilibrium, parameters)
         watcher = _Watcher(store, folder, shown, budget)
         with _evaluator(subject, workers, ray, settings) as evaluator, shown:
@@ -355,14 +357,13 @@ def _concluded(
         return None, {}
     if ending == STOPPED:
         return loop.record(loop.best.number), {}
-    selection = select(loop.steps, loop.best, loop.record, subject, loop.criterion, choose)
+    selection = select(loop.steps, loop.best, loop.record, subject, loop.criterion.floor, loop.error, choose)
     write_whole(folder / SELECTION, selection_json(selection))
     found = loop.record(selection["answer"])
     again = subject.record_of(found.program, FitSettings(), found.parameters)
     if (
-        again.nrmse is not None
-        and found.nrmse is not None
-        and again.nrmse <= found.nrmse
+        again.outcome == Outcome.OK
+        and subject.error(again) <= subject.error(found)
         and all(again.stable.values())
         and not loop.requirements.unmet(again)
     ):

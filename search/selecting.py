@@ -1,9 +1,9 @@
 """Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
 
 import json
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite, nan, sqrt
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep
 from search.evaluation.assess import Subject
-from search.merit import EXACT, Criterion
+from search.merit import EXACT, Floor
 from search.report.selection import plain_selection
 from search.requirements import passivity_index
 from search.step import Step
@@ -51,21 +51,22 @@ def select(
     best: Step,
     record_of: Callable[[int], Record],
     subject: Subject,
-    criterion: Criterion,
+    floor: Floor,
+    error: Callable[[int], float],
     way: str,
 ) -> dict[str, Any]:
     """The content of selection.json.
 
-    way : "error": the best by the criterion of the run; "frequencies", "op": of the front, the least error at
-    held-out frequencies or operating points. The answer is always stable.
+    error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
+    the run; "frequencies", "op": of the front, the least error at held-out frequencies or operating points. The answer is
+    always stable.
     """
     front = plain_selection(steps).front[:MOST]
     numbers = sorted({one.step for one in front} | {best.number})
     by_number = {step.number: step for step in steps}
     found = [_candidate(by_number[number], record_of(number), subject) for number in numbers]
     answer, why = _chosen(found, best, way)
-    limit = ALIKE * max(float(best.nrmse or 0.0), EXACT, criterion.floor.nrmse + 2 * criterion.floor.deviation)
-    alike = [step.number for step in steps if eligible(step) and float(step.nrmse or 0.0) <= limit]
+    alike = _alike(steps, best, error, floor)
     record = record_of(answer)
     return {
         "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
@@ -74,6 +75,14 @@ def select(
         "why": why,
         "residual_modules": [one.name for one in record.diagram.instances if _kinds(subject)[one.kind].residual],
     }
+
+
+def _alike(steps: Sequence[Step], best: Step, error: Callable[[int], float], floor: Floor) -> list[int]:
+    """Numbers of the steps whose error is as low as that of the best; with known noise, as low as noise would leave it,
+    two standard deviations allowed."""
+    noise = floor.level * (1.0 + 2.0 / sqrt(2.0 * floor.numbers)) if floor.known else EXACT
+    limit = ALIKE * max(error(best.number), noise)
+    return [step.number for step in steps if eligible(step) and error(step.number) <= limit]
 
 
 def selection_json(found: dict[str, Any]) -> str:
@@ -117,9 +126,9 @@ def _candidate(step: Step, record: Record, subject: Subject) -> Candidate:
 
 def _mean_or_none(errors: Iterable[float | None]) -> float | None:
     """The mean; None without errors, and where one is unknown: the model has no such operating point."""
-    known = [math.nan if error is None else error for error in errors]
-    mean = float(np.mean(known)) if known else math.nan
-    return mean if math.isfinite(mean) else None
+    known = [nan if error is None else error for error in errors]
+    mean = float(np.mean(known)) if known else nan
+    return mean if isfinite(mean) else None
 
 
 def _least_damping(record: Record) -> float | None:

@@ -7,27 +7,29 @@ import numpy as np
 import pytest
 from scripted_search import task
 
+from ibrid.evaluation.record import Record
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import PointSweep, Sweep
-from search.merit import EXACT, Criterion, Floor, criterion, noise_floor
+from search.merit import EXACT, Criterion, criterion, noise_floor
 from search.oddities import Oddities
 from search.settings import SearchSettings
 
 CLEAN = task().sweep
-SETTINGS = SearchSettings(parsimony=0.1, layer=2.0, bound=0.5)
+SETTINGS = SearchSettings(parsimony=0.1, layer=2.0, bound=0.5, residual=0.7)
 
 
 def noisy(decibel: float, seed: int = 0, **options) -> Sweep:
     return add_noise(CLEAN, decibel, rng=np.random.default_rng(seed), **options)
 
 
-def misfit_of_the_truth(sweep: Sweep) -> float:
-    """NRMSE of the clean response against noisy data, mean over operating points."""
-    errors = [
-        np.linalg.norm(noisy.admittance - clean.admittance) / np.linalg.norm(noisy.admittance)
-        for noisy, clean in zip(sweep.points, CLEAN.points, strict=True)
-    ]
-    return float(np.mean(errors))
+def record_of_the_truth(sweep: Sweep) -> Record:
+    """A record that holds the errors of the clean response against noisy data."""
+    squares, errors = [], []
+    for noisy, clean in zip(sweep.points, CLEAN.points, strict=True):
+        difference = clean.admittance - noisy.admittance
+        errors.append(np.linalg.norm(difference) / np.linalg.norm(noisy.admittance))
+        squares += list((np.abs(difference / noisy.sigma) ** 2 / 2).ravel())
+    return Record("ok", nrmse=float(np.mean(errors)), misfit=float(np.sqrt(np.mean(squares))))
 
 
 # the noise floor
@@ -35,37 +37,46 @@ def misfit_of_the_truth(sweep: Sweep) -> float:
 
 @pytest.mark.parametrize("decibel", [60, 40])
 def test_the_floor_is_what_noise_leaves_of_the_truth(decibel):
-    errors = [misfit_of_the_truth(noisy(decibel, seed)) for seed in range(200)]
     floor = noise_floor(noisy(decibel))
-    # 200 draws: the mean to 1/14 of a standard deviation, that itself to 5 %
-    assert np.mean(errors) == pytest.approx(floor.nrmse, abs=0.3 * floor.deviation)
-    assert np.std(errors) == pytest.approx(floor.deviation, rel=0.2)
+    assert floor.level == pytest.approx(10 ** (-decibel / 20), rel=0.02)
+    errors = [floor.error(record_of_the_truth(noisy(decibel, seed))) for seed in range(100)]
+    assert np.mean(errors) == pytest.approx(floor.level, rel=0.02)
+    assert np.std(errors) == pytest.approx(floor.level / (2 * floor.numbers) ** 0.5, rel=0.3)
 
 
-def test_the_true_model_reaches_the_floor_and_a_worse_one_does_not():
-    reached = [noise_floor(data).reached(misfit_of_the_truth(data)) for data in (noisy(40, seed) for seed in range(50))]
-    assert np.mean(reached) > 0.9  # two standard deviations
+def test_a_fit_of_more_free_numbers_must_come_out_lower_to_reach_the_floor():
     floor = noise_floor(noisy(40))
-    assert not floor.reached(1.5 * floor.nrmse)
+    assert floor.reached(floor.level)
+    assert not floor.reached(1.01 * floor.level)
+    assert not floor.reached(floor.level, floor.numbers // 2)
+    assert floor.reached(0.7 * floor.level, floor.numbers // 2)
 
 
 def test_runs_that_were_repeated_tell_the_noise_of_their_mean():
     one, many = noise_floor(noisy(40)), noise_floor(noisy(40, repeats=16, record_sigma=False))
     assert many.source == "repeats"
-    assert many.nrmse == pytest.approx(one.nrmse / 4, rel=0.3)  # sigma estimated from 16 runs
+    assert many.level == pytest.approx(one.level / 4, rel=0.3)  # sigma estimated from 16 runs
 
 
-def test_data_of_unknown_noise_are_as_good_as_exact():
-    assert noise_floor(CLEAN) == Floor(EXACT, 0.0, "unknown noise")
+def test_data_of_unknown_noise_are_as_good_as_exact_and_measured_by_their_nrmse():
+    floor = noise_floor(CLEAN)
+    assert (floor.level, floor.known, floor.objective) == (EXACT, False, "nrmse")
+    assert floor.error(Record("ok", nrmse=0.02, misfit=3.0)) == 0.02
+    assert floor.reached(0.5 * EXACT, 100)
+    assert not floor.reached(2 * EXACT)
     some = (noisy(40).points[0], CLEAN.points[1])
-    assert noise_floor(replace(CLEAN, points=some)).source == "unknown noise"
+    assert not noise_floor(replace(CLEAN, points=some)).known
+
+
+def test_a_record_without_errors_is_infinitely_bad():
+    assert noise_floor(CLEAN).error(Record("failed")) == noise_floor(noisy(40)).error(Record("failed")) == np.inf
 
 
 def test_no_floor_lies_below_exact():
     def nearly_clean(point: PointSweep) -> PointSweep:
         return replace(point, sigma=np.full(point.admittance.shape, 1e-15))
 
-    assert noise_floor(replace(CLEAN, points=tuple(map(nearly_clean, CLEAN.points)))).nrmse == EXACT
+    assert noise_floor(replace(CLEAN, points=tuple(map(nearly_clean, CLEAN.points)))).level == EXACT
 
 
 # the criterion
@@ -114,6 +125,7 @@ def test_parents_rank_by_error_then_by_what_they_lack():
     assert one.merit(0.01, 5) - one.merit(0.01, 6) == pytest.approx(SETTINGS.parsimony)
     assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(missing=1)) == pytest.approx(SETTINGS.layer)
     assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(at_bound=2)) == pytest.approx(2 * SETTINGS.bound)
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(residual=1)) == pytest.approx(SETTINGS.residual)
 
 
 def test_numbers_of_each_operating_point_cost_as_much_as_shared_ones():

@@ -13,10 +13,9 @@ import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from search.evaluation.assess import Subject
-from search.merit import Criterion, criterion
+from search.merit import Floor, noise_floor
 from search.report.selection import read_selection
 from search.selecting import EVERY, MOST, select, selection_json
-from search.settings import SearchSettings
 from search.step import Status, Step
 
 HELD = "p=0.5,q=0"
@@ -50,13 +49,17 @@ def steps() -> list[Step]:
     return [step_of(number, record(number)) for number in range(3)]
 
 
-def judged() -> Criterion:
-    return criterion(SWEEP, "shared", SearchSettings())
+FLOOR = noise_floor(SWEEP)
+
+
+def errors_of(given):
+    """NRMSE by number of the step."""
+    return lambda number: given[number].nrmse
 
 
 def chosen(way: str = "error", best: int = TRUE, given: list[Step] | None = None, records=record) -> dict:
     given = given or steps()
-    return select(given, given[best], records, SUBJECT, judged(), way)
+    return select(given, given[best], records, SUBJECT, FLOOR, errors_of(given), way)
 
 
 def by_step(found: dict) -> dict[int, dict]:
@@ -155,7 +158,7 @@ def test_the_error_at_held_out_frequencies_is_that_of_a_refit_without_them():
 def test_too_few_frequencies_are_not_divided():
     points = tuple(replace(one, frequency=one.frequency[::3], admittance=one.admittance[::3]) for one in SWEEP.points)
     few = replace(SUBJECT, sweep=replace(SWEEP, points=points))
-    found = select(steps(), steps()[TRUE], record, few, judged(), "frequencies")
+    found = select(steps(), steps()[TRUE], record, few, FLOOR, errors_of(steps()), "frequencies")
     assert all(one["frequencies"] is None for one in found["front"])
     assert found["answer"] == TRUE
 
@@ -167,15 +170,17 @@ def test_structures_that_fit_equally_well_are_named():
 
 def test_within_the_noise_everything_fits_equally_well():
     given = steps()
-    coarse = replace(judged(), floor=replace(judged().floor, nrmse=2.0))
-    found = select(given, given[TRUE], record, SUBJECT, coarse, "error")
+    coarse = Floor(2.0, 128, "sigma")
+    found = select(given, given[TRUE], record, SUBJECT, coarse, errors_of(given), "error")
     assert found["equally_good"] == [NAIVE, NEARLY, TRUE]
 
 
 def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
     number = MOST + 4
     given = [step_of(k, record(NAIVE), nrmse=0.9 - 0.05 * k, order=k, free=k) for k in range(number)]
-    found = select(given, given[0], lambda _: record(NAIVE), replace(SUBJECT, holdout_op=()), judged(), "error")
+    found = select(
+        given, given[0], lambda _: record(NAIVE), replace(SUBJECT, holdout_op=()), FLOOR, errors_of(given), "error"
+    )
     assert {one["step"] for one in found["front"]} == {0, *range(number - MOST, number)}
 
 
@@ -184,7 +189,7 @@ def test_modules_that_stand_for_no_physics_are_named():
     # the numbers of the front are those of the naive diagram; only the answer is asked for its modules
     asked = iter([record(NAIVE), residual])
     given = [step_of(0, record(NAIVE))]
-    found = select(given, given[0], lambda _: next(asked), SUBJECT, judged(), "error")
+    found = select(given, given[0], lambda _: next(asked), SUBJECT, FLOOR, errors_of(given), "error")
     assert found["residual_modules"] == ["gain"]
     assert chosen()["residual_modules"] == []
 

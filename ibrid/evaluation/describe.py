@@ -123,6 +123,7 @@ class _Description:
             starts=self._starts(),
             covariance=self._covariance(),
             noise_floor=_noise_floor(plan.fitted.points),
+            misfit=_misfit(responses, plan.fitted.points),
         )
 
     def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -258,6 +259,16 @@ def _noise_floor(points: Sequence[PointSweep]) -> float | None:
         if point.sigma is not None
     ]
     return float(np.mean(levels)) if len(levels) == len(points) else None
+
+
+def _misfit(responses: Sequence[np.ndarray], points: Sequence[PointSweep]) -> float | None:
+    """Root mean square over all real and imaginary parts of the residual over sigma."""
+    squares = [
+        np.abs((response - point.admittance) / point.sigma) ** 2 / 2.0
+        for response, point in zip(responses, points, strict=True)
+        if point.sigma is not None
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if len(squares) == len(points) else None
 
 
 def _sorted_poles(poles: np.ndarray) -> list[list[float]]:

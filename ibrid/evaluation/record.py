@@ -36,7 +36,8 @@ class Record:
 
     `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
     `intervals` : the same names -> 95 % interval, or None where the data leave the value open.
-    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known.
+    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known. `misfit` : root mean
+    square of the residual over the standard deviation of the noise, 1 when only noise is left; None likewise.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model.
@@ -69,6 +70,7 @@ class Record:
     starts: Mapping[str, Any] = field(default_factory=dict)
     covariance: Mapping[str, Any] = field(default_factory=dict)
     noise_floor: float | None = None
+    misfit: float | None = None
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = 0.0
@@ -198,6 +200,7 @@ _NUMBERS = (
     "free_parameters",
     "seconds",
     "noise_floor",
+    "misfit",
 )
 _JSON_TYPES: dict[str, Any] = {
     one.name: list if one.name in _TUPLES else (int, float, type(None)) if one.name in _NUMBERS else dict

@@ -1,6 +1,6 @@
 """How noisy a sweep is: from its sigma, its repeats or its smoothness; else unknown."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -53,6 +53,17 @@ def estimate_point(point: PointSweep) -> PointNoise:
     if points_per_decade(point.frequency) >= DENSE and len(point.frequency) >= 2 * _WINDOW:
         return _noise("smoothness", point, roughness(point.frequency, point.admittance))
     return PointNoise("unknown", None, None)
+
+
+def with_sigma(sweep: Sweep) -> Sweep:
+    """The sweep with the sigma that its repeats tell, where it has none."""
+
+    def filled(point: PointSweep) -> PointSweep:
+        if point.sigma is not None or point.repeats is None or len(point.repeats) < 2:
+            return point
+        return replace(point, sigma=sigma_of_mean(point.repeats))
+
+    return replace(sweep, points=tuple(filled(point) for point in sweep.points))
 
 
 def points_per_decade(frequency: np.ndarray) -> float:

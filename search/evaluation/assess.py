@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
@@ -11,6 +12,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.structure.program import parse_program
 from search.evaluation.job import Job
+from search.merit import Floor
 
 #: Limit of a fit (s): far above the wall limit of a candidate, which alone stops it, so that load changes no score.
 BY_THE_WALL = 3600.0
@@ -24,7 +26,10 @@ PROMISING = 0.99
 
 @dataclass(frozen=True)
 class Subject:
-    """What all jobs of a search share: data, physics, the effort of the quick and the thorough fit. It travels to workers."""
+    """What all jobs of a search share: data, physics, the effort of the quick and the thorough fit. It travels to workers.
+
+    `floor` : how errors are measured, and by that what fits minimise; None: NRMSE.
+    """
 
     sweep: Sweep
     parameters: str = "shared"
@@ -34,6 +39,13 @@ class Subject:
     fit: FitSettings = QUICK
     thorough: FitSettings = THOROUGH
     seed: int = 0
+    floor: Floor | None = None
+
+    def error(self, record: Record) -> float:
+        """What candidates are compared by."""
+        if self.floor is not None:
+            return self.floor.error(record)
+        return inf if record.nrmse is None else record.nrmse
 
     def record_of(
         self, program: str, settings: FitSettings, warm: Mapping[str, Mapping[str, float]] | None = None
@@ -47,7 +59,7 @@ class Subject:
             vocabulary=self.kinds,
             holdout_op=self.holdout_op,
             seed=self.seed,
-            settings=settings,
+            settings=settings if self.floor is None else replace(settings, objective=self.floor.objective),
             warm=warm,
         )
 
@@ -58,10 +70,10 @@ def assess(job: Job, subject: Subject) -> Record:
     A quick fit may stop in a minimum that is hardly better than the parent's, although the edit is the right one.
     """
     record = subject.record_of(job.program, subject.fit, job.warm)
-    if record.outcome != Outcome.OK or record.nrmse is None:
+    if record.outcome != Outcome.OK:
         return record
-    if job.promising is None or record.nrmse < job.promising:
+    if job.promising is None or subject.error(record) < job.promising:
         again = subject.record_of(job.program, subject.thorough, record.parameters)
-        if again.outcome == Outcome.OK and again.nrmse is not None and again.nrmse <= record.nrmse:
+        if again.outcome == Outcome.OK and subject.error(again) <= subject.error(record):
             return replace(again, seconds=record.seconds + again.seconds)
     return record

@@ -13,7 +13,7 @@ class Job:
     """A program to be fitted.
 
     `number` : of its step. `warm` : operating point -> name -> value to begin from, such as the parent's parameters.
-    `promising` : NRMSE below which the candidate deserves more effort.
+    `promising` : error, as the search measures it, below which the candidate deserves more effort.
     """
 
     number: int
