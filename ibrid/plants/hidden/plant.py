@@ -1,0 +1,74 @@
+"""The power circuit of a hidden device: LCL or L filter in the controller's frame, and what stands beside it at the PCC."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ibrid.plants.hidden.states import J, States, Symbols
+
+
+@dataclass(frozen=True)
+class OutputFilter:
+    """Signals of the filter in the controller's frame, (2,) each.
+
+    e : the measured voltage. i_ti, i_g : currents of the converter and into the grid.
+    turn : sets the rates of the states, once the angular frequency of the frame (rad/s) is known.
+    """
+
+    e: ca.SX
+    i_ti: ca.SX
+    i_g: ca.SX
+    turn: Callable[[ca.SX], None]
+
+
+def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
+    """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch, at it; L_g, R_g to the PCC."""
+    i_ti, v_C, i_g = states.add("i_ti", 2), states.add("v_C", 2), states.add("i_g", 2)
+    L_g, R_g = m.L_g + m.L_series, m.R_g + m.R_series
+    R_branch, v_branch = m.R_branch, None
+    if R_branch is None:
+        i_branch, e = ca.SX.zeros(2), v_C + m.R_C * (i_ti - i_g)
+    else:
+        v_branch = states.add("v_branch", 2)
+        # e = v_C + R_C (i_ti - i_g - (e - v_branch) / R_branch), solved for e
+        e = (v_C + m.R_C * (i_ti - i_g + v_branch / R_branch)) / (1 + m.R_C / R_branch)
+        i_branch = (e - v_branch) / R_branch
+
+    def turn(omega: ca.SX) -> None:
+        states.moves(i_ti, m.omega_0 / m.L_F * (u - e - m.R_F * i_ti) - omega * J(i_ti))
+        states.moves(v_C, m.omega_0 / m.C_F * (i_ti - i_g - i_branch) - omega * J(v_C))
+        states.moves(i_g, m.omega_0 / L_g * (e - v - R_g * i_g) - omega * J(i_g))
+        if v_branch is not None:
+            states.moves(v_branch, m.omega_0 / m.C_branch * i_branch - omega * J(v_branch))
+
+    return OutputFilter(e, i_ti, i_g, turn)
+
+
+def l_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
+    """L_F, R_F from converter to the terminals where e is measured; the series impedance from there to the PCC."""
+    i = states.add("i_g", 2)
+    L, R = m.L_F + m.L_series, m.R_F + m.R_series
+    drive = u - v - R * i  # (L / omega_0) di/dt + L (omega / omega_0) J i
+    e = v + m.R_series * i + m.L_series / L * drive
+
+    def turn(omega: ca.SX) -> None:
+        states.moves(i, m.omega_0 / L * drive - omega * J(i))
+
+    return OutputFilter(e, i, i, turn)
+
+
+def beside_the_inverter(m: Symbols, states: States, v_DQ: ca.SX) -> ca.SX:
+    """(2,) current in the grid frame that branches from the PCC to neutral draw: a series R-C and a series R-L-C."""
+    i_DQ = ca.SX.zeros(2)
+    if m.R_shunt is not None:
+        v_shunt = states.add("v_shunt", 2)
+        i_shunt = (v_DQ - v_shunt) / m.R_shunt
+        states.moves(v_shunt, m.omega_0 / m.C_shunt * i_shunt - m.omega_0 * J(v_shunt))
+        i_DQ += i_shunt
+    if m.load_L is not None:
+        i_load, v_load = states.add("i_load", 2), states.add("v_load", 2)
+        states.moves(i_load, m.omega_0 / m.load_L * (v_DQ - v_load - m.load_R * i_load) - m.omega_0 * J(i_load))
+        states.moves(v_load, m.omega_0 / m.load_C * i_load - m.omega_0 * J(v_load))
+        i_DQ += i_load
+    return i_DQ
