@@ -25,8 +25,8 @@ class SearchSettings:
     Loop: `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
     `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in
     a row without a new structure that end the search. `settled` : steps for which the best must stay the best before the
-    search ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose workers die. `wall` : seconds
-    after which the process of a candidate is killed.
+    search ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose
+    workers die. `wall` : seconds after which the process of a candidate is killed.
     """
 
     population: int = 10_000
