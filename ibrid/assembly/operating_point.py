@@ -4,7 +4,7 @@ Works on floats and CasADi symbols alike. Vectors are pairs (D, Q) in the grid f
 point exists the square root is of a negative number and the result is not a number.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from ibrid.assembly.numbers import square_root
@@ -24,78 +24,58 @@ def series_drop(resistance: Any, reactance: Any, i: Pair) -> Pair:
     return resistance * i[0] - reactance * i[1], resistance * i[1] + reactance * i[0]
 
 
-def branch_current(resistance: Any, capacitance: Any, voltage: Pair) -> Pair:
-    """Current at rest of a series R, C, per unit: C (R C I + J) v / (1 + (R C)^2)."""
-    x = resistance * capacitance
-    scale = capacitance / (1 + x * x)
-    return scale * (x * voltage[0] - voltage[1]), scale * (x * voltage[1] + voltage[0])
-
-
-def _no_current(parameters: Parameters, e: Pair) -> Pair:
-    return 0.0, 0.0
-
-
-def _capacitor_current(parameters: Parameters, e: Pair) -> Pair:
-    c_f = parameters["C_F"]
-    return -c_f * e[1], c_f * e[0]
-
-
-def _damped_capacitor_current(parameters: Parameters, e: Pair) -> Pair:
-    return branch_current(parameters["R_C"], parameters["C_F"], e)
-
-
-def _two_branches_current(parameters: Parameters, e: Pair) -> Pair:
-    return add(_capacitor_current(parameters, e), branch_current(parameters["R_d"], parameters["C_d"], e))
-
-
-#: Plant -> the current at rest that leaves the node of the measured voltage e, before the grid side.
-NODE_CURRENT: Mapping[str, Callable[[Parameters, Pair], Pair]] = {
-    "LCL": _capacitor_current,
-    "LFilter": _no_current,
-    "LCL_R": _damped_capacitor_current,
-    "LCL_RC": _two_branches_current,
-    "LLFilter": _no_current,
+#: Plant -> (resistance, capacitance) of each series branch at the node of the measured voltage e; None: no resistor.
+BRANCHES: Mapping[str, tuple[tuple[str | None, str], ...]] = {
+    "LCL": ((None, "C_F"),),
+    "LFilter": (),
+    "LCL_R": (("R_C", "C_F"),),
+    "LCL_RC": ((None, "C_F"), ("R_d", "C_d")),
+    "LLFilter": (),
 }
 
 
-def plant_equilibrium(
-    kind: str, parameters: Parameters, p: Any, q: Any, v: Any, power_node: str, shunt: Pair = (0.0, 0.0)
-) -> dict[str, Pair]:
+def plant_equilibrium(kind: str, parameters: Parameters, p: Any, q: Any, v: Any, power_node: str) -> dict[str, Pair]:
     """Equilibrium of the plant's ports in the grid frame.
 
-    With power measured at the capacitor (at e), behind L_g, R_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0 with
+    With power measured at e behind R_g, L_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0 with
     a = R_g p + L_g q, c = (R_g^2 + L_g^2)(p^2 + q^2); i_g = (p/E, -q/E) in the frame of e. With power measured at the
-    terminals i_g = (p/v, -q/v) in the grid frame, and the current of shunts. Always i_ti = i_g + the current of the
-    capacitor branches at e, u_r = e + (R_F + L_F J) i_ti. Where e is measured at the terminals both nodes are one.
+    terminals i_g = (p/v, -q/v) in the grid frame; an L filter's e is there. Always i_ti = i_g + the current of the
+    capacitor branches at e, u_r = e + (R_F + L_F J) i_ti.
 
     Parameters
     ----------
-    kind : a plant of `NODE_CURRENT`. parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
-    power_node : "capacitor" or "pcc", where p and q are measured. shunt : current into branches at the terminals, which
-    power at "pcc" lacks.
+    kind : a plant of `BRANCHES`. parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
+    power_node : "capacitor" or "pcc", where p and q of the plant are measured; what branches draw beside it is not in them.
 
     Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
-    if kind not in NODE_CURRENT:
-        *first, last = NODE_CURRENT
+    if kind not in BRANCHES:
+        *first, last = BRANCHES
         raise DiagramError(
             f"the operating point is known for {', '.join(first)} or {last}, found {kind}; use one of these, "
             'or equilibrium="paper", where it is fitted'
         )
     v_in = (v, 0.0)
     i_g = (p / v, -q / v)  # of power at the terminals
-    if power_node == "pcc":
-        i_g = add(i_g, shunt)
     if kind == "LFilter":
         e = v_in
     elif power_node == "pcc":
         e = add(v_in, series_drop(parameters["R_g"], parameters["L_g"], i_g))
     else:
         e, i_g = _behind_line(parameters["R_g"], parameters["L_g"], p, q, v)
-    i_c = NODE_CURRENT[kind](parameters, e)
+    i_c: Pair = (0.0, 0.0)
+    for resistance, capacitance in BRANCHES[kind]:
+        i_c = add(i_c, _branch_current(parameters[resistance] if resistance else 0.0, parameters[capacitance], e))
     i_ti = add(i_g, i_c)
     u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"], i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}
+
+
+def _branch_current(resistance: Any, capacitance: Any, e: Pair) -> Pair:
+    """Current of a series R, C: C (R C I + J) e / (1 + (R C)^2)."""
+    x = resistance * capacitance
+    scale = capacitance / (1 + x * x)
+    return scale * (x * e[0] - e[1]), scale * (x * e[1] + e[0])
 
 
 def _behind_line(r_g: Any, l_g: Any, p: Any, q: Any, v: Any) -> tuple[Pair, Pair]:

@@ -1,0 +1,24 @@
+"""The catalogue as a table for people: what each effect is, where it is tried, how it shows, what tells it apart."""
+
+from collections.abc import Sequence
+
+from ibrid.gap.effect import Effect
+
+HEADER = ("id", "law", "tried", "shows", "looks like", "told apart by")
+
+
+def effects_table(catalogue: Sequence[Effect]) -> str:
+    """A Markdown table with a row for each effect, in the order of the catalogue."""
+    rows = [
+        (
+            f"`{one.id}`",
+            one.law,
+            one.places,
+            one.signature,
+            ", ".join(f"`{other}`" for other in one.confused_with),
+            one.told_apart_by,
+        )
+        for one in catalogue
+    ]
+    lines = [HEADER, ("---",) * len(HEADER), *(tuple(cell.replace("|", r"\|") for cell in row) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,0 +1,136 @@
+"""What the gap workflow answers: verdict, what is missing and where, how sure, before and after; and its JSON."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.gap.port_map import PortFit
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.program import parse_program
+from ibrid.writing import write_whole
+
+if TYPE_CHECKING:
+    from ibrid.structure.diagram import Diagram
+
+SCHEMA = "ibrid.gap/1"
+Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
+
+
+@dataclass(frozen=True)
+class Located:
+    """A part of the data that the refitted model misses. `op` : operating point. `band` : Hz. `entry` : dd, dq, qd or qq.
+    `share` : of the whole squared misfit. `z` : how significant, in standard deviations of a normal distribution."""
+
+    op: str
+    band: tuple[float, float]
+    entry: str
+    share: float
+    z: float
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect and the edit that it asks for.
+
+    `parameters` : name -> (estimate, low, high), 95 %. `evidence` : gain in chi2, threshold, p values, BIC difference to
+    the runner-up, held-out errors. `indistinguishable_from` : ids of effects that these data cannot tell from it.
+    """
+
+    id: str
+    change: str
+    where: str
+    parameters: Mapping[str, tuple[float, float | None, float | None]]
+    evidence: Mapping[str, Any]
+    indistinguishable_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own. `bic` : cost with the
+    price of its free numbers. `adequate` : fits as well as the noise allows. `reason` : why it is out, "" when it is not."""
+
+    id: str
+    change: str
+    where: str
+    cost: float
+    gain: float
+    bic: float
+    free_parameters: int
+    adequate: bool
+    stable: bool
+    reason: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A parameter's nominal and refitted value; `sigmas` : how far it moved, in its tolerance; `low`, `high` : 95 %."""
+
+    name: str
+    nominal: float
+    refitted: float
+    low: float | None
+    high: float | None
+    sigmas: float
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """An effect that this experiment could not have seen. `smallest` : parameter -> least strength that it would have
+    shown. `sweep` : which measurement would."""
+
+    id: str
+    change: str
+    where: str
+    detectability: float
+    sweep: str
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """Answer of `find_gap`.
+
+    `sentence` : the verdict in plain words. `located` : where the refitted baseline misses the data, worst first.
+    `ports` : the port map, best first. `effects` : what is missing. `before`, `after` : NRMSE of the nominal model, the
+    refit, and at held-out operating points; `noise_floor` : what noise alone would leave; None where unknown.
+    `moved` : parameters with nominal values, furthest first. `candidates` : every edit tried, best first.
+    `steps` : what was decided, in order, in words. `noise` : where the noise comes from. `program` : text after the repair.
+    `baseline`, `repaired` : records of the refitted model before and after (the same when nothing was changed); they hold
+    the parameters, responses and intervals. `sweep`, `held_out` : the measured data, fitted and not. `nominal` :
+    responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
+    `angle` : of the measuring frame, rad.
+    """
+
+    verdict: Verdict
+    sentence: str
+    located: tuple[Located, ...]
+    ports: tuple[PortFit, ...]
+    effects: tuple[NamedEffect, ...]
+    before: Mapping[str, float | None]
+    after: Mapping[str, float | None]
+    noise_floor: float | None
+    moved: tuple[Moved, ...]
+    could_not_have_seen: tuple[Unseen, ...]
+    candidates: tuple[Candidate, ...]
+    steps: tuple[str, ...]
+    noise: str
+    null_space: tuple[str, ...]
+    given: str
+    program: str
+    baseline: Record
+    repaired: Record
+    sweep: Sweep
+    held_out: tuple[str, ...] = ()
+    nominal: Mapping[str, np.ndarray] = field(default_factory=dict)
+    angle: float = 0.0
+    seconds: float = 0.0
+
+    @property
+    def diagram(self) -> "Diagram":
+        """The repaired block diagram."""
+        return parse_program(self.program, "the repaired program")
