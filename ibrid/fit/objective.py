@@ -8,9 +8,10 @@ from ibrid.errors import SweepError
 from ibrid.measurement.sweep import PointSweep
 
 #: `nrmse` is the paper's; `log` finds the right minimum most often; `sigma` is whitened by the measured noise;
-#: `relative` weighs frequencies equally, `band` weighs bands and entries equally.
+#: `relative` weighs frequencies equally, `band` weighs bands and entries equally; `chi2` is `sigma` times the number of
+#: measured numbers.
 FINAL_OBJECTIVES = ("nrmse", "relative", "band", "sigma")
-OBJECTIVES = (*FINAL_OBJECTIVES, "log")
+OBJECTIVES = (*FINAL_OBJECTIVES, "log", "chi2")
 
 #: Edges of the bands of the paper in Hz; the first and the last band are open-ended.
 BAND_EDGES = (50.0, 500.0, 2000.0)
@@ -48,12 +49,12 @@ def residual(point: PointSweep, objective: str) -> Residual:
         return Residual(ones / per_frequency[:, None, None] / np.sqrt(count))
     if objective == "log":
         return Residual(magnitude / per_frequency[:, None, None] / np.sqrt(count), logarithmic=True)
-    if objective == "sigma":
+    if objective in ("sigma", "chi2"):
         if point.sigma is None:
             raise SweepError(
                 f"the noise of {point.op.name} is not known; give sigma or repeats, or choose another objective"
             )
-        return Residual(1.0 / point.sigma / np.sqrt(magnitude.size * 2))
+        return Residual(1.0 / point.sigma / (np.sqrt(magnitude.size * 2) if objective == "sigma" else 1.0))
     if objective == "band":
         weight = np.zeros_like(magnitude)
         bands = band_index(point.frequency)

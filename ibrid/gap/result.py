@@ -1,9 +1,7 @@
 """What the gap workflow answers: verdict, what is missing and where, how sure, before and after; and its JSON."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,7 +10,6 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.program import parse_program
-from ibrid.writing import write_whole
 
 if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram

@@ -1,0 +1,195 @@
+"""From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.record import Record
+from ibrid.evaluation.recording import record_at
+from ibrid.fit.problem import Problem
+from ibrid.gap.convention import Convention
+from ibrid.gap.detectability import unseen
+from ibrid.gap.effect import Insertion
+from ibrid.gap.held_out import held_out, weighed
+from ibrid.gap.locating import located
+from ibrid.gap.prior import Nominal
+from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
+from ibrid.gap.trial import FRAME, Model, Workshop, significant, threshold
+from ibrid.gap.verdict import Findings, alike, fits, sentence_of, sigmas_moved, verdict_of
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import program_text
+
+#: Verdicts that change the model.
+REPAIRED = ("named", "data-convention")
+
+
+def answer_of(
+    found: Findings,
+    shop: Workshop,
+    diagram: Diagram,
+    sweep: Sweep,
+    held: Sequence[str],
+    values: Nominal | None,
+    stable: Mapping[int, bool],
+) -> Gap:
+    """The Gap that findings amount to. sweep : all points, those held out included. stable : of trials, by identity."""
+    verdict = verdict_of(found)
+    model = found.best if verdict in REPAIRED else found.given
+    baseline = _record(found.given, shop, sweep, held)
+    repaired = baseline if model is found.given else _record(model, shop, sweep, held)
+    before = {
+        "nominal": None if not values else _nominal_error(found.given, shop),
+        "refit": baseline.nrmse,
+        "holdout": _mean(baseline.holdout.values()),
+    }
+    after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
+    floor = baseline.noise_floor
+    refitter = shop.refitter(model.convention)
+    return Gap(
+        verdict=verdict,
+        sentence=sentence_of(verdict, found, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
+        located=located(found.given.refit, found.scale),
+        ports=found.ports,
+        effects=_effects(found, verdict, shop, repaired),
+        before=before,
+        after=after,
+        noise_floor=floor,
+        moved=_moved(model, repaired),
+        could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, found.scale),
+        candidates=tuple(_candidate(one, found, stable) for one in found.trials),
+        steps=found.steps,
+        noise=found.noise.source,
+        null_space=repaired.identifiability,
+        given=program_text(diagram),
+        program=program_text(model.diagram),
+        baseline=baseline,
+        repaired=repaired,
+        sweep=sweep,
+        held_out=tuple(held),
+        nominal=_nominal_responses(found.given, shop) if values else {},
+        angle=model.convention.angle,
+    )
+
+
+def _record(model: Model, shop: Workshop, sweep: Sweep, held: Sequence[str]) -> Record:
+    """The record of a model on the data as it reads them."""
+    record = record_at(
+        model.diagram, model.convention.undone(sweep), model.refit.values, vocabulary=shop.kinds, holdout_op=held
+    )
+    if model.convention.angle:
+        record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
+    return record
+
+
+def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
+    if verdict not in REPAIRED:
+        return ()
+    evidence = _evidence(found, shop)
+    intervals = next(iter(record.intervals.values()), {})
+    effects = []
+    for place, edit in enumerate(found.best.edits):
+        if isinstance(edit, Convention):
+            if edit.angle:
+                effects.append(NamedEffect(FRAME, "add", "between the measuring frame and the grid",
+                                           {"angle": (edit.angle, None, None)}, evidence))  # fmt: skip
+            continue
+        parameters = {}
+        for name in edit.parameters:
+            if name in found.best.refit.values:
+                low, high = intervals.get(name) or (None, None)
+                parameters[name] = (found.best.refit.values[name], low, high)
+        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, evidence, alike(found, place)))
+    return tuple(effects)
+
+
+def _evidence(found: Findings, shop: Workshop) -> dict[str, Any]:
+    given, best, scale = found.given, found.best, found.scale
+    others = [one for one in found.trials if not _shares(one, best)]
+    runner_up = min(others, key=lambda one: one.bic(scale), default=None)
+    return {
+        "gain": given.cost(scale) - best.cost(scale),
+        "threshold": threshold(best.free - given.free, found.tests),
+        "p_before": given.refit.p_value(scale),
+        "p_after": best.refit.p_value(scale),
+        "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
+        "runner_up_bic": None if runner_up is None else runner_up.bic(scale) - best.bic(scale),
+        "held_out": weighed(held_out(shop, given), held_out(shop, best)),
+        "tests": found.tests,
+        "noise_scale": scale,
+    }
+
+
+def _shares(one: Model, best: Model) -> bool:
+    names = {_name(edit) for edit in best.edits}
+    return bool(one.edits) and _name(one.edits[-1]) in names
+
+
+def _name(edit: Insertion | Convention) -> str:
+    return edit.words if isinstance(edit, Convention) else edit.effect
+
+
+def _candidate(model: Model, found: Findings, stable: Mapping[int, bool]) -> Candidate:
+    edit, scale = model.edits[-1], found.scale
+    convention = isinstance(edit, Convention)
+    adequate = fits(model, found.noise, scale)
+    steady = stable.get(id(model), True)
+    reasons = []
+    if not significant(found.given, model, max(len(found.trials), 1), scale):
+        reasons.append("does not pay")
+    elif not adequate:
+        reasons.append("does not fit as well as the noise allows")
+    if not steady:
+        reasons.append("unstable")
+    return Candidate(
+        id=(FRAME if edit.angle else "convention") if isinstance(edit, Convention) else edit.effect,
+        change="replace" if isinstance(edit, Convention) else edit.change,
+        where=edit.words if isinstance(edit, Convention) else edit.where,
+        cost=model.cost(scale),
+        gain=found.given.cost(scale) - model.cost(scale),
+        bic=model.bic(scale),
+        free_parameters=model.free,
+        adequate=adequate,
+        stable=steady,
+        reason=", ".join(reasons),
+        parameters={} if convention else {k: model.refit.values[k] for k in edit.parameters if k in model.refit.values},  # type: ignore[union-attr]
+    )
+
+
+def _moved(model: Model, record: Record) -> tuple[Moved, ...]:
+    coordinates = model.refit.problem.coordinates
+    centre = model.refit.x.copy()
+    sigmas = sigmas_moved(model)
+    intervals = next(iter(record.intervals.values()), {})
+    for index, one in enumerate(model.refit.problem.numbers):
+        if one.name in sigmas:
+            centre[index] = model.refit.prior[one.name][0]
+    nominal = coordinates.to_theta(centre)
+    rows = []
+    for index, one in enumerate(model.refit.problem.numbers):
+        if one.name in sigmas:
+            low, high = intervals.get(one.name) or (None, None)
+            value = model.refit.values[one.name]
+            rows.append(Moved(one.name, float(nominal[index]), value, low, high, sigmas[one.name]))
+    return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
+
+
+def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
+    refit = shop.refitter(given.convention).at_values(given.diagram, {})
+    return {point.op.name: response for point, response in zip(refit.problem.points, refit.responses, strict=True)}
+
+
+def _nominal_error(given: Model, shop: Workshop) -> float | None:
+    problem: Problem = given.refit.problem
+    responses = _nominal_responses(given, shop)
+    return _mean([nrmse(responses[point.op.name], point) for point in problem.points])
+
+
+def _mean(errors: Any) -> float | None:
+    found = [float(one) for one in errors]
+    value = sum(found) / len(found) if found else float("nan")
+    return value if isfinite(value) else None

@@ -1,0 +1,77 @@
+"""Ways in which a sweep may be written other than the model means: they look like missing physics and are none.
+
+Each is undone on the data, then the given model is refitted; a verdict needs the fit to be better at every point.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ibrid.measurement.sweep import PointSweep, Sweep
+
+
+@dataclass(frozen=True)
+class Convention:
+    """How the data differ from what the model means; the default: not at all.
+
+    `sign` : -1 when the current counts into the inverter. `q` : -1 when the q axis lags. `factor` : measured admittances are
+    so many times too large: another per-unit base. `labels` : pairs of operating points whose labels are exchanged.
+    `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]].
+    """
+
+    sign: int = 1
+    q: int = 1
+    factor: float = 1.0
+    labels: tuple[tuple[str, str], ...] = ()
+    angle: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """What is different, in words."""
+        found = []
+        if self.sign < 0:
+            found.append("the current counts into the inverter")
+        if self.q < 0:
+            found.append("the q axis lags the d axis")
+        found += [f"the labels of {one} and {other} are exchanged" for one, other in self.labels]
+        if self.factor != 1.0:
+            found.append(f"the admittances are {self.factor:.4g} times those on the model's per-unit base")
+        if self.angle != 0.0:
+            found.append(f"the measuring frame is turned by {np.degrees(self.angle):.3g} degrees")
+        return " and ".join(found) or "as declared"
+
+    def undone(self, sweep: Sweep) -> Sweep:
+        """The data as the model means them; labels that a sweep lacks stay."""
+        by_name = {point.op.name: self._undone(point) for point in sweep.points}
+        for one, other in self.labels:
+            if one not in by_name or other not in by_name:
+                continue
+            first, second = by_name[one], by_name[other]
+            by_name[one], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
+        return replace(sweep, points=tuple(by_name[name] for name in sweep.names))
+
+    def _undone(self, point: PointSweep) -> PointSweep:
+        mirror = np.diag([1.0, float(self.q)])
+        turn = rotation(-self.angle)
+        response = turn @ point.admittance @ turn.T
+        response = self.sign * mirror @ response @ mirror / self.factor
+        sigma = None
+        if point.sigma is not None:
+            sigma = np.sqrt((turn**2) @ np.asarray(point.sigma) ** 2 @ (turn**2).T) / self.factor
+        return replace(point, admittance=response, sigma=sigma, repeats=None)
+
+
+def rotation(angle: float) -> np.ndarray:
+    """R(a), from the grid's frame into one that leads it by `angle` (rad)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
+def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
+    """The conventions without a number to be fitted: signs, and pairs of exchanged labels."""
+    for sign, q in ((-1, 1), (1, -1), (-1, -1)):
+        yield Convention(sign=sign, q=q)
+    for one, other in combinations(sweep.names, 2):
+        yield Convention(labels=((one, other),))

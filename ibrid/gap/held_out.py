@@ -1,0 +1,74 @@
+"""Does an edit predict what it was not fitted to? Frequencies and operating points left out in turn, before and after."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrid.gap.refit import Refitter
+from ibrid.gap.trial import Model, Workshop
+from ibrid.measurement.sweep import PointSweep, Sweep
+
+#: One frequency in so many is left out.
+EVERY = 4
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Root mean square of the whitened residual at data that a refit did not see, 1 when only noise is left."""
+
+    frequencies: float | None
+    points: float | None
+
+    def plain(self) -> dict[str, float | None]:
+        """For the evidence of a verdict."""
+        return vars(self).copy()
+
+
+def held_out(shop: Workshop, model: Model) -> HeldOut:
+    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
+    sweep = shop.refitter(model.convention).sweep
+    thin = _error(shop, model, _thinned(sweep, hold=False), _thinned(sweep, hold=True)) if _enough(sweep) else None
+    squares = []
+    for name in sweep.names if len(sweep.names) > 1 else ():
+        found = _error(shop, model, sweep.without([name]), sweep.only([name]))
+        squares.append(np.nan if found is None else found**2)
+    points = float(np.sqrt(np.mean(squares))) if squares and np.isfinite(squares).all() else None
+    return HeldOut(thin, points)
+
+
+def _error(shop: Workshop, model: Model, seen: Sweep, left: Sweep) -> float | None:
+    refitter = Refitter(replace(shop.noise, sweep=seen), shop.kinds, shop.prior, shop.rng)
+    refit = refitter.refit(model.diagram, [model.refit.values, {}])
+    if refit is None:
+        return None
+    other = Refitter(replace(shop.noise, sweep=left), shop.kinds, shop.prior, shop.rng)
+    residuals = other.at_values(model.diagram, refit.values).residuals
+    found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
+    return found if np.isfinite(found) else None
+
+
+def _enough(sweep: Sweep) -> bool:
+    return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
+
+
+def _thinned(sweep: Sweep, *, hold: bool) -> Sweep:
+    return replace(sweep, points=tuple(_every(point, hold) for point in sweep.points))
+
+
+def _every(point: PointSweep, hold: bool) -> PointSweep:
+    number = np.arange(len(point.frequency))
+    chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
+    chosen = chosen if hold else ~chosen
+    return replace(
+        point,
+        frequency=point.frequency[chosen],
+        admittance=point.admittance[chosen],
+        sigma=None if point.sigma is None else np.asarray(point.sigma)[chosen],
+        repeats=None,
+    )
+
+
+def weighed(before: HeldOut, after: HeldOut) -> Mapping[str, Mapping[str, float | None]]:
+    """Both side by side."""
+    return {"before": before.plain(), "after": after.plain()}

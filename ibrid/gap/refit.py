@@ -1,0 +1,196 @@
+"""The refit of one diagram: all operating points together, whitened by the noise, held to nominal values by a prior.
+
+cost(x) = chi2(x) + sum ((x - centre) / width)^2, minimised by batches of damped Gauss-Newton from many starts. A minimum
+that is missed looks exactly like a missing effect, so starts are many and whoever finds a better one passes it on.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from ibrid.assembly.symbolic import symbolic_model
+from ibrid.errors import DiagramError
+from ibrid.fit.gauss_newton import begin, descend
+from ibrid.fit.problem import Problem
+from ibrid.gap.noise import Noise
+from ibrid.gap.prior import Prior, centres
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import wire
+
+Values = Mapping[str, float]
+
+#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2.
+FAR, NEAR = 10, 60
+#: Starts that go on to chi2.
+KEPT = 6
+#: Half width in decades of a draw of a parameter without a nominal value.
+DECADES = 1.0
+
+
+class Penalised:
+    """A problem with the prior as one more column of the cost; `normal_equations` as in `Problem`."""
+
+    def __init__(self, problem: Problem, prior: Prior) -> None:
+        self.problem, self.coordinates = problem, problem.coordinates
+        self.centre, self.weight = centres([one.name for one in problem.numbers], prior)
+        self.numbers = 8 * sum(len(point.frequency) for point in problem.points)
+
+    def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Costs (S, M + 1), gradients (S, M + 1, P) and Gauss-Newton matrices (S, M + 1, P, P)."""
+        cost, gradient, hessian = self.problem.normal_equations(x, objective)
+        scale = 1.0 if objective == "chi2" else 1.0 / self.numbers
+        away = (x - self.centre) * self.weight
+        cost = np.concatenate([cost, scale * (away**2).sum(axis=1)[:, None]], axis=1)
+        gradient = np.concatenate([gradient, scale * (away * self.weight)[:, None]], axis=1)
+        own = np.broadcast_to(scale * np.diag(self.weight**2), (len(x), 1, len(self.weight), len(self.weight)))
+        return cost, gradient, np.concatenate([hessian, own], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A diagram at its best parameters. `x` : (P,) in search coordinates. `chi2` : of the data alone. `penalty` : of the
+    prior. `effective` : parameters that the data, not the prior, decide."""
+
+    diagram: Diagram
+    problem: Problem
+    prior: Prior
+    x: np.ndarray
+    chi2: float
+    penalty: float
+    effective: float
+
+    @property
+    def cost(self) -> float:
+        """chi2 and prior together."""
+        return self.chi2 + self.penalty
+
+    @property
+    def numbers(self) -> int:
+        """Measured real numbers."""
+        return 8 * sum(len(point.frequency) for point in self.problem.points)
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of chi2."""
+        return max(self.numbers - self.effective, 1.0)
+
+    @property
+    def free(self) -> int:
+        """Free parameters."""
+        return self.problem.size
+
+    def p_value(self, scale: float = 1.0) -> float:
+        """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
+        return float(chi2_law.sf(self.chi2 / scale**2, self.dof))
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Free parameter -> value."""
+        return self.problem.values_at(self.x, 0)
+
+    @cached_property
+    def responses(self) -> list[np.ndarray]:
+        """Admittances at the measured frequencies, one array (K, 2, 2) for each operating point."""
+        return self.problem.responses(self.x)
+
+    @cached_property
+    def residuals(self) -> list[np.ndarray]:
+        """(Y - data) / sigma, complex, one array (K, 2, 2) for each operating point."""
+        pairs = zip(self.responses, self.problem.points, strict=True)
+        return [(response - point.admittance) / np.asarray(point.sigma) for response, point in pairs]
+
+
+class Refitter:
+    """Fits diagrams to the same data; `fitted` counts them."""
+
+    def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, rng: np.random.Generator) -> None:
+        self.noise, self.sweep, self.kinds, self.prior, self.rng = noise, noise.sweep, kinds, prior, rng
+        self._models: dict[int, tuple[Diagram, Problem]] = {}
+        self.fitted = 0
+
+    def problem(self, diagram: Diagram) -> Problem:
+        """The fitting problem of a legal diagram; the last ones are kept."""
+        key = id(diagram)
+        if key not in self._models:
+            sweep = self.sweep
+            model = symbolic_model(
+                wire(diagram, self.kinds), equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
+            )
+            self._models[key] = (diagram, Problem(model, sweep.points))
+        return self._models[key][1]
+
+    def refit(self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Refit | None:
+        """The best of many descents; None when no start has a response, or the diagram no matrices.
+
+        starts : values by name; what they lack is the nominal value, or drawn. draws : further starts, each a `starts` entry
+        moved by `spread` standard deviations of the prior.
+        """
+        try:
+            problem = self.problem(diagram)
+        except DiagramError:
+            return None
+        self.fitted += 1
+        penalised = Penalised(problem, self.prior)
+        x = np.array([self._start(problem, penalised, one) for one in starts])
+        if draws:
+            x = np.concatenate([x, self._moved(x, penalised, draws, spread)])
+        near = descend(penalised, begin(penalised, x[: len(starts)], "chi2"), "chi2", NEAR // 4)  # type: ignore[arg-type]
+        far = descend(penalised, begin(penalised, x, "log"), "log", FAR)  # type: ignore[arg-type]
+        candidates = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
+        ends = descend(penalised, begin(penalised, candidates, "chi2"), "chi2", NEAR)  # type: ignore[arg-type]
+        if not np.isfinite(ends.cost).any():
+            return None
+        return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
+
+    def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
+        """A diagram at given search coordinates (P,)."""
+        problem = self.problem(diagram)
+        penalised = Penalised(problem, self.prior)
+        cost, _, hessian = penalised.normal_equations(x[None], "chi2")
+        data, prior = hessian[0, :-1].sum(axis=0), hessian[0, -1]
+        return Refit(
+            diagram=diagram,
+            problem=problem,
+            prior=self.prior,
+            x=x,
+            chi2=float(cost[0, :-1].sum()),
+            penalty=float(cost[0, -1]),
+            effective=_effective(data, prior),
+        )
+
+    def at_values(self, diagram: Diagram, values: Values) -> Refit:
+        """A diagram at values by name; what they lack is the nominal or the typical value."""
+        problem = self.problem(diagram)
+        return self.at(diagram, self._start(problem, Penalised(problem, self.prior), values))
+
+    def _start(self, problem: Problem, penalised: Penalised, values: Values) -> np.ndarray:
+        typical = problem.coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
+        x = np.where(penalised.weight > 0, penalised.centre, typical)
+        for index, one in enumerate(problem.numbers):
+            if one.name in values:
+                theta = np.array([other.parameter.typical for other in problem.numbers])
+                theta[index] = values[one.name]
+                x[index] = problem.coordinates.to_x(theta)[index]
+        return np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
+
+    def _moved(self, x: np.ndarray, penalised: Penalised, number: int, spread: float) -> np.ndarray:
+        base = x[self.rng.integers(len(x), size=number)]
+        coordinates, size = penalised.coordinates, x.shape[1]
+        width = np.where(
+            penalised.weight > 0, 1.0 / np.where(penalised.weight > 0, penalised.weight, 1.0), np.log(10.0)
+        )
+        moved = base + spread * width * self.rng.standard_normal((number, size))
+        return np.clip(moved, coordinates.x_low, coordinates.x_high)
+
+
+def _effective(data: np.ndarray, prior: np.ndarray) -> float:
+    """Trace of data (data + prior)^-1: how many parameters the data decide. data, prior : (P, P)."""
+    if not len(data) or not np.isfinite(data).all():
+        return float(len(data))
+    scale = np.sqrt(np.maximum(np.diag(data + prior), 1e-300))
+    whole, part = (data + prior) / np.outer(scale, scale), data / np.outer(scale, scale)
+    return float(np.trace(np.linalg.pinv(whole, rcond=1e-12, hermitian=True) @ part))

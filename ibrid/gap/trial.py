@@ -1,0 +1,168 @@
+"""Trials: every edit of the catalogue, and every way to read the data otherwise, refitted and weighed against the model."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2 as chi2_law
+
+from ibrid.gap.catalogue import insertions
+from ibrid.gap.convention import Convention, written_otherwise
+from ibrid.gap.effect import Effect, Insertion
+from ibrid.gap.noise import Noise
+from ibrid.gap.refit import Refit, Refitter
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+
+#: Probability of one false alarm in a whole catalogue of tests.
+FALSE_ALARM = 1e-3
+#: Least p value of an absolute fit that counts as adequate.
+ADEQUATE = 1e-3
+#: Difference of the Bayesian information criterion up to which two answers cannot be told apart.
+ALIKE = 10.0
+#: Draws beside the given starts, of a trial and of the given model.
+TRIAL_DRAWS, BASE_DRAWS = 16, 64
+#: Largest angle of a measuring frame (rad) and largest factor of a per-unit base that are looked for.
+LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
+FRAME = "frame_misalignment"
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order."""
+
+    diagram: Diagram
+    convention: Convention
+    refit: Refit
+    edits: tuple[Insertion | Convention, ...] = ()
+    extra: int = 0
+
+    @property
+    def free(self) -> int:
+        """Free numbers, those of the convention included."""
+        return self.refit.free + self.extra
+
+    def bic(self, scale: float = 1.0) -> float:
+        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise."""
+        return (self.refit.chi2 / scale**2 + self.refit.penalty) + self.free * log(self.refit.numbers)
+
+    def cost(self, scale: float = 1.0) -> float:
+        """chi2 and prior."""
+        return self.refit.chi2 / scale**2 + self.refit.penalty
+
+    def adequate(self, scale: float = 1.0) -> bool:
+        """True when it fits as well as the noise allows."""
+        return self.refit.p_value(scale) > ADEQUATE
+
+
+class Workshop:
+    """Refits models to one set of data, read in any convention."""
+
+    def __init__(
+        self, noise: Noise, kinds: Vocabulary, prior: Mapping[str, tuple[float, float]], catalogue: Sequence[Effect],
+        rng: np.random.Generator,
+    ) -> None:  # fmt: skip
+        self.noise, self.kinds, self.prior, self.catalogue, self.rng = noise, kinds, prior, tuple(catalogue), rng
+        self._refitters: dict[Convention, Refitter] = {}
+
+    def refitter(self, convention: Convention) -> Refitter:
+        """What fits to the data as they read in a convention."""
+        if convention not in self._refitters:
+            noise = self.read(convention)
+            if len(self._refitters) > 8:
+                self._refitters = {key: one for key, one in self._refitters.items() if key == Convention()}
+            self._refitters[convention] = Refitter(noise, self.kinds, self.prior, self.rng)
+        return self._refitters[convention]
+
+    def read(self, convention: Convention) -> Noise:
+        """The data as they read in a convention."""
+        return replace(self.noise, sweep=convention.undone(self.noise.sweep))
+
+    def given(self, diagram: Diagram) -> Model | None:
+        """The given model, refitted from many starts."""
+        refit = self.refitter(Convention()).refit(diagram, [{}], draws=BASE_DRAWS)
+        return None if refit is None else Model(diagram, Convention(), refit)
+
+    def again(self, model: Model, starts: Sequence[Mapping[str, float]], draws: int = 0) -> Model:
+        """A model refitted from further starts; the better of both."""
+        refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws)
+        return model if refit is None or refit.cost >= model.refit.cost else replace(model, refit=refit)
+
+    def insertions(self, model: Model) -> tuple[Insertion, ...]:
+        """All edits of a model."""
+        return insertions(model.diagram, self.kinds, self.catalogue)
+
+    def edited(self, model: Model, insertion: Insertion) -> Model | None:
+        """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect."""
+        length = max((len(bank) for bank in insertion.parameters.values()), default=1)
+        banks = [
+            {name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)
+        ]
+        starts = [{**values, **bank} for bank in banks for values in (model.refit.values, {})]
+        refit = self.refitter(model.convention).refit(insertion.diagram, starts, draws=TRIAL_DRAWS, spread=0.5)
+        if refit is None:
+            return None
+        return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
+
+    def read_otherwise(self, model: Model) -> Iterator[Model]:
+        """A model on the data as they read in other conventions, refitted."""
+        for convention in written_otherwise(self.noise.sweep):
+            yield from self._in(model, convention, 0)
+        yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE)
+        yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR)
+
+    def _in(self, model: Model, convention: Convention, extra: int) -> Iterator[Model]:
+        found = self.refitter(convention).refit(model.diagram, [model.refit.values, {}], draws=TRIAL_DRAWS)
+        if found is not None:
+            yield Model(model.diagram, convention, found, (*model.edits, convention), model.extra + extra)
+
+    def _with_number(self, model: Model, name: str, grid: np.ndarray, largest: float) -> Iterator[Model]:
+        """The best number of a convention: the best of a grid, then refined by Brent's method."""
+        if model.convention != Convention():
+            return
+        logarithmic = name == "factor"
+
+        def read(number: float) -> Convention:
+            return Convention(**{name: float(np.exp(number)) if logarithmic else number})
+
+        def fitted(number: float) -> Refit | None:
+            refitter = Refitter(self.read(read(number)), self.kinds, self.prior, self.rng)
+            return refitter.refit(model.diagram, [values, {}], draws=4)
+
+        def cost(number: float) -> float:
+            nonlocal values
+            found = fitted(number)
+            if found is None:
+                return np.inf
+            if found.cost < best[0]:
+                best[0], values = found.cost, found.values
+            return found.cost
+
+        values: Mapping[str, float] = model.refit.values
+        best = [np.inf]
+        numbers = np.log(grid) if logarithmic else grid
+        costs = [cost(float(one)) for one in numbers]
+        if not np.isfinite(costs).any():
+            return
+        place = int(np.argmin(costs))
+        step = numbers[1] - numbers[0]
+        bound = np.log(largest) if logarithmic else largest
+        low, high = max(numbers[place] - step, -bound), min(numbers[place] + step, bound)
+        found = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"maxiter": 25, "xatol": 1e-7})
+        yield from self._in(model, read(float(found.x)), 1)
+
+
+def threshold(extra: int, tests: int) -> float:
+    """Gain of chi2 that so many further free numbers must bring in one of so many tests."""
+    return float(chi2_law.isf(FALSE_ALARM / max(tests, 1), max(extra, 1)))
+
+
+def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
+    """True when an edit pays: the likelihood ratio for added numbers, the information criterion where none is added."""
+    extra = after.free - before.free
+    gain = before.cost(scale) - after.cost(scale)
+    if extra > 0:
+        return gain > threshold(extra, tests)
+    return gain > threshold(1, tests) + extra * log(after.refit.numbers) if extra < 0 else gain > threshold(1, tests)

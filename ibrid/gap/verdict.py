@@ -1,0 +1,137 @@
+"""The verdict: one of six, by rules that were fixed before any data were seen, and the sentence that says it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.gap.convention import Convention
+from ibrid.gap.effect import Insertion
+from ibrid.gap.locating import whiteness
+from ibrid.gap.noise import LEAST_UNKNOWN, Noise
+from ibrid.gap.port_map import PortFit
+from ibrid.gap.result import Verdict
+from ibrid.gap.trial import ALIKE, Model, significant
+
+#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
+FAR = 3.0
+#: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
+STRUCTURED = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that competed for its place.
+    `scale` : of the noise. `tests` : edits that were weighed. `stable` : of the given model, at every measured point."""
+
+    noise: Noise
+    given: Model
+    best: Model
+    rivals: tuple[tuple[Model, ...], ...]
+    trials: tuple[Model, ...]
+    ports: tuple[PortFit, ...]
+    scale: float
+    tests: int
+    steps: tuple[str, ...]
+
+    @property
+    def repaired(self) -> bool:
+        """True when an edit paid."""
+        return self.best is not self.given
+
+
+def scale_of(noise: Noise, models: Sequence[Model], ports: Sequence[PortFit]) -> float:
+    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit found, 1 at least."""
+    if noise.known:
+        return 1.0
+    per_dof = [one.refit.chi2 / one.refit.dof for one in models] + [one.chi2_per_dof for one in ports]
+    return float(np.sqrt(max(min(per_dof, default=1.0), 1.0)))
+
+
+def fits(model: Model, noise: Noise, scale: float) -> bool:
+    """True when a model fits as well as the noise allows; with a noise that was estimated from fits, only where what is
+    left over is white as well."""
+    if not model.adequate(scale):
+        return False
+    return noise.known or scale == 1.0 or abs(whiteness(model.refit)) < STRUCTURED
+
+
+def verdict_of(found: Findings) -> Verdict:
+    """One of six."""
+    if fits(found.best, found.noise, found.scale):
+        if any(isinstance(edit, Convention) for edit in found.best.edits):
+            return "data-convention"
+        if found.repaired:
+            return "named"
+        return "parameters-only" if moved_far(found.given) else "no-gap"
+    return "located-unnamed" if any(one.adequate for one in found.ports) else "unexplained"
+
+
+def moved_far(model: Model) -> list[str]:
+    """Parameters further than `FAR` from their nominal value, the furthest first."""
+    distance = {name: abs(sigmas) for name, sigmas in sigmas_moved(model).items()}
+    return sorted((name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name])
+
+
+def sigmas_moved(model: Model) -> dict[str, float]:
+    """Parameter with a nominal value -> how far it moved, in standard deviations of its tolerance."""
+    prior = model.refit.prior
+    numbers = enumerate(model.refit.problem.numbers)
+    return {
+        one.name: float((model.refit.x[index] - prior[one.name][0]) / prior[one.name][1])
+        for index, one in numbers
+        if one.name in prior
+    }
+
+
+def alike(found: Findings, place: int) -> tuple[str, ...]:
+    """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
+    if place >= len(found.rivals):
+        return ()
+    edit, rivals = found.best.edits[place], found.rivals[place]
+    winner = next((one for one in rivals if one.edits[place] is edit), None)
+    if winner is None or isinstance(edit, Convention):
+        return ()
+    limit, names = winner.bic(found.scale) + ALIKE, []
+    for one in rivals:
+        other = one.edits[place]
+        if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
+            continue
+        adequate = one.adequate(found.scale) or not winner.adequate(found.scale)
+        if one.bic(found.scale) <= limit and adequate and significant(found.given, one, found.tests, found.scale):
+            names.append(other.effect)
+    return tuple(names)
+
+
+def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, floor: float | None) -> str:
+    """The verdict in words for an engineer; before, after, floor : NRMSE."""
+    noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
+    limit = "" if found.noise.known else f"; the noise is not known, so down to {LEAST_UNKNOWN:g} of |Y| alone"
+    if verdict == "no-gap":
+        return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}: smaller effects cannot be excluded."
+    if verdict == "parameters-only":
+        names = ", ".join(moved_far(found.given))
+        return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
+    if verdict == "named":
+        what = " and ".join(words_of(edit) for edit in found.best.edits if isinstance(edit, Insertion))
+        return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
+    if verdict == "data-convention":
+        what = " and ".join(edit.words for edit in found.best.edits if isinstance(edit, Convention))
+        also = "".join(f"; also {words_of(edit)}" for edit in found.best.edits if isinstance(edit, Insertion))
+        return f"The data are written otherwise than the model means: {what}{also} (error {before:.2g} -> {after:.2g}{noise})."
+    if verdict == "located-unnamed":
+        places = ", ".join(one.port.words for one in found.ports if one.adequate)
+        return f"Something is missing that the catalogue does not know; one unknown transfer would explain all: at {places}."
+    return (
+        f"The model does not explain the data (error {before:.2g}{noise}), and no effect or single place does either."
+    )
+
+
+def words_of(edit: Insertion) -> str:
+    """An edit as what it says of the device."""
+    what = f"{edit.effect.replace('_', ' ')} ({edit.where})"
+    if edit.change == "add":
+        return f"the device has {what}, which the model lacks"
+    if edit.change == "remove":
+        return f"the model has {what}, which the device lacks"
+    return f"the device has {what} in another form than the model"

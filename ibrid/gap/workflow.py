@@ -1,0 +1,117 @@
+"""find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.plan import make_plan
+from ibrid.evaluation.recording import record_at
+from ibrid.fit import kernel
+from ibrid.gap.answer import answer_of
+from ibrid.gap.catalogue import CATALOGUE
+from ibrid.gap.effect import Effect
+from ibrid.gap.noise import Noise, noise_of
+from ibrid.gap.port_map import PortFit, port_map
+from ibrid.gap.prior import Nominal, prior_of
+from ibrid.gap.repair import Bench, first_trials, repair
+from ibrid.gap.result import Gap
+from ibrid.gap.trial import Model, Workshop
+from ibrid.gap.verdict import Findings, scale_of
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.check import require_legal
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
+
+Tell = Callable[[int, int, str], None]
+
+
+def find_gap(
+    diagram: Diagram,
+    sweep: Sweep,
+    values: Nominal | None = None,
+    *,
+    holdout_op: str | Sequence[str] = (),
+    vocabulary: str | Sequence[ModuleKind] = "extended",
+    catalogue: Sequence[Effect] = CATALOGUE,
+    seed: int = 0,
+    tell: Tell = lambda done, of, words: None,
+) -> Gap:
+    """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
+
+    Parameters
+    ----------
+    diagram : the model that is believed in. sweep : the measured device.
+    values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
+        deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
+    holdout_op : operating points that are not fitted, but predicted before and after.
+    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`. seed : of the random starts.
+    tell : is told what is going on, (done, of, words).
+
+    Returns
+    -------
+    Gap with one of six verdicts: no-gap, parameters-only, named, located-unnamed, unexplained, data-convention.
+
+    Raises
+    ------
+    IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
+    """
+    kernel.load()
+    began = time.perf_counter()
+    plan = make_plan(sweep, "shared", "exact", vocabulary, None, None, seed, holdout_op, None)
+    require_legal(diagram, plan.kinds, equilibrium="exact")
+    wiring = wire(diagram, plan.kinds)
+    prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
+    noise = noise_of(plan.fitted)
+    shop = Workshop(noise, plan.kinds, prior, catalogue, np.random.default_rng(seed))
+    tell(0, 1, "the given model refitted")
+    given = shop.given(diagram)
+    if given is None:
+        raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
+    steady: dict[int, bool] = {}
+    bench = Bench(shop, lambda one: _stable(one, shop, steady), tell)
+    bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
+    given, trials = first_trials(bench, given)
+    ports = () if given.adequate() else _ports(given, noise, plan.kinds, prior, tell)
+    bench.scale = scale_of(noise, [given, *trials], ports)
+    trials.sort(key=lambda one: one.bic(bench.scale))
+    best, rivals = repair(bench, given, trials)
+    bench.scale = scale_of(noise, [given, best, *trials], ports)
+    found = Findings(
+        noise,
+        given,
+        best,
+        tuple(map(tuple, rivals)),
+        tuple(trials),
+        ports,
+        bench.scale,
+        bench.tests,
+        tuple(bench.steps),
+    )
+    held = tuple(point.op.name for point in plan.held_out)
+    gap = answer_of(found, shop, diagram, plan.sweep, held, values, steady)
+    return replace(gap, seconds=time.perf_counter() - began)
+
+
+def _stable(model: Model, shop: Workshop, known: dict[int, bool]) -> bool:
+    """True when all poles lie in the left half plane at every fitted point."""
+    if id(model) not in known:
+        sweep = shop.refitter(model.convention).sweep
+        record = record_at(model.diagram, sweep, model.refit.values, vocabulary=shop.kinds)
+        known[id(model)] = bool(record.stable) and all(record.stable.values())
+    return known[id(model)]
+
+
+def _ports(
+    given: Model, noise: Noise, kinds: Vocabulary, prior: Mapping[str, tuple[float, float]], tell: Tell
+) -> tuple[PortFit, ...]:
+    grids = {point.frequency.tobytes() for point in noise.sweep.points}
+    if len(grids) > 1:
+        return ()
+    tell(0, 1, "the port map")
+    return port_map(given.diagram, kinds, noise.sweep, prior, [given.refit.values, {}])
