@@ -24,6 +24,7 @@ _HOME = {
     "benchmarks": "ibrid.plants.benchmarks",
     "compare": "ibrid.structure.compare",
     "evaluate": "ibrid.evaluation.evaluate",
+    "find_gap": "ibrid.gap.workflow",
     "from_frd": "ibrid.measurement.frd",
     "inspect": "ibrid.measurement.inspect",
     "parse_program": "ibrid.structure.program",

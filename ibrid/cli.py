@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
-from ibrid.commands import diagrams, fitting, results, searching, sweeps, vocabulary
+from ibrid.commands import diagrams, fitting, gap, results, searching, sweeps, vocabulary
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
 
@@ -26,6 +26,7 @@ for a start:
   ibrid modules                                 the blocks that diagrams are made of
   ibrid inspect paper_like                      a first look at the shipped benchmark
   ibrid evaluate gfl_pll_filter_exact paper_like --json out.json --report out.html
+  ibrid gap gfl paper_like --out out/gap        which physical effect a model lacks
   ibrid search paper_like --out out/run         find the hidden controller from the data alone
   ibrid export out.json --op p=1,q=0.3 --format control-json --out model.json
 
@@ -54,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
-    for family in (vocabulary, diagrams, sweeps, fitting, searching, results):
+    for family in (vocabulary, diagrams, sweeps, fitting, gap, searching, results):
         family.declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole

@@ -19,7 +19,7 @@ from ibrid.structure.wiring import split_port, wire
 class OpenPort:
     """The model of a port's diagram at the operating points of a sweep, which have one frequency grid.
 
-    coordinates : theta <-> x of the parameters `names`, those of the given diagram. omega : (K,) rad/s.
+    symbolic : its free parameters are those of the given diagram. coordinates : theta <-> x. omega : (K,) rad/s.
     """
 
     def __init__(self, port: Port, kinds: Vocabulary, sweep: Sweep) -> None:
@@ -27,7 +27,7 @@ class OpenPort:
         self.symbolic = model = symbolic_model(
             wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
         )
-        self.names = tuple(one.name for one in model.parameters)
+        self.plant = wiring.plant
         self.coordinates = Coordinates(model.parameters)
         self.omega = sweep.points[0].omega
         self._fields = [np.array([one.op.p, one.op.q, one.op.v]) for one in sweep.points]
@@ -60,6 +60,8 @@ class OpenPort:
         entering, leaving = matrix[..., self.through, :], matrix[..., n:, :]
         left, arriving = leaving[..., :n] @ inverse, entering[..., :n] @ inverse
         x_u = inverse @ inside[..., n:]
+        if not np.isfinite(x_u).all():
+            return None
         return Opened(
             model=self,
             y_u=leaving[..., n:] + leaving[..., :n] @ x_u,

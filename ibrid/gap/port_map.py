@@ -11,8 +11,10 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 from ibrid.errors import IbridError, near
+from ibrid.fit.problem import Problem
+from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.open_port import OpenPort
-from ibrid.gap.port_fit import Fit, Target, fit_port
+from ibrid.gap.port_fit import LARGE, Fit, Target, fit_port
 from ibrid.gap.ports import Port, ports
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
@@ -20,6 +22,10 @@ from ibrid.structure.diagram import Diagram
 
 #: A port whose fit is as bad as this by chance, or less rarely, is adequate.
 ADEQUATE = 1e-3
+#: Further starts of every port where none is adequate, and how far they spread without a prior.
+FURTHER, SPREAD = 6, 0.3
+
+Prior = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +35,7 @@ class PortFit:
     `chi2` : of the data. `dof` : its degrees of freedom, 8 K M less 2 K and what the data say of the parameters.
     `p_value` : chance of a larger chi2 if only noise is left. `adequate` : p_value above 1e-3. `frequency` : (K,) Hz.
     `transfer` : (K,) complex, the Delta that was found. `deviation` : (K,), standard error of its real or imaginary part,
-    the larger; infinite where the data do not see it. `values` : fitted parameters.
+    the larger; 1000 where the data do not see it. `values` : fitted parameters.
     """
 
     port: Port
@@ -48,7 +54,7 @@ def port_map(
     diagram: Diagram,
     kinds: Vocabulary,
     sweep: Sweep,
-    prior: Mapping[str, tuple[float, float]],
+    prior: Prior,
     starts: Sequence[Mapping[str, float]],
     *,
     scale: float = 1.0,
@@ -63,92 +69,124 @@ def port_map(
     starts : parameter values, each of which is tried; a name that one lacks gets the prior's centre, else a typical value.
     scale : factor on sigma. only : names of ports; None: all of them.
 
-    Raises IbridError where sigma is missing, grids differ, a name is unknown, or nothing can be fitted.
+    A port at which the model has no response at any start is left out.
+    Raises IbridError where sigma is missing, grids differ, or a name is unknown.
     """
     _check(sweep)
-    found = ports(diagram, kinds)
-    if only is not None:
-        names = [one.name for one in found]
-        if unknown := [name for name in only if name not in names]:
-            raise IbridError(f"the diagram has no port {unknown[0]!r}; {near(unknown[0], names)}")
-        found = tuple(one for one in found if one.name in only)
-    fits = [one for port in found if (one := _fitted(port, kinds, sweep, prior, starts, scale)) is not None]
-    return tuple(sorted(fits, key=lambda one: one.chi2_per_dof))
+    searches = [_Search(port, kinds, sweep, prior, scale) for port in _chosen(diagram, kinds, only)]
+    fits = [one.best(one.given(starts)) for one in searches]
+    if not any(fit is not None and fit.adequate for fit in fits):
+        again = [one.best(one.drawn(np.random.default_rng(0))) for one in searches]
+        fits = [min((a, b), key=_badness) for a, b in zip(fits, again, strict=True)]
+    return tuple(sorted((one for one in fits if one is not None), key=_badness))
+
+
+def _badness(fit: PortFit | None) -> float:
+    return np.inf if fit is None else fit.chi2_per_dof
 
 
 def _check(sweep: Sweep) -> None:
-    first = sweep.points[0].frequency
+    first = sweep.points[0]
     for point in sweep.points:
         if point.sigma is None:
             raise IbridError(f"the port map needs sigma at operating point {point.op.name}; give it an estimate.")
-        if not np.array_equal(point.frequency, first):
+        if not np.array_equal(point.frequency, first.frequency):
             raise IbridError(
                 f"the port map needs one frequency grid at all operating points; {point.op.name} has another than "
-                f"{sweep.points[0].op.name}, leave it out or keep the common frequencies."
+                f"{first.op.name}, keep the frequencies that they share."
             )
 
 
-def _fitted(
-    port: Port,
-    kinds: Vocabulary,
-    sweep: Sweep,
-    prior: Mapping[str, tuple[float, float]],
-    starts: Sequence[Mapping[str, float]],
-    scale: float,
-) -> PortFit | None:
-    model = OpenPort(port, kinds, sweep)
-    target = _target(model, sweep, prior, scale)
-    begun = [fit_port(model, target, _start(model, prior, one)) for one in starts]
-    ended = [one for one in begun if one is not None]
-    if not ended:
-        return None
-    return _described(port, model, target, min(ended, key=lambda one: one.cost), sweep)
+def _chosen(diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None) -> tuple[Port, ...]:
+    found = ports(diagram, kinds)
+    if only is None:
+        return found
+    names = [one.name for one in found]
+    if unknown := [name for name in only if name not in names]:
+        raise IbridError(f"the diagram has no port {unknown[0]!r}; {near(unknown[0], names)}")
+    return tuple(one for one in found if one.name in only)
 
 
-def _target(model: OpenPort, sweep: Sweep, prior: Mapping[str, tuple[float, float]], scale: float) -> Target:
-    centre, precision = np.zeros(len(model.names)), np.zeros(len(model.names))
-    for name, (middle, width) in prior.items():
-        if name not in model.names:
-            raise IbridError(f"the prior names {name!r}, which is no free parameter; {near(name, model.names)}")
-        index = model.names.index(name)
-        centre[index], precision[index] = middle, width**-2
-    data = np.array([one.admittance for one in sweep.points])
-    sigma = np.array([one.sigma for one in sweep.points])
-    return Target(data, 1.0 / (scale * sigma), centre, precision)
+class _Search:
+    """The fits of one port."""
+
+    def __init__(self, port: Port, kinds: Vocabulary, sweep: Sweep, prior: Prior, scale: float) -> None:
+        self.port, self.sweep = port, sweep
+        self.model = OpenPort(port, kinds, sweep)
+        self.parameters = self.model.symbolic.parameters
+        self.names = [one.name for one in self.parameters]
+        self._require(prior, "the prior")
+        centre, precision = self._x({}), np.zeros(len(self.names))
+        for name, (middle, width) in prior.items():
+            centre[self.names.index(name)], precision[self.names.index(name)] = middle, width**-2
+        data = np.array([one.admittance for one in sweep.points])
+        sigma = np.array([one.sigma for one in sweep.points])
+        self.target = Target(data, 1.0 / (scale * sigma), centre, precision)
+
+    def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+        """The given starts, and each with the grid side of an LCL filter as the top of the band shows it."""
+        found = []
+        for start in starts:
+            self._require(start, "a start")
+            known = np.array([name in start for name in self.names])
+            found.append(np.where(known, self._x(start), self.target.centre))
+        return [*found, *(self._seeded(x) for x in found)]
+
+    def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
+        """Starts around the prior's centre, with that grid side."""
+        width = np.where(self.target.precision > 0, np.maximum(self.target.precision, 1e-300) ** -0.5, SPREAD)
+        return [self._seeded(self.target.centre + width * rng.standard_normal(len(self.names))) for _ in range(FURTHER)]
+
+    def best(self, starts: Sequence[np.ndarray]) -> PortFit | None:
+        fit = fit_port(self.model, self.target, starts)
+        return None if fit is None else self._described(fit)
+
+    def _require(self, named: Mapping[str, object], what: str) -> None:
+        if unknown := [name for name in named if name not in self.names]:
+            raise IbridError(f"{what} names {unknown[0]!r}, which is no free parameter; {near(unknown[0], self.names)}")
+
+    def _x(self, values: Mapping[str, float]) -> np.ndarray:
+        theta = np.array([values.get(one.name, one.typical) for one in self.parameters], dtype=float)
+        coordinates = self.model.coordinates
+        return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
+
+    def _seeded(self, x: np.ndarray) -> np.ndarray:
+        seed = high_frequency_seed(Problem(self.model.symbolic, self.sweep.points), self.sweep.omega_0)
+        members = {(self.model.plant, name): value for name, value in seed.items()}
+        values = {
+            one.name: value for one in self.parameters for member, value in members.items() if member in one.members
+        }
+        return np.where([name in values for name in self.names], self._x(values), x)
+
+    def _described(self, fit: Fit) -> PortFit:
+        """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least known of it."""
+        known = self.target.precision + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
+        covariance = _inverse(fit.information + np.diag(known))
+        power = fit.power + LARGE**2
+        free = 2 * float((fit.power / power).sum()) + len(known) - float(known @ np.diag(covariance))
+        followed = [
+            np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
+        ]
+        dof = max(self.target.data.size * 2 - free, 1.0)
+        p_value = float(chi2_distribution.sf(fit.chi2, dof))
+        theta = self.model.coordinates.to_theta(fit.x)
+        return PortFit(
+            port=self.port,
+            chi2=fit.chi2,
+            dof=dof,
+            chi2_per_dof=fit.chi2 / dof,
+            p_value=p_value,
+            adequate=p_value > ADEQUATE,
+            frequency=self.sweep.points[0].frequency,
+            transfer=fit.g - 1.0,
+            deviation=np.sqrt(1.0 / power + np.maximum(*followed)),
+            values=dict(zip(self.names, theta.tolist(), strict=True)),
+        )
 
 
-def _start(model: OpenPort, prior: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> np.ndarray:
-    if unknown := [name for name in start if name not in model.names]:
-        raise IbridError(f"a start names {unknown[0]!r}, which is no free parameter; {near(unknown[0], model.names)}")
-    typical = [start.get(one.name, one.typical) for one in model.symbolic.parameters]
-    x = model.coordinates.to_x(np.array(typical, dtype=float))
-    for index, name in enumerate(model.names):
-        if name not in start and name in prior:
-            x[index] = prior[name][0]
-    return x
-
-
-def _described(port: Port, model: OpenPort, target: Target, fit: Fit, sweep: Sweep) -> PortFit:
-    """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least that is known of it."""
-    box = model.coordinates.x_high - model.coordinates.x_low
-    covariance = np.linalg.inv(fit.information + np.diag(target.precision + box**-2.0))
-    seen = (np.abs(fit.by_transfer) ** 2).sum(axis=1)
-    dof = target.data.size * 2 - 2 * int((seen > 0).sum()) - float(np.trace(fit.information @ covariance))
-    followed = [np.einsum("kp,pq,kq->k", part, covariance, part) for part in (fit.follows.real, fit.follows.imag)]
-    with np.errstate(divide="ignore"):
-        deviation = np.sqrt(1.0 / seen + np.maximum(*followed))
-    dof = max(dof, 1.0)
-    p_value = float(chi2_distribution.sf(fit.chi2, dof))
-    theta = model.coordinates.to_theta(fit.x)
-    return PortFit(
-        port=port,
-        chi2=fit.chi2,
-        dof=dof,
-        chi2_per_dof=fit.chi2 / dof,
-        p_value=p_value,
-        adequate=p_value > ADEQUATE,
-        frequency=sweep.points[0].frequency,
-        transfer=fit.g - 1.0,
-        deviation=deviation,
-        values=dict(zip(model.names, theta.tolist(), strict=True)),
-    )
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Of a positive definite matrix, in units that make its diagonal 1."""
+    unit = np.diag(matrix) ** -0.5
+    values, vectors = np.linalg.eigh(matrix * unit[:, None] * unit)
+    root = unit[:, None] * vectors / np.sqrt(np.maximum(values, np.finfo(float).eps))
+    return root @ root.T

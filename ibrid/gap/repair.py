@@ -1,13 +1,13 @@
 """The repair of a model, edit by edit: try everything, keep what pays most, look back, go on until nothing pays."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ibrid.gap.convention import Convention
 from ibrid.gap.effect import Insertion
-from ibrid.gap.trial import ALIKE, Model, Workshop, significant
+from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, Workshop, significant
 
 #: Edits at most.
 MOST_EDITS = 3
@@ -17,21 +17,6 @@ BEAM = 3
 LOOKED_BACK = 3
 #: Gain in cost that makes a model before worth starting over.
 BETTER = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class Repair:
-    """`given` : the model before, at its best. `best` : the repaired one; the same where nothing pays.
-    `trials` : of the first step, best first. `last` : of the last step, by which `alike` are told.
-    `alike` : other last edits that fit as well. `tests` : how many edits were weighed. `scale` : of the noise."""
-
-    given: Model
-    best: Model
-    trials: tuple[Model, ...]
-    alike: tuple[tuple[Model, ...], ...]
-    tests: int
-    scale: float
-    steps: tuple[str, ...] = ()
 
 
 @dataclass
@@ -135,18 +120,33 @@ def _further(bench: Bench, model: Model, history: list[list[Model]]) -> tuple[Mo
 
 
 def _looked_back(bench: Bench, given: Model, best: Model, rivals: list[list[Model]]) -> tuple[Model, list[list[Model]]]:
-    """Leave out each edit but the last in turn: what the others do as well alone goes."""
-    if len(best.edits) != 2 or any(isinstance(edit, Convention) for edit in best.edits):
-        return best, rivals
-    last = best.edits[1]
-    twin = next((one for one in rivals[0] if _same(one.edits[0], last)), None)
-    if twin is None:
-        return best, rivals
-    alone = bench.shop.again(twin, [best.refit.values])
-    if not significant(alone, best, bench.tests, bench.scale) and bench.stable(alone):
-        bench.steps.append(f"looked back: {_words(last)} alone is enough")
-        return alone, [rivals[0]]
+    """Leave out each edit in turn: what the others do as well without it goes."""
+    place = 0
+    while len(best.edits) > 1 and place < len(best.edits):
+        others = (*best.edits[:place], *best.edits[place + 1 :])
+        alone = _replayed(bench, given, others, best)
+        if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.stable(alone):
+            bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
+            best, rivals, place = alone, [one for index, one in enumerate(rivals) if index != place], 0
+        else:
+            place += 1
     return best, rivals
+
+
+def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, ...], best: Model) -> Model | None:
+    """The given model with some edits, refitted from where the best one ended; None where they do not apply to it."""
+    model, done = given, ()
+    for edit in edits:
+        if isinstance(edit, Convention):
+            model = replace(model, convention=edit, extra=best.extra)
+        else:
+            twin = next((one for one in bench.shop.insertions(model) if _same(one, edit)), None)
+            if twin is None:
+                return None
+            model, edit = replace(model, diagram=twin.diagram), twin
+        done = (*done, edit)
+    refit = bench.shop.refitter(model.convention).refit(model.diagram, [best.refit.values, {}], draws=TRIAL_DRAWS)
+    return None if refit is None else replace(model, refit=refit, edits=done)
 
 
 def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.gap.catalogue import insertions
@@ -125,7 +125,7 @@ class Workshop:
         logarithmic = name == "factor"
 
         def read(number: float) -> Convention:
-            return Convention(**{name: float(np.exp(number)) if logarithmic else number})
+            return Convention(factor=float(np.exp(number))) if logarithmic else Convention(angle=number)
 
         def fitted(number: float) -> Refit | None:
             refitter = Refitter(self.read(read(number)), self.kinds, self.prior, self.rng)
@@ -150,8 +150,8 @@ class Workshop:
         step = numbers[1] - numbers[0]
         bound = np.log(largest) if logarithmic else largest
         low, high = max(numbers[place] - step, -bound), min(numbers[place] + step, bound)
-        found = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"maxiter": 25, "xatol": 1e-7})
-        yield from self._in(model, read(float(found.x)), 1)
+        number = np.asarray(fminbound(cost, low, high, xtol=1e-7, maxfun=25, disp=0)).item()
+        yield from self._in(model, read(number), 1)
 
 
 def threshold(extra: int, tests: int) -> float:

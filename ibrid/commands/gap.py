@@ -1,0 +1,123 @@
+"""`ibrid gap MODEL DATA --out DIR`: where they disagree, which effect is missing, and the model with it."""
+
+import sys
+import time
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.errors import IbridError
+
+if TYPE_CHECKING:
+    from ibrid.gap.result import Gap
+    from ibrid.measurement.sweep import Sweep
+
+#: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
+PROGRAM_ENDINGS = (".py", ".txt")
+
+
+def declare(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser("gap", help="where a model and a measurement disagree, and which effect is missing")
+    parser.add_argument(
+        "model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or the sweep of a simulation (CSV, ...)"
+    )
+    parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    parser.add_argument(
+        "--out", metavar="DIR", required=True, help="folder for gap.json, model.py, model.json, report.html"
+    )
+    parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
+    parser.add_argument(
+        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
+    )
+    parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: Namespace) -> int:
+    """Answer, write the files, print the answer; 0: any verdict."""
+    from ibrid.gap.files import write_gap
+    from ibrid.gap.prior import read_values
+    from ibrid.report.gap_page import gap_page
+    from ibrid.report.gap_text import gap_text
+    from ibrid.writing import write_whole
+
+    folder = _folder(arguments.out)
+    sweep = inputs.data(arguments.data)
+    values = None if arguments.values is None else read_values(arguments.values)
+    with _Line() as line:
+        gap = _answer(arguments, sweep, values, line)
+    write_gap(gap, folder)
+    write_whole(folder / "report.html", gap_page(gap))
+    print(gap_text(gap).rstrip("\n"))
+    print(f"\n{folder / 'report.html'} shows it; {folder / 'model.py'} is the model, {folder / 'model.json'} its record")
+    return 0
+
+
+def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None, line: "_Line") -> "Gap":
+    from ibrid.gap.workflow import find_gap
+
+    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "tell": line.tell}
+    if not _is_sweep(arguments.model):
+        return find_gap(inputs.program(arguments.model), sweep, values, **options)
+    if values is not None:
+        raise IbridError("--values belongs to a program; a simulated sweep brings its own")
+    from ibrid.gap.simulated import differences, identify
+
+    simulated = inputs.data(arguments.model)
+    where = differences(simulated, sweep)
+    line.tell(0, 1, "the program of the simulated sweep")
+    found = identify(simulated, arguments.seed)
+    gap = find_gap(found.record.diagram, sweep, found.values, **options)
+    first = where[0]
+    most = f"most of the difference lies at {first.op}, {first.band[0]:g} to {first.band[1]:g} Hz, {first.entry}"
+    return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
+
+
+def _is_sweep(text: str) -> bool:
+    path = Path(text)
+    return path.is_file() and path.suffix.lower() not in PROGRAM_ENDINGS
+
+
+def _folder(text: str) -> Path:
+    folder = Path(text)
+    if not text.strip():
+        raise IbridError("--out needs a folder, found an empty name; write . for the current one")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise IbridError(f"--out {text} cannot be a folder: {error.strerror or error}") from None
+    return folder
+
+
+class _Line:
+    """One line of progress on the error stream, rewritten in a terminal and repeated seldom elsewhere."""
+
+    EVERY, SELDOM, WIDTH = 0.2, 10.0, 78
+
+    def __init__(self) -> None:
+        self.began = self.shown = time.monotonic()
+        self.terminal = sys.stderr.isatty()
+
+    def __enter__(self) -> "_Line":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.terminal:
+            print("\r" + " " * self.WIDTH + "\r", end="", file=sys.stderr, flush=True)
+
+    def tell(self, done: int, of: int, words: str) -> None:
+        """Show what is going on, if it is time."""
+        now = time.monotonic()
+        if now - self.shown < (self.EVERY if self.terminal else self.SELDOM):
+            return
+        self.shown = now
+        text = f"{done}/{of} {words}, {now - self.began:.0f} s"[: self.WIDTH]
+        print(
+            f"\r{text:<{self.WIDTH}}" if self.terminal else text,
+            end="" if self.terminal else "\n",
+            file=sys.stderr,
+            flush=True,
+        )

@@ -1,0 +1,58 @@
+"""The files of an answer: gap.json, the repaired model as a program, and its record."""
+
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from ibrid.gap.result import SCHEMA, Gap
+from ibrid.writing import write_whole
+
+GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
+
+
+def gap_json(gap: Gap) -> dict[str, Any]:
+    """Plain data in the contract's order; numbers that are not finite become null."""
+    return _plain(
+        {
+            "schema": SCHEMA,
+            "verdict": gap.verdict,
+            "sentence": gap.sentence,
+            "located": [vars(one) for one in gap.located],
+            "ports": [
+                {"port": one.port.name, "chi2_per_dof": one.chi2_per_dof, "adequate": one.adequate} for one in gap.ports
+            ],
+            "effects": [vars(one) for one in gap.effects],
+            "before": gap.before,
+            "after": gap.after,
+            "noise_floor": gap.noise_floor,
+            "noise": gap.noise,
+            "moved": [vars(one) for one in gap.moved],
+            "could_not_have_seen": [vars(one) for one in gap.could_not_have_seen],
+            "candidates": [vars(one) for one in gap.candidates],
+            "null_space": gap.null_space,
+            "frame_angle": gap.angle,
+            "steps": gap.steps,
+            "seconds": gap.seconds,
+            "program": gap.program,
+        }
+    )
+
+
+def write_gap(gap: Gap, folder: str | Path) -> None:
+    """gap.json, model.py and model.json in a folder, each replaced atomically."""
+    folder = Path(folder)
+    write_whole(folder / PROGRAM, gap.program)
+    gap.repaired.write(folder / RECORD)
+    write_whole(folder / GAP, json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, bool) or value is None or isinstance(value, str | int):
+        return value
+    number = float(value)
+    return number if isfinite(number) else None

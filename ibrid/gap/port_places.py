@@ -1,0 +1,199 @@
+"""Where an unknown transfer may join a model: in series with its signals, or along a path that it does not have.
+
+What a transfer adds to the current reference it can add to the command, behind the current regulator, and a block for the
+current loop alone adds to the command what a path from that current does: such twins come once.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from ibrid.gap.axes import packs, power_block, regulates, regulator
+from ibrid.gap.effect import Edit, Model
+from ibrid.gap.effects.feedforward import feedforward
+from ibrid.gap.paths import after
+from ibrid.gap.places import command_entries, current_entries, into_whole_command, measured_current
+from ibrid.signals import Signal
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+
+
+@dataclass(frozen=True)
+class Place:
+    """`name`, `words` : for programs and for people. `edit` : puts the block in and returns its name."""
+
+    name: str
+    words: str
+    edit: Callable[[Edit], str]
+
+
+# --- in series -------------------------------------------------------------------------------------------------------
+
+
+def places_in_series(model: Model) -> Iterator[Place]:
+    """Signals of the controller, from the command back to what is measured."""
+    roles, draft = model.roles, model.draft
+    yield Place(roles.command, "the whole voltage command", _into_command(roles.command))
+    for pll in draft.named("SRF_PLL"):
+        yield Place(
+            f"{pll}.e_q",
+            "the input of the PLL",
+            lambda draft, pll=pll: draft.insert_before(f"{pll}.e_q", "Unknown", "port"),
+        )
+    for block in roles.power:
+        yield from _measured_power(model, block)
+    current = measured_current(model)
+    for what, targets in current_entries(model).items():
+        name = current if len(targets) > 1 else targets[0]
+        yield Place(name, f"the measured current, for {what}", _behind(current, targets))
+    found = feedforward(model)
+    if found is not None:
+        entries = command_entries(draft, roles.command)
+        name = f"{found.voltage} -> {roles.command}"
+        yield Place(name, f"the feedforward of {found.voltage}", _behind(found.last, entries))
+    for pack in packs(model):
+        yield Place(f"{pack}.out", "the current reference", _behind(f"{pack}.out"))
+    for name in roles.outer:
+        axes = [axis[-1] for axis in ("in_d", "in_q") if regulator(model, axis) == name]
+        which = f"of the {' and '.join(axes)} axis" if axes else "beside another"
+        yield Place(f"{name}.out", f"the output of the outer loop {which}", _behind(f"{name}.out"))
+    for name, what in ((roles.current_loop, "current"), (roles.voltage_loop, "voltage")):
+        if name is not None:
+            yield Place(f"{name}.out", f"the output of the {what} regulator", _behind(f"{name}.out"))
+
+
+def _into_command(command: str) -> Callable[[Edit], str]:
+    return lambda draft: into_whole_command(draft, command, "Unknown_dq", "port")
+
+
+def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
+    """A block behind an output, for all that takes it or for some inputs."""
+
+    def edit(draft: Edit) -> str:
+        kind = "Unknown_dq" if draft.signal(source) is Signal.DQ_VEC else "Unknown"
+        return draft.insert(source, targets or draft.targets(source), kind, "port")
+
+    return edit
+
+
+def _measured_power(model: Model, block: str) -> Iterator[Place]:
+    """One block for p and q, or for that of them which the model uses."""
+    used = {axis: f"{block}.{axis}" for axis in "pq" if model.draft.targets(f"{block}.{axis}")}
+    if len(used) < 2:
+        yield from (Place(port, f"the measured {axis}", _behind(port)) for axis, port in used.items())
+        return
+
+    def edit(draft: Edit) -> str:
+        pair, name = draft.add("PackDQ", "port_pair"), draft.add("Unknown_dq", "port")
+        draft.connect(f"{pair}.out", f"{name}.in_")
+        for axis, kind, entry in (("p", "SliceD", "in_d"), ("q", "SliceQ", "in_q")):
+            out = draft.add(kind, f"port_{axis}")
+            for target in draft.targets(used[axis]):
+                draft.disconnect(used[axis], target)
+                draft.connect(f"{out}.out", target)
+            draft.chain(used[axis], f"{pair}.{entry}", f"{name}.out", f"{out}.in_")
+        return name
+
+    yield Place(" and ".join(used.values()), "the measured p and q", edit)
+
+
+# --- missing paths ---------------------------------------------------------------------------------------------------
+
+
+def missing_paths(model: Model) -> Iterator[Place]:
+    """From measured voltages and currents to the command and the current reference, to the axes of that, and at the PCC."""
+    roles, draft = model.roles, model.draft
+    plant, command = roles.plant, (roles.command, command_entries(draft, roles.command))
+    reference = (roles.reference, [roles.reference]) if roles.current_loop else command
+    measured = measured_current(model) if roles.current_loop else None
+    outputs = draft.kind(plant).outputs
+    if feedforward(model) is None:
+        yield _path(roles.voltage, *command, "a path from the filter voltage to the command")
+    if "i_ti" in outputs:
+        if measured != f"{plant}.i_ti":
+            yield _path(f"{plant}.i_ti", *command, "a path from the converter current to the command")
+        yield _path(f"{plant}.i_C", *command, "a path from the capacitor current to the command")
+        yield _path(f"{plant}.i_ti", *command, "a coupling of the axes by the converter current", turned=True)
+    if measured != f"{plant}.i_g":
+        yield _path(f"{plant}.i_g", *reference, "a path from the grid current to the current reference")
+    yield _path(f"{plant}.i_g", *reference, "a coupling of the axes by the grid current", turned=True)
+    loop = regulator(model, "in_d")
+    if roles.frequency is not None and loop is not None and regulates(model, loop) == "p":
+        (frequency, *_) = draft.sources(f"{plant}.delta_omega")
+        entry = f"{loop}.in_"
+        yield _path(frequency, entry, [entry], "a path from the frequency to the loop of p")
+    yield from _axis_paths(model)
+    pcc = (TERMINAL_VOLTAGE, TERMINAL_CURRENT, [TERMINAL_CURRENT])
+    yield _path(*pcc, "a shunt at the PCC that acts on each axis")
+    yield _path(*pcc, "a shunt at the PCC that couples the axes", turned=True)
+
+
+def _path(source: str, joined: str, targets: Iterable[str], words: str, *, turned: bool = False) -> Place:
+    """Delta times a source, or J times that, added to inputs."""
+
+    def start(draft: Edit) -> str:
+        return after(draft, source, "Quarter_turn", "port_J") if turned else source
+
+    return Place(f"{'J ' * turned}{source} -> {joined}", words, _added(start, targets))
+
+
+def _axis_paths(model: Model) -> Iterator[Place]:
+    """To one axis of the current reference: from what may regulate it, in place of what does if that is something else."""
+    roles = model.roles
+
+    def p(draft: Edit) -> str:
+        return f"{power_block(draft, model)}.p"
+
+    def q(draft: Edit) -> str:
+        return f"{power_block(draft, model)}.q"
+
+    def converter_power(draft: Edit) -> str:
+        name = draft.add("PQ_calc", "port_power")
+        for source in draft.sources(roles.command):
+            draft.connect(source, f"{name}.e")
+        draft.connect(roles.current, f"{name}.i")
+        return f"{name}.p"
+
+    def size(draft: Edit) -> str:
+        return after(draft, roles.voltage, "Magnitude", "port_size")
+
+    power, voltage = f"power at {roles.command}", f"|{roles.voltage}|"
+    quantities = {
+        "in_d": {"p": ("p", p), "dc": (power, converter_power)},
+        "in_q": {"q": ("q", q), "voltage": (voltage, size)},
+    }
+    for pack in packs(model):
+        for axis, by_name in quantities.items():
+            target, found = f"{pack}.{axis}", regulator(model, axis)
+            present = regulates(model, found)
+            for what, (name, start) in by_name.items():
+                words = f"a path from {name} to the {axis[-1]} axis of the current reference"
+                if present is None and found is None:
+                    yield Place(f"{name} -> {target}", words, _added(start, [target]))
+                elif present != what:
+                    instead = f" in place of {found}"
+                    yield Place(f"{name} -> {target}{instead}", words + instead, _added(start, [target], instead=found))
+            if present == "q":
+                words = f"a path from {voltage} to the q axis of the current reference"
+                yield Place(f"{voltage} -> {target}", words, _added(size, [target]))
+
+
+def _added(
+    start: Callable[[Edit], str], targets: Iterable[str], *, instead: str | None = None
+) -> Callable[[Edit], str]:
+    """Delta times what `start` finds or makes, added to inputs: 1 + Delta of it beside -1 of it.
+
+    instead : a scalar module whose output counts no more, while its parameters stay.
+    """
+
+    def edit(draft: Edit) -> str:
+        source = start(draft)
+        dq = "_dq" if draft.signal(source) is Signal.DQ_VEC else ""
+        name, minus = draft.add(f"Unknown{dq}", "port"), draft.add(f"Negate{dq}", "port_minus")
+        for block in (name, minus):
+            draft.connect(source, f"{block}.in_")
+            for target in targets:
+                draft.connect(f"{block}.out", target)
+        if instead is not None:
+            draft.insert(f"{instead}.out", draft.targets(f"{instead}.out"), "Gain", "port_off", k=0.0)
+        return name
+
+    return edit

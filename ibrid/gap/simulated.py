@@ -1,0 +1,95 @@
+"""A simulation that lives in another tool: its sweep instead of a program. Where it differs, and which program it is."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
+from ibrid.fit.objective import BAND_EDGES, band_index
+from ibrid.gap.locating import ENTRIES, normal_score
+from ibrid.gap.noise import noise_of
+from ibrid.gap.result import Located
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.library import textbook, textbook_names
+
+#: NRMSE up to which a textbook program is taken for the simulation itself, and up to which it is close.
+SAME, CLOSE = 1e-4, 0.02
+#: Tolerance of the identified values, one standard deviation of the logarithm.
+TOLERANCE = 0.25
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The textbook program nearest to a simulated sweep. `words` : how near, for the steps of the answer."""
+
+    record: Record
+    name: str
+    words: str
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Its parameters, as nominal values."""
+        return dict(next(iter(self.record.parameters.values())))
+
+
+def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
+    """Where two sweeps differ: share of the squared difference by operating point, band and entry, and its significance
+    against the noise of the measurement. At frequencies that both have, else the simulation is interpolated.
+
+    Raises IbridError when they have no operating point in common.
+    """
+    common = [name for name in measured.names if name in simulated.names]
+    if not common:
+        raise IbridError(
+            f"the two sweeps have no operating point in common: {', '.join(simulated.names)} and {', '.join(measured.names)}"
+        )
+    found, noise = [], noise_of(measured).sweep
+    for name in common:
+        one, other = simulated.point(name), noise.point(name)
+        bands = band_index(other.frequency)
+        response = _interpolated(one.frequency, one.admittance, other.frequency)
+        square = np.abs((response - other.admittance) / np.asarray(other.sigma)) ** 2
+        for band in range(len(BAND_EDGES) + 1):
+            inside = (bands == band) & np.isfinite(square).all(axis=(1, 2))
+            if inside.any():
+                edges = (float(other.frequency[inside][0]), float(other.frequency[inside][-1]))
+                for number, entry in enumerate(ENTRIES):
+                    part = float(square[inside, number // 2, number % 2].sum())
+                    found.append(Located(name, edges, entry, part, normal_score(part, 2.0 * inside.sum())))
+    whole = sum(one.share for one in found) or 1.0
+    return tuple(sorted((replace(one, share=one.share / whole) for one in found), key=lambda one: -one.share))
+
+
+def identify(simulated: Sweep, seed: int = 0) -> Identified:
+    """The textbook program that fits a simulated sweep best; of those that fit alike the one with fewest parameters.
+
+    Raises IbridError when none comes close: then a search finds the program.
+    """
+    records = {name: evaluate(textbook(name), simulated, seed=seed) for name in textbook_names()}
+    able = {name: one for name, one in records.items() if one.nrmse is not None and all(one.stable.values())}
+    if not able:
+        raise IbridError("no textbook program fits the simulated sweep; check its conventions with ibrid inspect")
+    best = min(float(one.nrmse or 0.0) for one in able.values())
+    alike = {name: one for name, one in able.items() if float(one.nrmse or 0.0) <= max(1.1 * best, SAME)}
+    name = min(alike, key=lambda each: alike[each].free_parameters)
+    error = float(alike[name].nrmse or 0.0)
+    if error > CLOSE:
+        raise IbridError(
+            f"no textbook program is close to the simulated sweep (the best is {name}, NRMSE {error:.2g}); "
+            "find its program with ibrid search, then run ibrid gap with that"
+        )
+    near = "is" if error <= SAME else "is close to"
+    return Identified(alike[name], name, f"the simulated sweep {near} the textbook program {name} (NRMSE {error:.2g})")
+
+
+def _interpolated(frequency: np.ndarray, response: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Linear in log f, entry by entry; not a number outside the band."""
+    at, to = np.log(frequency), np.log(wanted)
+    flat = response.reshape(len(frequency), 4)
+    columns = [
+        np.interp(to, at, flat[:, one].real, np.nan, np.nan) + 1j * np.interp(to, at, flat[:, one].imag, np.nan, np.nan)
+        for one in range(4)
+    ]
+    return np.stack(columns, axis=1).reshape(len(wanted), 2, 2)

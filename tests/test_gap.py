@@ -1,0 +1,167 @@
+"""The gap workflow on devices in which something is hidden: verdicts, names, refusals, files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ibrid
+from ibrid.cli import main
+from ibrid.errors import IbridError
+from ibrid.gap.convention import Convention, rotation
+from ibrid.gap.workflow import find_gap
+from ibrid.plants.hidden.case import Case, draw_case, write_case
+from ibrid.structure.program import parse_program
+
+
+def answered(case: Case, **options):
+    return find_gap(parse_program(case.program), case.sweep, case.values, **options)
+
+
+def ids(gap) -> list[str]:
+    return [one.id for one in gap.effects]
+
+
+@pytest.mark.parametrize(
+    ("effect", "change"),
+    [
+        ("control_delay", "add"),
+        ("pll_prefilter", "add"),
+        ("power_filter", "add"),
+        ("current_filter", "add"),
+        ("voltage_feedforward", "remove"),
+        ("decoupling", "add"),
+        ("active_damping", "add"),
+        ("shunt_capacitance", "add"),
+    ],
+)
+@pytest.mark.parametrize("noise_db", [60])
+def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect, change, noise_db):
+    case = draw_case("effect", 3, effects=[f"{effect}:{change}"], severity="gross", noise_db=noise_db)
+    gap = answered(case)
+    assert gap.verdict == "named", gap.sentence
+    (found,) = gap.effects
+    assert effect in (found.id, *found.indistinguishable_from)
+    assert found.change == change
+    assert gap.after["refit"] < 1.2 * gap.noise_floor
+    assert parse_program(gap.program) is not None
+    assert all(gap.repaired.stable.values())
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("kind", ["nothing", "parameters"])
+def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
+    gap = answered(draw_case(kind, seed, noise_db=50))
+    assert gap.verdict in ("no-gap", "parameters-only")
+    assert gap.effects == ()
+    assert gap.program == ibrid.program_text(parse_program(gap.given))
+
+
+def test_a_parameter_far_from_its_nominal_value_is_said_and_no_block_is_added():
+    case = draw_case("nothing", 0, noise_db=60, error=0.02)
+    values = dict(case.values)
+    name = next(one for one in values if one.endswith("R_g"))
+    values[name] = {"value": values[name] * 3.0, "tolerance": 0.2}
+    gap = find_gap(parse_program(case.program), case.sweep, values)
+    assert gap.verdict == "parameters-only"
+    assert name in gap.sentence
+    assert gap.moved[0].name == name
+    assert abs(gap.moved[0].sigmas) > 3
+
+
+def test_an_effect_that_the_catalogue_lacks_is_located_and_never_named():
+    case = draw_case("foreign", 0, effects=["comb"], severity="gross", noise_db=60)
+    gap = answered(case)
+    assert gap.verdict in ("located-unnamed", "unexplained")
+    assert gap.effects == ()
+    assert gap.located
+
+
+@pytest.mark.parametrize("variant", ["current_sign", "q_axis", "operating_point", "frame_misalignment"])
+def test_a_sweep_that_is_written_otherwise_is_told_from_missing_physics(variant):
+    case = draw_case("convention", 1, effects=[variant], noise_db=60, severity="gross")
+    gap = answered(case)
+    assert gap.verdict == "data-convention", gap.sentence
+    assert ids(gap) == (["frame_misalignment"] if variant == "frame_misalignment" else [])
+
+
+def test_what_a_convention_does_to_data_can_be_undone():
+    sweep = draw_case("nothing", 0, noise_db=60).sweep
+    point = sweep.points[0]
+    turn = rotation(0.1)
+    turned = replace(point, admittance=-2.0 * turn @ point.admittance @ turn.T)
+    undone = Convention(sign=-1, factor=2.0, angle=0.1).undone(replace(sweep, points=(turned,)))
+    assert np.allclose(undone.points[0].admittance, point.admittance, rtol=1e-13)
+
+
+def test_with_unknown_noise_no_more_is_said_than_can_be_known():
+    gap = answered(draw_case("nothing", 2))
+    assert gap.verdict in ("no-gap", "parameters-only")
+    assert "0.0001" in gap.sentence
+    assert gap.noise_floor is None
+
+
+def test_a_held_out_operating_point_is_predicted_before_and_after():
+    case = draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4)
+    gap = answered(case, holdout_op=case.sweep.names[-1])
+    assert gap.verdict == "named"
+    assert gap.after["holdout"] < 1.5 * gap.noise_floor < gap.before["holdout"]
+
+
+def test_the_same_seed_gives_the_same_answer():
+    case = draw_case("effect", 3, effects=["decoupling:add"], noise_db=40)
+    one, other = answered(case), answered(case)
+    assert one.sentence == other.sentence
+    assert one.repaired.parameters == other.repaired.parameters
+
+
+def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
+    write_case(draw_case("effect", 3, effects=["control_delay:add"], noise_db=60), tmp_path / "case", tmp_path / "truth")
+    case, out = tmp_path / "case", tmp_path / "out"
+    arguments = [str(case / "model.py"), str(case / "sweep.csv"), "--values", str(case / "nominal.json"), "--out", str(out)]
+    before = (case / "model.py").read_text()
+    assert main(["gap", *arguments]) == 0
+    assert (case / "model.py").read_text() == before
+    found = json.loads((out / "gap.json").read_text())
+    assert found["schema"] == "ibrid.gap/1"
+    assert found["verdict"] == "named"
+    (effect,) = found["effects"]
+    assert effect["id"] == "control_delay"
+    estimate, low, high = next(iter(effect["parameters"].values()))
+    assert low < estimate < high
+    assert {"nominal", "refit", "holdout"} <= set(found["before"])
+    assert ibrid.read_program(out / "model.py") is not None
+    assert ibrid.read_record(out / "model.json").outcome == "ok"
+    assert "<html" in (out / "report.html").read_text()
+    assert found["sentence"][:60] in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_a_simulated_sweep_takes_the_place_of_a_program(tmp_path, capsys):
+    case = draw_case("effect", 3, effects=["control_delay:add"], noise_db=60)
+    write_case(case, tmp_path / "case", tmp_path / "truth")
+    model = ibrid.evaluate(ibrid.textbook("gfl_pll_filter"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]))
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    assert model.outcome == "ok"
+    ibrid.write_sweep(sweep, tmp_path / "simulated.csv")
+    ibrid.write_sweep(ibrid.add_noise(sweep, 60, rng=np.random.default_rng(0)), tmp_path / "measured.csv")
+    assert main(["gap", str(tmp_path / "simulated.csv"), str(tmp_path / "measured.csv"), "--out", str(tmp_path / "out")]) == 0
+    found = json.loads((tmp_path / "out" / "gap.json").read_text())
+    assert found["verdict"] == "no-gap"
+    assert "gfl_pll_filter_exact" in found["steps"][0]
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"plant.L_X": 0.1}, "plant.L_F"),
+        ({"plant.L_F": -1.0}, "above zero"),
+        ({"plant.L_F": "much"}, "must be a number"),
+        ({"plant.L_F": {"value": 0.1, "tolerance": 0}}, "above zero"),
+        ({"plant.L_F": {"value": 0.1, "sigma": 1}}, "sigma"),
+    ],
+)
+def test_nominal_values_that_mean_nothing_are_refused_in_a_sentence(values, said):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    with pytest.raises(IbridError, match=said):
+        find_gap(ibrid.textbook("gfl"), sweep, values)
