@@ -7,7 +7,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup setup-llm demo test bench bench-search lint clean
+.PHONY: setup setup-llm demo test bench bench-search bench-gap lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -33,6 +33,10 @@ bench: $(STAMP)
 # hours: every hidden inverter, ten seeds each; make bench-search ARGS="--only paper --seeds 3" does a part
 bench-search: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench $(ARGS)
+
+# an hour or more: 200 devices that hide an effect, diagnosed blindly; make bench-gap ARGS="--only pair --seed 7" does a part
+bench-gap: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench_gap $(ARGS)
 
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)

@@ -60,7 +60,6 @@ class Archive:
     """
 
     def __init__(self, settings: SearchSettings) -> None:
-        _require(settings)
         self._settings = settings
         self._room = settings.population // settings.islands
         self._law = RankLaw(settings.rank_power, max(settings.elites, self._room), settings.crowding)
@@ -155,10 +154,6 @@ class Archive:
         """What a draw from this island can give, best first: its own, its guests (at home elsewhere) and the starts."""
         return self._islands[number].pool.top(self._room)
 
-    def children(self, step: int) -> int:
-        """Admitted children of a step, those evicted since included."""
-        return self._children[step]
-
     def statistics(self) -> Statistics:
         """Counts for the page and the log."""
         natives = Counter(one.island for one in self._all if one.hash not in self._starts)
@@ -217,23 +212,3 @@ class Archive:
 def _part(number: int, share: float) -> int:
     """That share of a number, at least one unless the share is zero."""
     return max(1, round(share * number)) if share else 0
-
-
-def _require(settings: SearchSettings) -> None:
-    one, drawn = settings, settings.from_elites + settings.from_island
-    for holds, law, found in (
-        (one.islands >= 1, "islands must be 1 or more", one.islands),
-        (one.elites >= 1, "elites must be 1 or more", one.elites),
-        (one.sweep >= 1, "sweep must be 1 or more (migrants = 0 switches migration off)", one.sweep),
-        (0 <= one.migrants <= 1, "migrants must be a share from 0 to 1", one.migrants),
-        (0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites),
-        (0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island),
-        (drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn),
-        (0 <= one.front <= 1, "front must be a share from 0 to 1", one.front),
-        (one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size),
-        (one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding),
-        (0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power),
-        (one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population),
-    ):
-        if not holds:
-            raise IbridError(f"{law}, found {found}; change it in the settings of the search")

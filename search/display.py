@@ -8,18 +8,21 @@ import sys
 from html import escape
 from typing import Any, Protocol, TextIO
 
-#: Width of a terminal that does not say how wide it is.
-WIDTH = 100
+#: Width where no terminal says how wide it is.
+WIDTH = 80
 WAYS = ("terminal", "plain", "notebook", "silent")
 
 
 class Display(Protocol):
-    """`pause` : least time between two states, in s. `width` : characters of a state at most, None for any."""
+    """`pause` : least time between two states, in s. `width` : characters of a state at most, None for any. `columns` :
+    characters of a row for which there is room."""
 
     pause: float
 
     @property
     def width(self) -> int | None: ...
+    @property
+    def columns(self) -> int: ...
     def state(self, text: str) -> None:
         """Show how things stand, in place of what was shown before where that can be."""
         ...
@@ -59,6 +62,7 @@ class SilentDisplay:
 
     pause = float("inf")
     width = None
+    columns = WIDTH
 
     def state(self, text: str) -> None:
         """Nothing."""
@@ -77,6 +81,11 @@ class PlainDisplay:
 
     def __init__(self, stream: TextIO | None, out: TextIO | None, every: float) -> None:
         self.pause, self._stream, self._out = every, stream, out
+
+    @property
+    def columns(self) -> int:
+        """Those of the terminal that the rows go to."""
+        return _columns(self._out)
 
     def state(self, text: str) -> None:
         _write(self._stream, f"{text}\n")
@@ -99,11 +108,12 @@ class TerminalDisplay:
     @property
     def width(self) -> int:
         """One less than the terminal has, since a full line would wrap."""
-        try:
-            columns = os.get_terminal_size(self._stream.fileno()).columns if self._stream is not None else 0
-        except (OSError, ValueError):
-            columns = 0
-        return max(1, (columns or WIDTH) - 1)
+        return max(1, _columns(self._stream) - 1)
+
+    @property
+    def columns(self) -> int:
+        """Those of the terminal that the rows go to."""
+        return _columns(self._out)
 
     def state(self, text: str) -> None:
         text = text[: self.width]
@@ -135,6 +145,7 @@ class NotebookDisplay:
 
     pause = 0.5
     width = None
+    columns = WIDTH
 
     def __init__(self) -> None:
         self._rows: list[str] = []
@@ -168,6 +179,15 @@ def _kernel() -> bool:
     interactive = getattr(sys.modules.get("IPython"), "get_ipython", None)
     shell = interactive() if interactive is not None else None
     return getattr(shell, "kernel", None) is not None
+
+
+def _columns(stream: TextIO | None) -> int:
+    """Characters in a line of a terminal; `WIDTH` for any other stream, and for one that does not say."""
+    try:
+        found = 0 if stream is None else os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError, AttributeError):  # no terminal, closed, or no file at all
+        found = 0
+    return found or WIDTH
 
 
 def _write(stream: TextIO | None, text: str) -> None:

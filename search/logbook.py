@@ -17,9 +17,9 @@ from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
-from ibrid.writing import write_whole
 from search.blocks import shown
 from search.proposal import Evaluated, Task
+from search.run_folder import write_best
 from search.step import Status, Step
 from search.store import Store
 
@@ -218,8 +218,7 @@ class Logbook:
         """best.py and best.json follow the best step."""
         best = self.best(1)
         if self._folder is not None and best and best[0].step == step.number:
-            write_whole(self._folder / "best.py", record.program)
-            record.write(self._folder / "best.json")
+            write_best(self._folder, record)
 
 
 def _final(step: Step) -> bool:

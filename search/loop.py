@@ -4,34 +4,33 @@ Proposal k is made from the results of the steps up to k - window and from rando
 alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.record import Record
 from ibrid.structure.program import parse_program
+from search.appraisal import Appraisal
 from search.archive import Archive, Entry
 from search.evaluation.assess import PROMISING
 from search.evaluation.job import Evaluator, Job, Result
 from search.judging import Verdict, judge, judge_program
 from search.merit import Criterion
-from search.oddities import Oddities, oddities
 from search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.pruning import Pruning
+from search.proposers.spending import Spender, added
 from search.requirements import Requirements
 from search.settings import SearchSettings
-from search.step import EVALUATED, Status, Step
+from search.step import EVALUATED, USABLE, Status, Step
 from search.store import Store
 from search.trajectory import eligible
 
 #: Sentences about how a search ended.
 BUDGET, TARGET, FLOOR = "the budget is spent", "the target is reached", "the noise floor is reached"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
-
-#: Ends of a start that can be searched from: it need not be what is required of the answer.
-USABLE = (Status.OK, Status.REQUIRED)
+SPENT = "the limits of the language models are spent"
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,10 @@ class Loop:
         requirements: Requirements,
         watch: Callable[["Loop", Step], None] = lambda loop, step: None,
     ) -> None:
-        _require(settings)
         self.task, self.store, self.evaluator = task, store, evaluator
         self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, seed
-        self.criterion, self.requirements, self.watch = criterion, requirements, watch
+        self.appraisal = Appraisal(store, criterion, task.kinds)
+        self.requirements, self.watch = requirements, watch
         self.pruning, self.tidying = Pruning(), Pruning(pairs=True)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
         self.archive = Archive(settings)
@@ -74,9 +73,6 @@ class Loop:
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
-        self._records: dict[int, Record] = {}
-        self._odd: dict[int, Oddities] = {}
-        self._error: dict[int, float] = {}
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -105,7 +101,7 @@ class Loop:
         if best is not None and self._tidying and (reached is not None or best.number not in self.bare):
             step = self._proposed(best)
             fruitless = step.status is Status.NO_ANSWER
-            if fruitless and reached is not None and not any(map(_fresh, self.steps[self.absorbed :])):
+            if fruitless and reached is not None and not self._under_way:
                 return reached
             if not fruitless or reached is not None:
                 self._append(step)
@@ -119,27 +115,37 @@ class Loop:
             return STOPPED
         if self.evaluations >= self.goal.budget:
             return BUDGET
+        if self._spent and self.best is None and not self._under_way:
+            return SPENT
         return NOTHING_NEW if self.idle >= self.settings.patience else None
 
     @property
     def _reached(self) -> str | None:
-        """TARGET or FLOOR when the best step is good enough."""
+        """TARGET or FLOOR when the best step is good enough, SPENT when nobody can be asked any more."""
         if self.best is None or self.best.nrmse is None:
             return None
+        if self._spent:
+            return SPENT
         if self.goal.target is not None and self.best.nrmse <= self.goal.target:
             return TARGET
-        if not self._at_floor or self._oddities(self.best).total:
+        if not self._at_floor or self.appraisal.oddities(self.best).total:
             return None
         waited = len(self.steps) - self.best.number
-        return FLOOR if not self.criterion.floor.known or waited >= self.settings.settled else None
+        return FLOOR if not self.appraisal.criterion.floor.known or waited >= self.settings.settled else None
+
+    @property
+    def _under_way(self) -> bool:
+        """True while there are evaluations whose results no proposal has seen."""
+        return any(map(_fresh, self.steps[self.absorbed :]))
+
+    @property
+    def _spent(self) -> bool:
+        """True when every proposer is over its limits; the answer of one that is over tells nothing."""
+        return all(isinstance(one, Spender) and bool(one.spending.over) for one, _ in self.proposers)
 
     @property
     def _at_floor(self) -> bool:
-        """True when the best fits as well as the noise allows, without an absurd plant."""
-        best = self.best
-        if best is None or self._oddities(best).absurd:
-            return False
-        return self.criterion.floor.reached(self.error(best.number), int(best.free or 0))
+        return self.best is not None and self.appraisal.at_floor(self.best)
 
     @property
     def _tidying(self) -> bool:
@@ -155,8 +161,11 @@ class Loop:
             )
 
     def _restore(self) -> None:
-        """Take over the steps of the store; those that wait for their evaluation are handed over again."""
+        """Take over the steps of the store; those that wait for their evaluation, or have lost it, are handed over again."""
         for step in self.store.steps():
+            if step.status is Status.LOST:
+                self.store.reopen(step.number)
+                step = self.store.step(step.number)
             self.steps.append(step)
             self._remember(step)
         self.restored = len(self.steps)
@@ -226,7 +235,7 @@ class Loop:
         parent, island = self.archive.sample(rng, number)
         best = self.archive.best
         if pruned is not None:
-            yield self._entry(pruned), pruned.island, self.tidying, "module"
+            yield self.appraisal.entry(pruned), pruned.island, self.tidying, "module"
             return
         if best is not None and rng.random() < self.settings.pruning:
             yield best, best.island, self.pruning, "module"
@@ -235,14 +244,19 @@ class Loop:
     def _asked(
         self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
     ) -> tuple[Proposal, Verdict]:
-        """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before."""
+        """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before.
+
+        The usage is that of all attempts.
+        """
+        usage: Mapping[str, Any] = {}
         for _ in range(max(proposer.attempts, 1)):
             proposal = proposer.propose(context, rng)
+            usage = added(usage, proposal.usage)
             verdict = judge(proposal, parent.program, parent.hash, self.task, self.known.get)
             if verdict.status not in _WORTH_ANOTHER_TRY:
                 break
             context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
-        return proposal, verdict
+        return replace(proposal, usage=usage), verdict
 
     def _context(self, parent: Entry, scale: str) -> Context:
         history = self.settings.history
@@ -262,22 +276,7 @@ class Loop:
         return tuple(step for step, _ in zip(refused, range(number), strict=False))
 
     def _evaluated(self, entry: Entry) -> Evaluated:
-        record = self.record(entry.step)
-        return Evaluated(entry.step, parse_program(entry.program), record)
-
-    def record(self, number: int) -> Record:
-        """The record of a step, read from the store."""
-        if number not in self._records:
-            if len(self._records) > 256:
-                self._records.clear()
-            self._records[number] = self.store.record(number, self.task.kinds)
-        return self._records[number]
-
-    def error(self, number: int) -> float:
-        """Error of a fitted step, as the run measures it."""
-        if number not in self._error:
-            self._error[number] = self.criterion.floor.error(self.record(number))
-        return self._error[number]
+        return Evaluated(entry.step, parse_program(entry.program), self.appraisal.record(entry.step))
 
     # --- evaluating and admitting ------------------------------------------------------------------------------------
 
@@ -285,8 +284,8 @@ class Loop:
         if step.parent is None:
             job = Job(step.number, step.program)
         else:
-            before = self.record(step.parent)
-            job = Job(step.number, step.program, before.parameters, PROMISING * self.criterion.floor.error(before))
+            before, error = self.appraisal.record(step.parent), self.appraisal.error(step.parent)
+            job = Job(step.number, step.program, before.parameters, PROMISING * error)
         self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:
@@ -321,62 +320,14 @@ class Loop:
         """Let a valid step into the archive; a start that is not as required is a parent, but no elite."""
         if step.status is not Status.OK and not (step.number == 0 and step.status in USABLE):
             return
-        entry = self._entry(step)
+        entry = self.appraisal.entry(step)
         if step.number == 0:
             self.archive.admit_start(replace(entry, stable=entry.stable and step.status is Status.OK))
         else:
             self.archive.admit(entry)
         if eligible(step):
             both = [step] if self.best is None else [self.best, step]
-            self.best = min(both, key=self._rank)
-
-    def _rank(self, step: Step) -> tuple[float, int, int]:
-        """Of eligible steps the least is the best."""
-        value = self.criterion.value(self.error(step.number), int(step.free or 0), self._oddities(step))
-        return value, step.order or 0, step.number
-
-    def _oddities(self, step: Step) -> Oddities:
-        """What is doubtful in a fitted step."""
-        if step.number not in self._odd:
-            diagram = parse_program(step.program)
-            self._odd[step.number] = oddities(diagram, self.record(step.number), self.task.kinds)
-        return self._odd[step.number]
-
-    def _entry(self, step: Step) -> Entry:
-        error, free, odd = self.error(step.number), int(step.free or 0), self._oddities(step)
-        return Entry(
-            step=step.number,
-            hash=step.hash,
-            parent=step.parent,
-            island=step.island,
-            reward=self.criterion.merit(error, free, odd),
-            nrmse=float(step.nrmse or 0.0),
-            order=int(step.order or 0),
-            free=free,
-            stable=bool(step.stable),
-            program=step.program,
-            value=self.criterion.merit(error, 0, odd),
-        )
-
-
-def _require(settings: SearchSettings) -> None:
-    """Raise IbridError for settings of the loop that mean nothing; those of the archive are asked there."""
-    shares = dict(settings.scales)
-    for holds, law, found in (
-        (settings.window >= 1, "window must be 1 or more", settings.window),
-        (settings.patience >= 1, "patience must be 1 or more", settings.patience),
-        (settings.settled >= 0, "settled must be 0 or more", settings.settled),
-        (0 <= settings.pruning <= 1, "pruning must be a share from 0 to 1", settings.pruning),
-        (0 <= settings.final_pruning <= 1, "final_pruning must be a share from 0 to 1", settings.final_pruning),
-        (set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))),
-        (
-            all(one >= 0 for one in shares.values()) and abs(sum(shares.values()) - 1) < 1e-9,
-            "scales must be shares that add up to 1",
-            shares,
-        ),
-    ):
-        if not holds:
-            raise IbridError(f"{law}, found {found}; change it in the settings of the search")
+            self.best = min(both, key=self.appraisal.rank)
 
 
 def _fresh(step: Step) -> bool:

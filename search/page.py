@@ -17,11 +17,10 @@ from search.report.models import comparison_html, diagrams_html, response_html
 from search.report.run_data import RunData, Stored, read_run
 from search.report.statistics import speed, statistics_html
 from search.report.structures import structures_html
+from search.run_folder import ARCHIVE, PAGE
 from search.step import EVALUATED
 from search.store import Store
 
-ARCHIVE = "archive.sqlite"
-FILE = "report.html"
 Section = tuple[str, str, str]
 
 
@@ -46,7 +45,7 @@ def write_run_page(
     if isinstance(run, str | Path):
         with Store.open(Path(run) / ARCHIVE, read_only=True) as store:
             return write_run_page(store, path, sweep=sweep, vocabulary=vocabulary)
-    target = run.path.parent / FILE if path is None else Path(path)
+    target = run.path.parent / PAGE if path is None else Path(path)
     write_whole(target, run_html(read_run(run, sweep, vocabulary)))
     return target
 
@@ -76,6 +75,8 @@ def _header(run: RunData) -> str:
         both = f"{run.comparison.modules.f1:.2f} / {run.comparison.connections.f1:.2f}"
         facts.append(("F1 of modules / connections", both))
     facts += [(name, escape(words)) for name, words in speed(run).items()]
+    if ending := run.meta.get("ending"):
+        facts.append(("ended since", escape(ending)))
     shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
     started = _when(run.meta.get("started", ""))
     return (

@@ -1,4 +1,4 @@
-"""Live progress of a search: how far it is, how good, what becomes of the proposals, how long it takes; and milestones."""
+"""Live progress of a search: how far it is, how good, what becomes of the proposals, what it takes; and milestones."""
 
 import math
 import sys
@@ -11,28 +11,27 @@ from typing import Self, TextIO
 from ibrid.errors import IbridError
 from ibrid.report.numbers import error
 from search.display import WAYS, choose_display, make_display
+from search.milestone_table import milestone_head, milestone_row, printable
 from search.tally import Tally
 from search.trajectory import Milestone
 
 #: Seconds that the rate looks back.
 RECENT = 30.0
-#: Characters of a note in a milestone's row.
-NOTE = 38
-#: The head of the milestone table.
-HEAD = f"{'evaluation':>10}  {'what changed':<{NOTE}}  {'NRMSE':<22}  band that got better"
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """Where a search stands. `step` : number of the last proposal. `evaluations` : begun and done, the start included.
 
-    `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the proposals.
+    `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the proposals. `spent` :
+    by language models, in words.
     """
 
     step: int = 0
     evaluations: int = 0
     best: float | None = None
     tally: Tally = field(default_factory=Tally)
+    spent: str = ""
 
 
 class Progress:
@@ -85,13 +84,15 @@ class Progress:
         if now - self._shown >= self._display.pause:
             self._draw(now)
 
-    def milestone(self, text: str) -> None:
-        """Print a row of the milestone table (`milestone_row`), its head before the first."""
+    def milestone(self, one: Milestone) -> None:
+        """Print a milestone as a row of a table that is as wide as the display; its head comes before the first."""
+        columns = self._display.columns
+        lines = milestone_row(one, columns)
         if not self._headed:
             self._headed = True
-            self._display.row(HEAD)
-            self._display.row("-" * len(HEAD))
-        self.say(text)
+            lines = (*milestone_head(columns), *lines)
+        for line in lines:
+            self._display.row(line)
 
     def say(self, text: str) -> None:
         """Print a line that stays."""
@@ -131,6 +132,8 @@ def progress_line(snapshot: Snapshot, total: int | None, rate: float | None, wid
         good += f", {rate:.3g}/s"
         if total is not None:
             good += f", ETA {clock_time(max(0, total - snapshot.evaluations) / rate)}"
+    if snapshot.spent:
+        good += f", {snapshot.spent}"
     names = ["valid", "duplicate", "unchanged", "refused", *(["failed"] if tally.failed else [])]
     long = "  ".join(f"{name} {tally.share(name):.0%}" for name in names)
     short = " ".join(f"{name[:3]} {tally.share(name):.0%}" for name in names)
@@ -141,15 +144,6 @@ def progress_line(snapshot: Snapshot, total: int | None, rate: float | None, wid
     return main[:width]
 
 
-def milestone_row(one: Milestone) -> str:
-    """A row of the milestone table: evaluation, what changed, NRMSE before and after, which band got better."""
-    before = "" if one.before is None else f"{error(one.before)} -> "
-    note = printable(one.note)
-    note = note if len(note) <= NOTE else note[: NOTE - 3].rstrip() + "..."
-    band = f"{one.band} Hz, {error(one.band_before)} -> {error(one.band_after)}" if one.band else ""
-    return f"{one.evaluation:>10}  {note:<{NOTE}}  {before + error(one.after):<22}  {band}".rstrip()
-
-
 def clock_time(seconds: float) -> str:
     """A duration as h:mm:ss or m:ss."""
     if seconds >= 360_000:  # a hundred hours: nobody waits for the minutes
@@ -157,8 +151,3 @@ def clock_time(seconds: float) -> str:
     whole = round(seconds)
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
-
-
-def printable(text: str) -> str:
-    """The text on one line, without what would move the cursor: notes come from outside."""
-    return "".join(one if one.isprintable() else " " for one in text)

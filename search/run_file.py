@@ -1,5 +1,6 @@
 """run.toml: the options and versions a run was made with; a resumed run must agree with it."""
 
+import hashlib
 import math
 import tomllib
 from collections.abc import Mapping
@@ -12,7 +13,8 @@ from ibrid.errors import IbridError
 #: Packages whose versions can change a number.
 _PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "scipy")
 #: Options that may differ when a run is resumed.
-FREE = ("budget", "target", "workers", "ray", "settings.wall")
+FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall")
+_DIGEST = "_sha256"
 
 
 def run_toml(options: Mapping[str, Any]) -> str:
@@ -40,10 +42,15 @@ def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) 
     moved = made.get("data_sha256") == wanted.get("data_sha256") is not None
     for name in sorted((set(made) | set(wanted)) - {*FREE, *(["data"] if moved else [])}):
         if made.get(name) != wanted.get(name):
-            raise IbridError(
-                f"{where}: the run was made with {name} = {_shown(made.get(name))}, now it is "
-                f"{_shown(wanted.get(name))}; resume with the same, or choose another folder"
-            )
+            what = f"{name} = {_shown(made.get(name))}, now it is {_shown(wanted.get(name))}"
+            if name.endswith(_DIGEST):
+                what = f"{name.removesuffix(_DIGEST)} of other content"
+            raise IbridError(f"{where}: the run was made with {what}; resume with the same, or choose another folder")
+
+
+def digest(text: str) -> str:
+    """What stands for a text among the options, under a name that ends in _sha256."""
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _flat(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,8 +1,13 @@
 """Every number of a search, with the paper's values where it gives them."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
+
+from ibrid.errors import IbridError
+from search.proposal import SCALES
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,9 @@ class SearchSettings:
     `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in
     a row without a new structure that end the search. `settled` : steps for which the best must stay the best before the
     search ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose
-    workers die. `wall` : seconds after which the process of a candidate is killed.
+    workers die; it is tried again when the run goes on. `wall` : seconds after which the process of a candidate is killed.
+
+    Raises IbridError for a number that means nothing.
     """
 
     population: int = 10_000
@@ -55,3 +62,37 @@ class SearchSettings:
     settled: int = 100
     lost: int = 3
     wall: float = 60.0
+
+    def __post_init__(self) -> None:
+        for holds, law, found in (*_archive_laws(self), *_loop_laws(self)):
+            if not holds:
+                raise IbridError(f"{law}, found {found}; change it in the settings of the search")
+
+
+def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+    """Whether a law holds, the law in words, and what was found."""
+    drawn = one.from_elites + one.from_island
+    yield one.islands >= 1, "islands must be 1 or more", one.islands
+    yield one.elites >= 1, "elites must be 1 or more", one.elites
+    yield one.sweep >= 1, "sweep must be 1 or more (migrants = 0 switches migration off)", one.sweep
+    yield 0 <= one.migrants <= 1, "migrants must be a share from 0 to 1", one.migrants
+    yield 0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites
+    yield 0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island
+    yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
+    yield 0 <= one.front <= 1, "front must be a share from 0 to 1", one.front
+    yield one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size
+    yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
+    yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power
+    yield one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population
+
+
+def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+    shares = dict(one.scales)
+    yield one.window >= 1, "window must be 1 or more", one.window
+    yield one.patience >= 1, "patience must be 1 or more", one.patience
+    yield one.settled >= 0, "settled must be 0 or more", one.settled
+    yield 0 <= one.pruning <= 1, "pruning must be a share from 0 to 1", one.pruning
+    yield 0 <= one.final_pruning <= 1, "final_pruning must be a share from 0 to 1", one.final_pruning
+    yield set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))
+    whole = all(share >= 0 for share in shares.values()) and abs(sum(shares.values()) - 1) < 1e-9
+    yield whole, "scales must be shares that add up to 1", shares

@@ -2,18 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from ibrid.errors import IbridError
 from ibrid.measurement.csv_file import sweep_csv
-from ibrid.writing import write_whole
 from search.logbook import Effort, Logbook
 from search.proposal import Task
-from search.run_file import read_run_toml, require_same, run_toml
+from search.run_file import digest
+from search.run_folder import open_run
 from search.step import Status
-from search.store import Store
 
 _STOPPED = "the server was stopped before the evaluation ended; submit the program again"
 
@@ -27,6 +23,7 @@ def open_logbook(task: Task, effort: Effort, folder: Path | None, start: str) ->
     if folder is None:
         yield Logbook(task, effort=effort)
         return
+    texts = {"data": sweep_csv(task.sweep), "start": start, "truth": ""}
     options = {
         "proposer": "tools",
         "parameters": task.parameters,
@@ -34,32 +31,10 @@ def open_logbook(task: Task, effort: Effort, folder: Path | None, start: str) ->
         "kinds": [kind.name for kind in task.kinds],
         "seed": effort.seed,
         "holdout_op": list(effort.holdout_op),
+        "data_sha256": digest(texts["data"]),
+        "start_sha256": digest(start),
     }
-    texts = {"data": sweep_csv(task.sweep), "start": start, "truth": ""}
-    with _store(Path(folder), texts, options) as store:
+    with open_run(folder, options, texts, resume=True) as store:
         for step in store.pending():
             store.conclude(step.number, status=Status.LOST, reason=_STOPPED)
-        yield Logbook(task, effort=effort, store=store, folder=Path(folder), steps=tuple(store.steps()))
-
-
-def _store(folder: Path, texts: dict[str, str], options: dict[str, Any]) -> Store:
-    path = folder / "archive.sqlite"
-    if not path.exists():
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise IbridError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
-        settings = run_toml(options)
-        write_whole(folder / "run.toml", settings)
-        started = datetime.now(UTC).isoformat(timespec="seconds")
-        return Store.create(path, {**texts, "settings": settings, "started": started})
-    store = Store.open(path)
-    try:
-        require_same(read_run_toml(store.meta.get("settings", ""), str(path)), options, str(folder))
-        for name, what in (("data", "other data"), ("start", "another start")):
-            if store.meta.get(name) != texts[name]:
-                raise IbridError(f"{folder}: holds a run with {what}; choose another folder")
-    except IbridError:
-        store.close()
-        raise
-    return store
+        yield Logbook(task, effort=effort, store=store, folder=folder, steps=tuple(store.steps()))

@@ -39,6 +39,9 @@ REFUSED = (
 #: Ends that have an evaluation of their own.
 EVALUATED = (Status.OK, Status.FAILED, Status.TIMEOUT, Status.LOST, Status.REQUIRED)
 
+#: Ends of a start that can be searched from: it need not be what is required of the answer.
+USABLE = (Status.OK, Status.REQUIRED)
+
 #: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a lost one none.
 _PENALTY = {
     Status.NO_ANSWER: -0.4,

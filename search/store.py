@@ -4,7 +4,6 @@ import json
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Self
 
 from ibrid.errors import IbridError
@@ -12,13 +11,16 @@ from ibrid.evaluation.record import Record
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
 from search.database import Database
-from search.step import REFUSED, Status, Step
+from search.step import Status, Step
 from search.tables import COLUMNS, FIELDS, SCHEMA, SET_META, VERSION, cell, json_text, numbers_of, row_of, step_of
 
-#: What a proposer can learn from; neither a silent server nor a lost worker says anything about the edit.
-_FAILURES = (*(one for one in REFUSED if one is not Status.NO_ANSWER), Status.FAILED, Status.TIMEOUT, Status.REQUIRED)
 #: Steps read at a time: a long run with long answers must fit in memory, and a reader must not hold up the writer.
 _PAGE = 500
+#: A step that was lost and evaluated again keeps count of all attempts.
+_EVALUATED = """
+    INSERT INTO evaluations VALUES (?, ?, ?)
+    ON CONFLICT (number) DO UPDATE SET attempts = attempts + excluded.attempts, record = excluded.record"""
+_REOPENED = "UPDATE steps SET status = ?, reason = '', seconds = 0.0 WHERE number = ? AND status = ?"
 
 
 class Store:
@@ -98,12 +100,13 @@ class Store:
             if (found := self.step(number).status) is not Status.PENDING:
                 raise IbridError(f"{self.path}: step {number} must be pending to be concluded, it is {found}")
             self._database.run(f"UPDATE steps SET {columns} WHERE number = ?", *map(cell, ended.values()), number)
-            self._database.run("INSERT INTO evaluations VALUES (?, ?, ?)", number, attempts, packed)
+            self._database.run(_EVALUATED, number, attempts, packed)
 
-    def annotate(self, number: int, diagnosis: str) -> None:
-        """Write the paragraph that an agent wrote about a step; IbridError when there is no such step."""
-        if not self._database.run("UPDATE steps SET diagnosis = ? WHERE number = ?", cell(diagnosis), number):
-            self.step(number)
+    def reopen(self, number: int) -> None:
+        """Let a lost step wait for its evaluation again; IbridError when it is not lost."""
+        if not self._database.run(_REOPENED, Status.PENDING, number, Status.LOST):
+            found = self.step(number).status
+            raise IbridError(f"{self.path}: step {number} must be lost to be evaluated again, it is {found}")
 
     def steps(self, after: int = -1) -> Iterator[Step]:
         """Steps with a number above `after`, in order; those written meanwhile are met too."""
@@ -137,22 +140,8 @@ class Store:
         """Steps that wait for their evaluation, in order."""
         return self._steps("WHERE status = ? ORDER BY number", Status.PENDING)
 
-    def counts(self) -> Mapping[Status, int]:
-        """Number of steps of every status, zeros included."""
-        found = dict(self._database.rows("SELECT status, COUNT(*) FROM steps GROUP BY status"))
-        return MappingProxyType({status: found.get(status, 0) for status in Status})
-
-    def last_failures(self, number: int, until: int | None = None) -> tuple[Step, ...]:
-        """The last refused or failed steps, latest first, at most `number`; none above step `until`."""
-        where = f"WHERE status IN ({', '.join('?' * len(_FAILURES))}) AND (? IS NULL OR number <= ?)"
-        return self._steps(f"{where} ORDER BY number DESC LIMIT ?", *_FAILURES, until, until, max(number, 0))
-
-    def by_hash(self, structure: str) -> int | None:
-        """The first step with a structure of this hash; None when there is none, or the hash is empty."""
-        return self._database.rows("SELECT MIN(number) FROM steps WHERE hash = ? AND hash != ''", structure)[0][0]
-
     def retried(self) -> dict[int, int]:
-        """Steps that were evaluated more than once, as when a worker was lost, and how often."""
+        """Steps that were begun more than once, since the wall limit stopped them or a worker was lost, and how often."""
         return dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
 
     def close(self) -> None:

@@ -17,7 +17,6 @@ COLUMNS = ", ".join(f'"{name}"' for name in FIELDS)
 _DECLARED = COLUMNS.replace('"number"', '"number" INTEGER PRIMARY KEY')
 SCHEMA = (
     f"CREATE TABLE steps ({_DECLARED})",
-    "CREATE INDEX steps_by_hash ON steps (hash) WHERE hash != ''",
     "CREATE INDEX steps_by_status ON steps (status)",
     "CREATE TABLE evaluations (number INTEGER PRIMARY KEY, attempts INTEGER NOT NULL, record BLOB)",
     "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL)",

@@ -38,9 +38,9 @@ class Point:
 class Milestone:
     """An improvement that was accepted.
 
-    `before`, `after` : best NRMSE without and with it, `before` None for the first. `parent`, `parent_nrmse` : what was
-    edited. `band` : the band (Hz) whose part of the squared error fell most from the parent's record to this one's, with
-    the relative error in that band in both; "" where that is unknown.
+    `before`, `after` : best NRMSE without and with it, `before` None for the first. `band` : the band (Hz) whose part of the
+    squared error fell most from the record of the edited parent to this one's, with the relative error in that band in both;
+    "" where that is unknown.
     """
 
     evaluation: int
@@ -48,8 +48,6 @@ class Milestone:
     note: str
     before: float | None
     after: float
-    parent: int | None = None
-    parent_nrmse: float | None = None
     band: str = ""
     band_before: float | None = None
     band_after: float | None = None
@@ -112,9 +110,8 @@ def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: Re
             step = steps[one.step]
             parent = steps.get(-1 if step.parent is None else step.parent)
             before = found[-1].after if found else None
-            child_record = record_of(step.number)
             parent_record = None if parent is None else record_of(parent.number)
-            found.append(milestone(one.evaluation, step, before, parent, child_record, parent_record))
+            found.append(milestone(one.evaluation, step, before, record_of(step.number), parent_record))
     return tuple(found)
 
 
@@ -122,7 +119,6 @@ def milestone(
     evaluation: int,
     step: Step,
     before: float | None,
-    parent: Step | None = None,
     record: Record | None = None,
     parent_record: Record | None = None,
 ) -> Milestone:
@@ -134,8 +130,6 @@ def milestone(
         note=" ".join(step.note.split()) or ("the start" if step.parent is None else ""),
         before=before,
         after=_error(step),
-        parent=step.parent,
-        parent_nrmse=None if parent is None else parent.nrmse,
         band=band,
         band_before=parent_record.nrmse_by_band.get(band) if parent_record is not None and band else None,
         band_after=record.nrmse_by_band.get(band) if record is not None and band else None,

@@ -13,6 +13,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
 from search.evaluation.job import Job, Result
@@ -80,19 +81,23 @@ def luckily_stable(program: str) -> bool:
 
 
 class ScriptedEvaluator:
-    """Answers by a law of the program, one job after the other when asked for; remembers what it was given."""
+    """Answers by a law of the program, one job after the other when asked for; remembers what it was given.
+
+    misfit : of a record with this NRMSE, for data with a known noise.
+    """
 
     capacity = 1
 
-    def __init__(self, law: Law = by_luck, stable: Callable[[str], bool] = luckily_stable) -> None:
-        self.law, self.stable = law, stable
+    def __init__(
+        self,
+        law: Law = by_luck,
+        stable: Callable[[str], bool] = luckily_stable,
+        misfit: Callable[[float], float | None] = lambda _: None,
+    ) -> None:
+        self.law, self.stable, self.misfit = law, stable, misfit
         self.open: dict[int, Job] = {}
         self.jobs: list[Job] = []
         self.collected: list[int] = []
-
-    @property
-    def waiting(self) -> tuple[int, ...]:
-        return tuple(self.open)
 
     def submit(self, job: Job) -> None:
         if job.number in self.open:
@@ -108,10 +113,11 @@ class ScriptedEvaluator:
         self.collected.append(number)
         found = self.law(job.program)
         if isinstance(found, Status):
-            return Result(number, found, None, f"the law says {found}", 0.0, 1, "the script")
+            return Result(number, found, None, f"the law says {found}", 0.0, 1)
         stable = dict.fromkeys(naive_record().stable, self.stable(job.program))
-        record = record_of(job.program, nrmse=found, reward=-math.log(found), stable=stable)
-        return Result(number, Status.OK, record, "", 0.0, 1, "the script")
+        numbers = {"nrmse": found, "misfit": self.misfit(found), "reward": -math.log(found)}
+        record = record_of(job.program, **numbers, stable=stable)
+        return Result(number, Status.OK, record, "", 0.0, 1)
 
     def close(self) -> None:
         self.open.clear()
@@ -130,25 +136,26 @@ def scripted(
     proposers: Sequence[tuple[Proposer, float]] | None = None,
     budget: int = 30,
     seed: int = 0,
+    sweep: Sweep | None = None,
     target: float | None = None,
     settings: SearchSettings | None = None,
     evaluator: ScriptedEvaluator | None = None,
     requirements: Requirements | None = None,
     watch: Callable[[Loop, Step], None] = lambda loop, step: None,
 ) -> Iterator[Loop]:
-    """A loop over the store at `path`, new or that of an earlier sitting."""
-    settings = settings or SearchSettings()
+    """A loop over the store at `path`, new or that of an earlier sitting; `sweep` : in place of the clean benchmark."""
+    settings, data = settings or SearchSettings(), sweep or task().sweep
     store = Store.open(path) if path.exists() else Store.create(path, {"start": NAIVE})
     with store:
         yield Loop(
-            task(),
+            replace(task(), sweep=data),
             store,
             evaluator or ScriptedEvaluator(),
             proposers or ((Rules(), 1.0),),
             settings,
             Goal(budget, target),
             seed=seed,
-            criterion=criterion(task().sweep, "shared", settings),
+            criterion=criterion(data, "shared", settings),
             requirements=requirements or Requirements(),
             watch=watch,
         )

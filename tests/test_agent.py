@@ -469,7 +469,7 @@ def test_a_spent_limit_ends_the_turn_with_a_sentence_and_resuming_counts_what_wa
     assert len(chat.shown) == 2  # half a unit of cost each
     assert "limit of 1 of cost of this run is spent" in first.failure
     resumed = Agent(chat, limits=Limits(cost=1.0), history=run)
-    resumed.count(first.usage)
+    resumed.spending.count(first.usage)
     assert resumed.propose(run.context(), np.random.default_rng(0)).failure == first.failure
     assert len(chat.shown) == 2
 

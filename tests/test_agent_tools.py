@@ -325,7 +325,8 @@ def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
 
 
 @pytest.mark.parametrize(
-    ("change", "words"), [({"equilibrium": "paper"}, "made with equilibrium = exact"), ({"sweep": None}, "other data")]
+    ("change", "words"),
+    [({"equilibrium": "paper"}, "made with equilibrium = exact"), ({"sweep": None}, "made with data of other content")],
 )
 def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change: dict, words: str):
     task = Task(sweep, VOCABULARY)
@@ -340,7 +341,7 @@ def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change
 def test_a_place_that_is_no_folder_is_refused(sweep: Sweep, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with (
-        pytest.raises(IbridError, match="cannot be made"),
+        pytest.raises(IbridError, match="is not a folder"),
         open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path / "file", NAIVE),
     ):
         pass

@@ -166,9 +166,7 @@ def test_results_are_collected_by_number_in_any_order(tmp_path: Path):
     with LocalEvaluator(subject(tmp_path)) as local:
         for number in (7, 3, 5):
             local.submit(Job(number, NAIVE))
-        assert local.waiting == (7, 3, 5)
         assert local.collect(3).number == 3
-        assert local.waiting == (7, 5)
         assert [local.collect(number).number for number in (5, 7)] == [5, 7]
 
 
@@ -354,7 +352,6 @@ def test_a_killed_worker_does_not_count_against_its_candidate(crew: RayEvaluator
     os.kill(int(note.read_text()), signal.SIGKILL)
     found = crew.collect(0)
     assert (found.outcome, found.attempts) == (Status.OK, 2)
-    assert not found.worker.endswith(f"pid {note.read_text()}")
 
 
 def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: RayEvaluator):
@@ -366,8 +363,8 @@ def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: Ray
 
 def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
     folder = Path(crew.subject.kinds[-1].state_space.__globals__["FOLDER"])
-    found = results(crew, [program_with("logged")] * 8)
-    assert len({one.worker for one in found}) <= crew.capacity
+    until(lambda: len(crew.workers) == crew.capacity)  # one may have died in another test
+    results(crew, [program_with("logged")] * 8)
     intervals = []
     for log in folder.glob("log*"):
         intervals += [tuple(map(float, line.split())) for line in log.read_text().splitlines()]
@@ -416,7 +413,6 @@ def test_a_closed_evaluator_leaves_the_ray_that_it_found(session: RaySession, tm
     evaluator.submit(Job(0, program_with("asleep")))
     evaluator.close()
     evaluator.close()
-    assert evaluator.waiting == ()
     assert session.ray.is_initialized()
     with pytest.raises(IbridError, match="after the evaluator was closed"):
         evaluator.submit(Job(1, NAIVE))

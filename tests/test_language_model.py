@@ -232,7 +232,7 @@ def test_a_limit_of_the_run_ends_the_questions(context, limits, usage, answers):
 
 def test_a_run_that_resumes_counts_what_was_spent_before(context):
     proposer = LanguageModel([(Told("told"), 1.0)], limits=Limits(tokens=100))
-    proposer.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
+    proposer.spending.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
     assert proposer.spending.spent == {"tokens": 100, "cost": 0.0, "seconds": 0.0}
     assert proposer.propose(context, np.random.default_rng(0)).failure
 
@@ -309,5 +309,5 @@ def test_a_package_that_is_not_installed_is_named(monkeypatch, tmp_path):
     with pytest.raises(IbridError, match=r"needs the package openai; pip install 'ibrid\[llm\]'"):
         model_of("gpt-x")
     (tmp_path / "config.json").write_text("{}")
-    with pytest.raises(IbridError, match="needs the package torch"):
+    with pytest.raises(IbridError, match=r"needs the package torch; pip install 'ibrid\[local-llm\]'"):
         model_of(str(tmp_path))

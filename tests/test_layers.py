@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "ibrid"
-#: Lowest first. `demo` and `bench` are programs on top, like the command line.
+#: Lowest first. `demo`, `bench` and `bench_gap` are programs on top, like the command line.
 LAYERS = (
     ("errors",),
-    ("signals", "writing"),
+    ("signals", "writing", "ledger"),
     ("measurement",),
     ("modules",),
     ("structure",),
@@ -22,7 +22,7 @@ LAYERS = (
     ("export",),
     ("report",),
     ("commands",),
-    ("cli", "demo", "bench"),
+    ("cli", "demo", "bench", "bench_gap"),
     ("__main__",),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

@@ -26,13 +26,17 @@ from scripted_search import (
 
 import ibrid
 from ibrid.errors import IbridError
+from ibrid.measurement.noise import add_noise
 from ibrid.structure.roles import roles
 from search.edits import edit_between
+from search.evaluation.assess import PROMISING
 from search.evaluation.job import Result
-from search.loop import BUDGET, FLOOR, NOTHING_NEW, STOPPED, TARGET, Loop
+from search.loop import BUDGET, FLOOR, NOTHING_NEW, SPENT, STOPPED, TARGET, Loop
+from search.merit import noise_floor
 from search.proposal import Context, Proposal
 from search.proposers.random_edits import RandomEdits
 from search.proposers.rules import Rules
+from search.proposers.spending import Limits, Spending
 from search.requirements import Requirements
 from search.settings import SearchSettings
 from search.step import EVALUATED, REFUSED, Status, Step
@@ -145,6 +149,19 @@ def test_a_candidate_is_fitted_from_its_parents_values(path):
         assert 0 < job.promising < steps[parent].nrmse
 
 
+def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path):
+    data = noisy()
+    floor = noise_floor(data)
+    evaluator = ScriptedEvaluator(
+        misfit=lambda nrmse: 3 * nrmse / floor.level
+    )  # weights make the error three times the NRMSE
+    ended(path, sweep=data, evaluator=evaluator, budget=10)
+    steps = steps_of(path)
+    for job in evaluator.jobs[1:]:
+        parent = steps[steps[job.number].parent or 0]
+        assert job.promising == pytest.approx(PROMISING * 3 * parent.nrmse)
+
+
 # what it costs
 
 
@@ -225,6 +242,15 @@ def test_an_answer_that_cannot_be_used_is_asked_for_once_more_with_the_complaint
     assert [step.status for step in steps_of(path)] == [Status.OK] * 4 or all(
         step.status in EVALUATED for step in steps_of(path)
     )
+
+
+def test_what_both_attempts_have_taken_is_counted(path):
+    def answer(context: Context, number: int) -> Proposal:
+        used = {"prompt_tokens": 100 * number, "cost": 0.25, "model": f"model {number}", "cut": True}
+        return replace(stubborn(context, number), usage=used if context.complaint is None else {**used, "cut": False})
+
+    ended(path, proposers=((Scripted(answer, attempts=2), 1.0),), settings=PLAIN, budget=2)
+    assert steps_of(path)[1].usage == {"prompt_tokens": 300, "cost": 0.5, "model": "model 2", "cut": False}
 
 
 def test_the_last_attempt_counts_as_it_is(path):
@@ -355,6 +381,114 @@ def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
     assert loop.best.nrmse == 1e-9
 
 
+def noisy():
+    """The benchmark with noise of 1 % that it tells."""
+    return add_noise(task().sweep, 40, rng=np.random.default_rng(0))
+
+
+GFL = ibrid.program_text(ibrid.textbook("gfl"))
+BETTER = GFL.replace('"PI_dq", "current"', '"PI_dq", "current", kP=0.5')
+
+
+def settling(path: Path, wait: int, *, clean: bool = False, later: int | None = None) -> tuple[str, Loop, list[Step]]:
+    """A run that reaches the floor with its first proposal, and another structure, a little better, with proposal `later`;
+    nothing else is any good."""
+    found = {ibrid.structure_hash(ibrid.parse_program(text)): error for text, error in ((GFL, 0.5), (BETTER, 0.4))}
+    data = task().sweep if clean else noisy()
+    level = noise_floor(data).level
+
+    def law(program: str) -> float:
+        error = found.get(ibrid.structure_hash(ibrid.parse_program(program)))
+        return 0.5 if error is None else error * level
+
+    def answer(context: Context, number: int) -> Proposal:
+        if number in (1, later):
+            text = GFL if number == 1 else BETTER
+            return Proposal(edit_between(context.parent.record.program, text))
+        return numbered(context, number)
+
+    evaluator = ScriptedEvaluator(law, stable=lambda _: True, misfit=lambda nrmse: nrmse / level)
+    settings = replace(PLAIN, settled=wait)
+    ending, loop = ended(
+        path, sweep=data, proposers=((Scripted(answer), 1.0),), evaluator=evaluator, settings=settings, budget=900
+    )
+    return ending, loop, steps_of(path)
+
+
+def searched(steps: list[Step], loop: Loop) -> int:
+    """Ordinary proposals made with the best at hand."""
+    assert loop.best is not None
+    return sum(step.proposer == "scripted" for step in steps[loop.best.number + loop.window :])
+
+
+def test_a_noise_floor_ends_the_search_only_with_a_best_that_stays(path):
+    ending, loop, steps = settling(path, 200)
+    assert ending == FLOOR
+    assert loop.best is not None
+    assert loop.best.number == 1
+    assert 200 <= len(steps) - 1 <= 200 + loop.window
+    assert searched(steps, loop) > 50
+
+
+def test_a_better_best_must_stay_as_long_again(path):
+    ending, loop, steps = settling(path, 200, later=60)
+    assert ending == FLOOR
+    assert loop.best is not None
+    assert loop.best.number > 60
+    assert 200 <= len(steps) - loop.best.number <= 200 + loop.window
+
+
+def test_clean_data_end_the_search_at_once(path):
+    ending, loop, steps = settling(path, 200, clean=True)
+    assert ending == FLOOR
+    assert searched(steps, loop) == 0
+
+
+class Paid(Scripted):
+    """Whose answers cost 1 each."""
+
+    def __init__(self, limit: float) -> None:
+        super().__init__(self.told)
+        self.spending = Spending(Limits(cost=limit))
+
+    def told(self, context: Context, number: int) -> Proposal:
+        if self.spending.over:
+            return Proposal("", failure=self.spending.over)
+        self.spending.count({"cost": 1.0})
+        return replace(numbered(context, number), usage={"cost": 1.0})
+
+
+@pytest.mark.parametrize("stable", [True, False])
+def test_when_nobody_can_be_asked_any_more_the_run_tidies_up_and_ends(path, stable):
+    paid = Paid(5)
+    evaluator = ScriptedEvaluator(stable=lambda _: stable)
+    ending, loop = ended(path, proposers=((paid, 1.0),), evaluator=evaluator, settings=PLAIN, budget=400)
+    assert ending == SPENT
+    assert paid.spending.spent["cost"] == 5
+    assert loop.evaluations > 5
+    found = Counter(step.proposer for step in steps_of(path) if step.status in EVALUATED and step.number)
+    assert found["scripted"] == 5
+    assert (found["pruning"] > 0) == stable  # there is no best to take away from
+    assert not any(map(evaluator.open.get, range(400)))
+
+
+def test_a_spent_run_goes_on_with_a_higher_limit(path):
+    ended(path, proposers=((Paid(3), 1.0),), settings=PLAIN, budget=400)
+    before = steps_of(path)
+    more = Paid(6)
+    more.spending.count({"cost": 3.0})  # as the run counts what is in its store
+    more.asked = [None] * 100  # other structures than before
+    assert ended(path, proposers=((more, 1.0),), settings=PLAIN, budget=400)[0] == SPENT
+    steps = steps_of(path)
+    assert steps[: len(before)] == before
+    assert sum(step.proposer == "scripted" and step.status in EVALUATED for step in steps) == 6
+
+
+def test_beside_proposers_that_cost_nothing_a_limit_does_not_end_the_run(path):
+    ending, _ = ended(path, proposers=((Paid(2), 0.5), (Rules(), 0.5)), settings=PLAIN, budget=20)
+    assert ending == BUDGET
+
+
 def test_the_last_part_takes_away_from_the_best_and_leaves_the_rest_to_the_search(path):
     settings = SearchSettings(pruning=0.0, final_pruning=0.9)
     ending, loop = ended(path, settings=settings, budget=40)
@@ -472,6 +606,60 @@ def test_a_run_that_is_killed_once_ends_as_if_it_had_not_been(tmp_path, monkeypa
     assert steps_of(pieces) == steps_of(whole)
 
 
+class Losing(ScriptedEvaluator):
+    """Workers that die on the candidate of some step."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+    def collect(self, number: int) -> Result:
+        found = super().collect(number)
+        return replace(found, outcome=Status.LOST, record=None, reason="3 workers died on it", attempts=3) if (
+            number == self.number
+        ) else found  # fmt: skip
+
+
+def test_a_lost_candidate_is_evaluated_again_when_the_run_goes_on_and_ends_as_if_no_worker_had_died(tmp_path):
+    whole, path = tmp_path / "whole.sqlite", tmp_path / "lost.sqlite"
+    ended(whole, budget=24)
+    lost = next(step.number for step in steps_of(whole) if step.number > 4 and step.status is Status.OK)
+
+    def stop(loop: Loop, step: Step) -> None:
+        loop.stop_asked = step.number == lost
+
+    assert ended(path, evaluator=Losing(lost), budget=24, watch=stop)[0] == STOPPED
+    assert steps_of(path)[lost].status is Status.LOST
+    ending, loop = ended(path, budget=24)
+    assert (ending, loop.evaluations) == (BUDGET, 24)
+    assert steps_of(path) == steps_of(whole)
+
+
+def test_a_candidate_that_was_lost_long_ago_takes_its_place_in_the_archive(path):
+    _, before = ended(path, evaluator=Losing(3), budget=30)
+    steps = steps_of(path)
+    assert steps[3].status is Status.LOST
+    _, after = ended(path, budget=30)
+    again = steps_of(path)
+    assert again[3].status in (Status.OK, Status.FAILED)
+    assert [*again[:3], *again[4:]] == [*steps[:3], *steps[4:]]
+    assert after.evaluations == before.evaluations  # it was paid for already
+    assert (3 in {entry.step for entry in after.archive.entries}) == (again[3].status is Status.OK)
+
+
+@pytest.mark.parametrize("writes", [9, 30])
+def test_a_candidate_that_always_kills_its_workers_ends_a_killed_run_no_differently(tmp_path, monkeypatch, writes):
+    whole, pieces = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite"
+    ended(whole, evaluator=Losing(3), budget=24)
+    Mortal.writes = writes
+    with monkeypatch.context() as patched:
+        patched.setattr(scripted_search, "Store", Mortal)
+        with pytest.raises(Killed):
+            ended(pieces, evaluator=Losing(3), budget=24)
+    ended(pieces, evaluator=Losing(3), budget=24)
+    assert steps_of(pieces) == steps_of(whole)
+
+
 #: A run in a process of its own, which forks once for each moment at which it is to die.
 CHILD = """
 import os, signal, sys
@@ -556,7 +744,7 @@ def test_asked_to_halt_the_loop_records_no_result_of_what_was_interrupted(path):
         def collect(self, number: int) -> Result:
             if number == 5:
                 loop.halt_asked = True  # as by the second Ctrl-C, which compiled code made a failure of
-                return Result(number, Status.FAILED, None, "the evaluation broke off", 0.0, 1, "the script")
+                return Result(number, Status.FAILED, None, "the evaluation broke off", 0.0, 1)
             return super().collect(number)
 
     with scripted(path, evaluator=Interrupted(), budget=24) as loop, pytest.raises(KeyboardInterrupt):

@@ -43,6 +43,20 @@ def test_parameters_at_their_bounds_are_counted():
     assert oddities(diagram, replace(record, at_bound=("pll.kP_pll", "current.kI")), VOCABULARY).at_bound == 2
 
 
+def test_residual_modules_are_counted_and_no_reason_to_doubt_the_rest():
+    diagram, record = record_with("gfl_exact")
+    found = oddities(diagram, replace(record, residual_modules=2), VOCABULARY)
+    assert (found.residual, found.total) == (2, 0)
+    assert CRITERION.value(0.01, 13, found) == CRITERION.value(0.01, 13)
+
+
+def test_a_residual_module_has_a_price_among_parents():
+    priced = replace(CRITERION, residual=0.3)
+    # worth it only where it lowers the error by more than its price: e^-0.3 = 0.74
+    assert priced.merit(0.0075, 13, Oddities(residual=1)) < priced.merit(0.01, 13)
+    assert priced.merit(0.0073, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
+
+
 def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
     absurd = Oddities(absurd=1)
     assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)

@@ -11,12 +11,16 @@ import sys
 import pytest
 
 from ibrid.errors import IbridError
-from search.progress import HEAD, Progress, Snapshot, clock_time, milestone_row, printable, progress_line
+from search.display import WIDTH
+from search.milestone_table import WIDEST, milestone_head, milestone_row, printable
+from search.progress import Progress, Snapshot, clock_time, progress_line
 from search.tally import Tally
 from search.trajectory import Milestone
 
 TALLY = Tally(valid=70, duplicate=12, unchanged=4, refused=14)
 HALFWAY = Snapshot(step=100, evaluations=70, best=0.0123, tally=TALLY)
+NOTE = "LCL filter instead of the L filter, control of the converter current"
+STEP = Milestone(17, 20, NOTE, 0.42, 0.166, "500-2000", 0.00986, 0.00123)
 
 
 class Clock:
@@ -91,6 +95,11 @@ def test_line_is_honest_about_what_is_not_known_yet():
     assert "failed 50%" in progress_line(Snapshot(2, 2, None, Tally(valid=1, failed=1)), 10, 1.0)
 
 
+def test_line_tells_what_language_models_have_taken():
+    line = progress_line(Snapshot(2, 2, 0.5, spent="12,345 tokens, cost 0.42"), 10, 1.0)
+    assert "ETA 0:08, 12,345 tokens, cost 0.42 |" in line
+
+
 @pytest.mark.parametrize("width", [1, 20, 60, 79, 99, 130])
 def test_line_keeps_to_the_width_and_gives_up_words_first_and_shares_last(width):
     line = progress_line(HALFWAY, 500, 14.3333, width)
@@ -129,12 +138,12 @@ def test_milestones_scroll_by_above_the_line_which_comes_back(terminal):
     progress = Progress(stream=terminal.stream, out=terminal.stream, clock=Clock())
     progress.start(500)
     progress.update(HALFWAY)
-    progress.milestone("first row")
-    progress.milestone("second")
+    progress.milestone(STEP)
+    progress.milestone(STEP)
     lines = screen(terminal.text)
-    assert lines[:2] == [HEAD, "-" * len(HEAD)]
-    assert lines[2:4] == ["first row", "second"]
-    assert lines[4].startswith("70/500, best 0.0123")
+    row = milestone_row(STEP, 60)
+    assert tuple(lines[: 2 + 2 * len(row)]) == (*milestone_head(60), *row, *row)
+    assert lines[2 + 2 * len(row)].startswith("70/500, best 0.0123")
     progress.finish()
 
 
@@ -168,12 +177,12 @@ def test_streams_that_are_no_terminal_get_a_line_now_and_then():
     for number in range(1, 36):
         clock.now += 1.0
         progress.update(Snapshot(number, number, 0.5, TALLY))
-    progress.milestone("a row")
+    progress.milestone(STEP)
     progress.finish()
     lines = stream.getvalue().splitlines()
     assert [line.split("/")[0] for line in lines] == ["1", "11", "21", "31", "35"]
     assert "\r" not in stream.getvalue()
-    assert out.getvalue().splitlines() == [HEAD, "-" * len(HEAD), "a row"]
+    assert tuple(out.getvalue().splitlines()) == (*milestone_head(WIDTH), *milestone_row(STEP, WIDTH))
 
 
 def test_the_end_is_shown_once():
@@ -214,7 +223,7 @@ def test_silent_writes_nothing(capsys):
     with Progress("silent") as progress:
         progress.start(10)
         progress.update(HALFWAY)
-        progress.milestone("row")
+        progress.milestone(STEP)
     captured = capsys.readouterr()
     assert captured.out + captured.err == ""
 
@@ -235,7 +244,7 @@ def test_a_reader_that_has_gone_does_not_end_the_search():
     with Progress("plain", stream=Gone(), out=Gone(), every=0.0) as progress:
         progress.start(10)
         progress.update(HALFWAY)
-        progress.milestone("row")
+        progress.milestone(STEP)
     closed = io.StringIO()
     closed.close()
     Progress(stream=closed, out=closed).say("nobody hears this")
@@ -252,36 +261,57 @@ def test_a_stream_of_ascii_gets_question_marks_for_other_letters():
 def test_notes_cannot_move_the_cursor():
     out = io.StringIO()
     one = Milestone(7, 9, "wipe\x1b[2J\r\nall\x07", 0.9, 0.5)
-    Progress("plain", stream=out, out=out).milestone(milestone_row(one))
+    Progress("plain", stream=out, out=out).milestone(one)
     assert not set("\x1b\r\x07") & set(out.getvalue())
     assert len(out.getvalue().splitlines()) == 3
     assert printable("a\tb\u202ec") == "a b c"
 
 
-def test_milestone_row_tells_evaluation_change_error_and_band_within_the_width():
-    note = "add a phase-locked loop with both of its rotations"
-    row = milestone_row(Milestone(17, 20, note, 0.42, 0.166, 4, 0.42, "5-50", 0.948, 0.335))
-    shown = "17  add a phase-locked loop with both o...  0.420 -> 0.166          5-50 Hz, 0.948 -> 0.335"
-    assert row.strip() == shown
-    assert len(row) <= 110
-    first = milestone_row(Milestone(0, 0, "the start", None, 0.997))
-    assert first.split() == ["0", "the", "start", "0.997"]
-    assert row.index("0.420") == first.index("0.997") == HEAD.index("NRMSE")
+@pytest.mark.parametrize("width", [80, 100, 120, WIDEST, 1000])
+def test_a_milestone_tells_evaluation_change_error_and_band_within_the_width(width):
+    lines = (*milestone_head(width), *milestone_row(STEP, width))
+    assert all(len(line) <= min(width, WIDEST) for line in lines)
+    names, rule, first, *more = lines
+    assert len(rule) == min(width, WIDEST)
+    assert first.split()[0] == "17"
+    assert first.endswith("0.166      500-2000, 0.00986 -> 0.00123")
+    assert first.index("0.166") == names.index("NRMSE")
+    assert first.index("500-2000") == names.index("band (Hz)")
+    start = names.index("what changed")
+    note = " ".join(line[start:].strip() for line in (first[: names.index("NRMSE")], *more))
+    assert note == NOTE  # nothing is cut
+    assert all(not line[:start].strip() for line in more)
+
+
+def test_a_wider_window_needs_fewer_lines():
+    heights = [len(milestone_row(STEP, width)) for width in (20, 80, 100, WIDEST)]
+    assert heights == [4, 3, 2, 1]
+
+
+def test_a_milestone_without_a_band_or_a_note_is_a_line():
+    assert milestone_row(Milestone(1, 0, "", None, 0.997), 80) == (f"{'1':>10}{'0.997':>35}",)
+
+
+def test_a_note_of_any_length_takes_four_lines_at_most():
+    lines = milestone_row(Milestone(1, 1, "word " * 10_000 + "x" * 10_000, 0.9, 0.5), 80)
+    assert len(lines) == 4
+    assert lines[-1].endswith("...")
 
 
 def test_a_notebook_shows_one_output_that_is_updated(tmp_path):
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     code = (
-        "from search.progress import Progress, Snapshot\n"
+        "from search.progress import Progress, Snapshot\nfrom search.trajectory import Milestone\n"
         "progress = Progress()\nprogress.start(10)\nprogress.update(Snapshot(1, 1, 0.5))\n"
-        "progress.milestone('a <row>')\nprogress.update(Snapshot(2, 2, 0.25))\nprogress.finish()\n"
+        "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\nprogress.finish()\n"
     )
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
     client.NotebookClient(book, timeout=60, kernel_name="python3").execute()
     (output,) = book.cells[0].outputs
-    assert output["data"]["text/plain"].splitlines()[:3] == [HEAD, "-" * len(HEAD), "a <row>"]
-    assert output["data"]["text/plain"].splitlines()[3].startswith("2/10 evaluations, step 2, best 0.250")
+    lines = output["data"]["text/plain"].splitlines()
+    assert tuple(lines[:3]) == (*milestone_head(WIDTH), *milestone_row(Milestone(7, 9, "a <row>", 0.9, 0.5), WIDTH))
+    assert lines[3].startswith("2/10 evaluations, step 2, best 0.250")
     assert "a &lt;row&gt;" in output["data"]["text/html"]
 
 

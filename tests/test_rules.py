@@ -24,8 +24,8 @@ from search.edits import apply_edit
 from search.gates import implausible
 from search.proposal import SCALES, Proposal
 from search.proposers.edited import edited
-from search.proposers.moves.family import Move, view_of
-from search.proposers.rules import FAMILIES, Rules, residual_bands
+from search.proposers.moves.family import Family, Move, view_of
+from search.proposers.rules import CURIOSITY, FAMILIES, LATER, Rules, residual_bands
 
 SEARCH = Path(__file__).resolve().parents[1] / "search"
 #: An engineer's edit is no larger than this: a droop with its rotations has seven blocks.
@@ -199,6 +199,102 @@ def test_a_textbook_variation_is_one_move_away(change):
 )
 def test_a_wiring_slip_is_one_move_away(change):
     assert is_one_move(TEXTBOOK["gfl"], put(change))
+
+
+# what comes first
+
+FILTERED = Move("a filter", lambda draft: draft.insert_before("plant.u_r", "LPF1_dq", "x"))
+DELAYED = Move("a delay", lambda draft: draft.insert_before("plant.u_r", "Delay", "x"))
+ALIKE = (1.0, 1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("weight", [1.0, 3.0])
+def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
+    families = (
+        Family("missing", "module", ALIKE, weight, lambda _: iter([FILTERED]), first=True),
+        Family("other", "module", ALIKE, 1.0, lambda _: iter([DELAYED])),
+    )
+    context, rules = context_of(NAIVE), Rules(families)
+    notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
+    expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + LATER)
+    # a thousand draws: four standard deviations are 0.05
+    assert notes.count("a filter") / 1000 == pytest.approx(expected, abs=0.05)
+
+
+def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
+    families = (
+        Family("missing", "module", ALIKE, 1.0, lambda _: iter([FILTERED]), first=True),
+        Family("other", "module", ALIKE, 1.0, lambda _: iter([DELAYED])),
+    )
+    view = view_of(NAIVE, VOCABULARY)
+    assert view is not None
+    context = context_of(NAIVE, seen={hash_of(edited(view, FILTERED))}.__contains__)
+    assert {Rules(families).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {"a delay"}
+
+
+@pytest.mark.parametrize("name", PARENTS)
+def test_families_come_first_as_long_as_a_layer_is_missing(name):
+    found, view = roles(PARENTS[name], VOCABULARY), view_of(PARENTS[name], VOCABULARY)
+    assert found is not None
+    assert view is not None
+    assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (found.missing_layers > 0)
+
+
+def test_every_layer_that_may_be_missing_has_a_family_that_comes_first():
+    assert {family.name for family in FAMILIES if family.first} == {"synchronisation", "current loop", "power loops"}
+
+
+# the other axis, the other current
+
+
+def edits_of(family: str, diagram: ibrid.Diagram) -> dict[str, ibrid.Diagram]:
+    """What comes out of each move of a family, by its note."""
+    return {move.note: after for name, move, after in moves_of(diagram) if name == family}
+
+
+@pytest.mark.parametrize(("axis", "twin"), [("p_loop", "q_loop"), ("q_loop", "p_loop")])
+def test_an_axis_without_an_outer_loop_gets_one_with_gains_of_its_own_or_those_of_the_other(axis, twin):
+    gains = {"kP": "power.kP", "kI": "power.kI"}
+    found = edits_of("missing axis", put(lambda draft: draft.remove(axis)))
+    what = axis[0]
+    own = put(lambda draft: draft.unbind(axis, *gains))
+    assert hash_of(found[f"PI control of {what} with the gains of {twin}"]) == hash_of(TEXTBOOK["gfl"])
+    assert hash_of(found[f"PI control of {what} too"]) == hash_of(own)
+    assert all(ibrid.violations(diagram) == () for diagram in found.values())
+
+
+def test_the_voltage_magnitude_may_take_the_q_axis_and_never_the_d_axis():
+    for axis, there in (("q_loop", True), ("p_loop", False)):
+        found = edits_of("missing axis", put(lambda draft, axis=axis: draft.remove(axis)))
+        assert any("voltage magnitude" in note for note in found) == there
+
+
+@pytest.mark.parametrize("name", ["naive", "gfl", "gfl_l_filter"])
+def test_no_axis_is_missing_where_both_or_none_have_a_loop(name):
+    assert edits_of("missing axis", TEXTBOOK[name]) == {}
+
+
+def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_controller():
+    alone = put(lambda d: (d.disconnect("plant.i_ti", "minus_i.in_"), d.connect("plant.i_g", "minus_i.in_")))
+    whole = Draft(alone, VOCABULARY)
+    whole.disconnect("plant.i_ti", "decoupling.in_")
+    whole.connect("plant.i_g", "decoupling.in_")
+    both = whole.diagram()
+    found = {hash_of(diagram) for diagram in edits_of("other current", TEXTBOOK["gfl"]).values()}
+    assert {hash_of(alone), hash_of(both)} <= found
+    for parent in (alone, both):
+        assert hash_of(TEXTBOOK["gfl"]) in {hash_of(after) for after in edits_of("other current", parent).values()}
+
+
+def test_powers_and_the_terminal_keep_the_grid_current():
+    for diagram in edits_of("other current", TEXTBOOK["gfl"]).values():
+        draft = Draft(diagram, VOCABULARY)
+        assert draft.sources("power.i") == draft.sources("park_i.i_dq") == ["plant.i_g"]
+
+
+@pytest.mark.parametrize("name", ["naive", "gfl_l_filter"])
+def test_without_a_current_loop_or_an_lcl_there_is_no_other_current(name):
+    assert edits_of("other current", TEXTBOOK[name]) == {}
 
 
 # the proposals

@@ -114,7 +114,7 @@ def test_a_target_may_come_or_go():
         ({"seed": 4}, "seed = 3, now it is 4"),
         ({"proposer": "random:1"}, "proposer = rules:0.7,random:0.3, now it is random:1"),
         ({"settings": {**OPTIONS["settings"], "islands": 5}}, "settings.islands = 10, now it is 5"),
-        ({"data_sha256": "11"}, "data_sha256"),
+        ({"data_sha256": "11"}, "data of other content"),
         ({"data": "other.csv", "data_sha256": "11"}, "data = data/paper_like.csv, now it is other.csv"),
         ({"new": 1}, "new = nothing, now it is 1"),
     ],

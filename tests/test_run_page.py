@@ -362,6 +362,49 @@ def test_ten_thousand_steps_give_a_page_below_the_limit(folder, tmp_path, few_fi
     assert "2004 of 40" in read(write_run_page(tmp_path / "run")).text
 
 
+def test_page_says_how_the_run_ended_what_the_archive_held_and_what_was_begun_again(tmp_path, few_figures):
+    held = {
+        "entries": 212,
+        "unstable": 31,
+        "elites": 181,
+        "admitted": 220,
+        "evicted": 8,
+        "migrations": 3,
+        "natives": [1],
+    }
+    texts = meta(archive=json.dumps(held), ending="the budget is spent", seconds="12.0")
+    folder = a_run(tmp_path / "run", texts, until=1)
+    with Store.open(folder / "archive.sqlite") as store:
+        for number, attempts in ((2, 3), (3, 1), (4, 2)):
+            store.propose(Step(number, parent=0))
+            store.conclude(number, status=Status.FAILED, attempts=attempts)
+    text = read(write_run_page(folder)).text
+    assert "ended since the budget is spent" in text
+    assert "2 candidates were begun 5 times in all" in text
+    assert "structures kept unstable among them elites admitted in all evicted migrations" in text
+    assert "212 31 181 220 8 3" in text
+
+
+@pytest.mark.parametrize("archive", ["", "{", "[1]", '{"entries": "many"}'])
+def test_a_run_that_says_nothing_of_its_archive_has_no_table_of_it(tmp_path, few_figures, archive):
+    folder = a_run(tmp_path / "run", meta(archive=archive), until=1)
+    text = read(write_run_page(folder)).text
+    assert "structures kept" not in text
+    assert "ended since" not in text
+    assert "begun" not in text
+
+
+def test_page_tells_what_language_models_have_taken(tmp_path, few_figures):
+    folder = a_run(tmp_path / "run", meta(), until=1)
+    with Store.open(folder / "archive.sqlite") as store:
+        for number in (2, 3):
+            used = {"model": "small", "prompt_tokens": 1000, "cost": 0.25, "retries": 0}
+            store.propose(Step(number, parent=0, status=Status.NO_EDIT, usage=used))
+    text = read(write_run_page(folder)).text
+    assert "prompt tokens 2,000 cost 0.5" in text
+    assert "retries" not in text
+
+
 def test_speed_is_evaluations_over_the_duration_of_the_run(folder):
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
         run = read_run(store)

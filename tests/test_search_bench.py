@@ -10,10 +10,10 @@ import pytest
 
 import ibrid
 from ibrid.errors import IbridError
+from ibrid.ledger import NAME, Ledger
 from search.bench import speed_table
 from search.bench.__main__ import main
 from search.bench.inverters import inverter
-from search.bench.ledger import NAME, Ledger
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
 from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local
 from search.bench.tables import heading, seed_line, summary

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from scripted_search import NAIVE, QUICK, steps_of
+from scripted_server import says, scripted
 
 import ibrid
 from ibrid import cli
@@ -77,6 +78,29 @@ def test_the_options_reach_the_run(tmp_path):
         assert line in text
 
 
+def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
+    out = tmp_path / "run"
+    usage = {"prompt_tokens": 100_000, "completion_tokens": 50_000}
+    with scripted(says("no edit today", usage)) as script:
+        words = f"search {DATA} --out {out} --budget 40 --workers 1 --proposer llm --model small@{script.url}"
+        assert cli.main([*words.split(), "--model-price", "1,4", "--model-cost", "1"]) == 0
+        # an answer costs 0.1 + 0.2, a step asks twice; each question is asked unless the limit of 1 is spent
+        assert len(script.requests) == 4
+        told = capsys.readouterr()
+        assert "Language models took 600,000 tokens, cost 1.2." in told.out
+        assert "600,000 tokens, cost 1.2" in told.err  # the progress
+        assert "the limits of the language models are spent." in told.out
+        costs = [step.usage["cost"] for step in steps_of(out / "archive.sqlite") if step.proposer == "llm"]
+        assert costs == pytest.approx([0.6, 0.6])
+        assert "prices = [[1.0, 4.0]]" in (out / "run.toml").read_text(encoding="utf-8")
+        words += " --resume --model-price 0,8 --model-cost 2"
+        assert cli.main(words.split()) == 0
+        assert len(script.requests) == 6  # from 1.2 on, by 0.4 an answer
+        assert "Language models took 900,000 tokens, cost 2." in capsys.readouterr().out
+
+
 def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
@@ -106,6 +130,15 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ("--proposer ruels", "did you mean rules"),
         ("--proposer rules:heavy", "a weight is a number above zero"),
         ("--proposer llm", "--model"),
+        ("--proposer llm --model-price 0.5", "must be two prices IN,OUT"),
+        ("--proposer llm --model-price 1,-2", "must be two prices IN,OUT"),
+        ("--proposer llm --model-price 1,inf", "must be two prices IN,OUT"),
+        ("--proposer llm --model a --model-cost 2", "give --model-price IN,OUT"),
+        ("--proposer agent --model a --model-cost 2 --model-price 0,0", "give --model-price IN,OUT"),
+        (
+            "--proposer llm --model a --model b --model c --model-price 1,2 --model-price 1,2",
+            "one price for all or one for each",
+        ),
         ("--budget 0", "budget must be 1 evaluation or more"),
         ("--budget many", "must be a whole number"),
         ("--target -1", "must be a positive number"),

@@ -54,7 +54,7 @@ def check(proposal: Proposal) -> None:
     assert proposal.reply.strip()
     assert proposal.edit.strip()
     usage = proposal.usage
-    assert 1500 < usage["prompt_tokens"] < 4500
+    assert 1500 < usage["prompt_tokens"] < 6500  # the vocabulary is the larger part
     assert 0 < usage["completion_tokens"] <= 16
     assert usage["seconds"] > 0
 

@@ -20,7 +20,7 @@ import search
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY
-from search.step import EVALUATED, REFUSED, Status, Step
+from search.step import Status, Step
 from search.store import Store
 from search.tables import FIELDS, VERSION
 
@@ -202,15 +202,6 @@ def test_a_step_without_record_says_how_it_ended(store):
         store.record(9)
 
 
-def test_a_diagnosis_can_be_written_later(store):
-    store.propose(pending(0))
-    store.conclude(0, status=Status.OK)
-    store.annotate(0, diagnosis="the PLL is missing")
-    assert store.step(0).diagnosis == "the PLL is missing"
-    with pytest.raises(IbridError, match="there is no step 1"):
-        store.annotate(1, diagnosis="")
-
-
 def test_texts_stay_and_can_be_replaced(path, store):
     store.set_meta("best", "12")
     store.set_meta("data", "other")
@@ -239,36 +230,10 @@ def test_steps_written_while_reading_are_met(store):
     assert met == [0, 1, 2, 3]
 
 
-def test_statuses_are_counted_and_pending_steps_found(store):
+def test_pending_steps_are_found(store):
     for number, status in enumerate([Status.OK, Status.PENDING, Status.NO_MATCH, Status.PENDING, Status.OK]):
         store.propose(pending(number, status=status))
-    counts = store.counts()
-    assert {status: number for status, number in counts.items() if number} == {"ok": 2, "pending": 2, "no match": 1}
-    assert set(counts) == set(Status)
     assert [one.number for one in store.pending()] == [1, 3]
-
-
-def test_failures_are_the_last_refused_or_failed_ones_up_to_a_step(store):
-    ends = [*REFUSED, *EVALUATED, Status.PENDING, Status.DUPLICATE, Status.UNCHANGED]
-    for number, status in enumerate(ends):
-        store.propose(pending(number, status=status))
-    failed = [one.status for one in store.last_failures(100)]
-    silent = {Status.NO_ANSWER}
-    assert failed == [
-        Status.REQUIRED,
-        Status.TIMEOUT,
-        Status.FAILED,
-        *(s for s in reversed(REFUSED) if s not in silent),
-    ]
-    assert [one.status for one in store.last_failures(2)] == [Status.REQUIRED, Status.TIMEOUT]
-    assert [one.number for one in store.last_failures(2, until=3)] == [3, 2]
-    assert store.last_failures(0) == ()
-
-
-def test_a_structure_is_found_by_its_hash(store):
-    for number, structure in enumerate(["a", "", "b", "a"]):
-        store.propose(pending(number, hash=structure))
-    assert [store.by_hash(one) for one in ("a", "b", "c", "")] == [0, 2, None, None]
 
 
 def test_repeated_evaluations_are_known(store):
@@ -276,6 +241,27 @@ def test_repeated_evaluations_are_known(store):
         store.propose(pending(number))
         store.conclude(number, status=Status.OK, attempts=attempts)
     assert store.retried() == {1: 3, 2: 2}
+
+
+def test_a_lost_step_can_wait_again_and_keeps_count_of_its_attempts(store):
+    store.propose(pending(0, note="kept"))
+    store.conclude(0, status=Status.LOST, reason="3 workers died on it", seconds=9.0, attempts=3)
+    store.reopen(0)
+    assert store.step(0) == pending(0, note="kept")
+    store.conclude(0, status=Status.OK, record=record())
+    assert (store.step(0).status, store.step(0).reason) == (Status.OK, "")
+    assert store.record(0).to_json() == record().to_json()
+    assert store.retried() == {0: 4}
+
+
+def test_only_a_lost_step_can_wait_again(store):
+    for number, status in enumerate([Status.OK, Status.PENDING, Status.FAILED]):
+        store.propose(pending(number, status=status))
+        with pytest.raises(IbridError, match=f"step {number} must be lost to be evaluated again, it is {status}"):
+            store.reopen(number)
+        assert store.step(number).status is status
+    with pytest.raises(IbridError, match="there is no step 7"):
+        store.reopen(7)
 
 
 # the process dies
@@ -362,7 +348,7 @@ def test_a_reader_cannot_write(path, store):
 def test_a_closed_store_says_so(store):
     store.close()
     with pytest.raises(IbridError, match="closed database; open it again"):
-        store.counts()
+        store.pending()
 
 
 # the disk is full

@@ -1,7 +1,7 @@
 """`ibrid search DATA --out RUN` and `ibrid mcp DATA`: the search over block diagrams, and its tools for coding agents."""
 
 import os
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -33,10 +33,23 @@ def declare(commands: Any) -> None:
         help="for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
         "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY",
     )
-    for name, unit in (("tokens", "tokens in and out"), ("cost", "cost"), ("seconds", "seconds of waiting")):
+    for name, unit in (
+        ("tokens", "tokens in and out"),
+        ("cost", "cost, with --model-price,"),
+        ("seconds", "seconds of waiting"),
+    ):
         search.add_argument(
             f"--model-{name}", type=inputs.positive, metavar="X", help=f"{unit} that language models may take in all"
         )
+    search.add_argument(
+        "--model-price",
+        action="append",
+        default=[],
+        type=_price,
+        metavar="IN,OUT",
+        help="of a million tokens in and out, in the currency of --model-cost; once for all models, or once for each in their "
+        "order (nothing)",
+    )
     search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
     search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
@@ -55,7 +68,11 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--choose", default="error", help="the answer by: error (default) | frequencies | op, the latter held out"
     )
-    search.add_argument("--truth", metavar="PROGRAM", help="shown beside the answer; the search does not see it")
+    search.add_argument(
+        "--truth",
+        metavar="PROGRAM",
+        help="shown beside the answer, also when given with --resume alone; the search does not see it",
+    )
     search.add_argument(
         "--learn", action="store_true", help="train the proposer on the way (no proposer of this version learns)"
     )
@@ -103,6 +120,7 @@ def run_search(arguments: Namespace) -> int:
                 cost=arguments.model_cost or inf,
                 seconds=arguments.model_seconds or inf,
             ),
+            prices=arguments.model_price,
             budget=arguments.budget,
             target=arguments.target,
             seed=arguments.seed,
@@ -125,6 +143,17 @@ def run_search(arguments: Namespace) -> int:
     return _say(found, arguments, truth)
 
 
+def _price(text: str) -> tuple[float, float]:
+    """Prices of tokens in and out, for argparse."""
+    try:
+        price_in, price_out = map(float, text.split(","))
+    except ValueError:
+        price_in = price_out = -1.0
+    if not (0 <= price_in < float("inf") and 0 <= price_out < float("inf")):
+        raise ArgumentTypeError(f"must be two prices IN,OUT, not negative, such as 0.5,1.5; found {text!r:.60}")
+    return price_in, price_out
+
+
 def _workers(asked: int | None, ray: str | None) -> int:
     """As asked; else all cores where Ray is installed, one where it is not."""
     if asked is not None:
@@ -138,8 +167,11 @@ def _go_on(arguments: Namespace) -> str:
 
 def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     from ibrid.evaluation.record import Record
+    from search.proposers.spending import spent_words
 
     print(f"\n{found.evaluations} evaluations in {found.seconds:.0f} s; {found.ending}.")
+    if spent := spent_words(found.spent):
+        print(f"Language models took {spent}.")
     if not found.finished:
         complain(f"stopped; {_go_on(arguments)}")
         return 1

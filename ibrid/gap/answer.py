@@ -17,6 +17,7 @@ from ibrid.gap.effect import Insertion
 from ibrid.gap.held_out import held_out, weighed
 from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
+from ibrid.gap.residual_block import residual_block
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
 from ibrid.gap.trial import FRAME, Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Findings, alike, fits, sentence_of, sigmas_moved, verdict_of
@@ -73,6 +74,7 @@ def answer_of(
         held_out=tuple(held),
         nominal=_nominal_responses(found.given, shop) if values else {},
         angle=model.convention.angle,
+        residual=residual_block(shop, found.given, found.ports) if verdict == "located-unnamed" else None,
     )
 
 

@@ -5,6 +5,7 @@ g = 1 + Delta, the admittance is Y(g) = Y_u + Y_w g (I - g Z_w)^-1 Z_u: another 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +28,6 @@ class OpenPort:
         self.symbolic = model = symbolic_model(
             wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
         )
-        self.plant = wiring.plant
         self.coordinates = Coordinates(model.parameters)
         self.omega = sweep.points[0].omega
         self._fields = [np.array([one.op.p, one.op.q, one.op.v]) for one in sweep.points]
@@ -39,11 +39,11 @@ class OpenPort:
     def at(self, theta: np.ndarray) -> "Opened | None":
         """The opened model at parameters theta (P,); None where an operating point does not exist."""
         model, n = self.symbolic, self.symbolic.size
-        matrix = np.zeros((len(self._fields), 1, n + 2, n + 2))
+        matrix = np.zeros((1, len(self._fields), n + 2, n + 2))
         slopes = np.zeros((len(self._fields), len(self.rows), len(theta)))
         for m, field in enumerate(self._fields):
             values, derivatives = model.entries(theta, field)
-            matrix[m, 0, model.rows, model.columns] = np.asarray(values).ravel()
+            matrix[0, m, model.rows, model.columns] = np.asarray(values).ravel()
             slopes[m, self._place, model.derivative_parameter] = np.asarray(derivatives).ravel()
         if not (np.isfinite(matrix).all() and np.isfinite(slopes).all()):
             return None
@@ -54,7 +54,7 @@ class OpenPort:
         inside = matrix[..., :n, :].copy()
         inside[..., self.through, :] = 0.0
         try:
-            inverse = np.linalg.inv(phi[:, :, None] * np.eye(n) - inside[..., :n])
+            inverse = np.linalg.inv(phi[:, None, :, None] * np.eye(n) - inside[..., :n])
         except np.linalg.LinAlgError:
             return None
         entering, leaving = matrix[..., self.through, :], matrix[..., n:, :]
@@ -79,11 +79,11 @@ class OpenPort:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """A model at one set of parameters, opened at its port, at M operating points and K frequencies.
+    """A model at one set of parameters, opened at its port, at K frequencies and M operating points.
 
-    `y_u` : (M, K, 2, 2). `y_w` : (M, K, 2, r). `z_u` : (M, K, r, 2). `z_w` : (M, K, r, r); r = 1 for a scalar, 2 for dq.
-    `x_u`, `x_w` : (M, K, n, 2) and (M, K, n, r), what v and w make of all n signals. `left`, `arriving` : (M, K, 2, n)
-    and (M, K, r, n), what a number added to each signal's equation makes of y and z. `slopes` : (M, E, P) of the entries
+    `y_u` : (K, M, 2, 2). `y_w` : (K, M, 2, r). `z_u` : (K, M, r, 2). `z_w` : (K, M, r, r); r = 1 for a scalar, 2 for dq.
+    `x_u`, `x_w` : (K, M, n, 2) and (K, M, n, r), what v and w make of all n signals. `left`, `arriving` : (K, M, 2, n)
+    and (K, M, r, n), what a number added to each signal's equation makes of y and z. `slopes` : (M, E, P) of the entries
     that vary. `turns` : (K, D), derivative of each delay's row by its time.
     """
 
@@ -100,30 +100,31 @@ class Opened:
     turns: np.ndarray
 
     def response(self, g: np.ndarray) -> np.ndarray:
-        """Y at g (..., K) -> (..., M, K, 2, 2); not finite where the closed loop is singular."""
-        factor = g[..., None, :, None, None]
+        """Y at g (..., K) -> (..., K, M, 2, 2); not finite where the closed loop is singular."""
+        factor = g[..., None, None, None]
         return self.y_u + self.y_w @ (factor * self._feedback(factor)) @ self.z_u
 
     def slope_by_transfer(self, g: np.ndarray) -> np.ndarray:
-        """dY/dg = dY/dDelta at g (K,) -> (M, K, 2, 2); Y is analytic in g."""
-        feedback = self._feedback(g[:, None, None])
+        """dY/dg = dY/dDelta at g (..., K) -> (..., K, M, 2, 2); Y is analytic in g."""
+        feedback = self._feedback(g[..., None, None, None])
         return self.y_w @ feedback @ feedback @ self.z_u
 
     def slope_by_parameters(self, g: np.ndarray) -> np.ndarray:
-        """dY/dtheta at g (K,) -> (M, K, 2, 2, P): dY = L dM R, with the rows of M at the port times g."""
-        model, factor = self.model, g[:, None, None]
+        """dY/dtheta at g (K,) -> (K, M, 2, 2, P): dY = L dM R, with the rows of M at the port times g."""
+        model, factor = self.model, g[:, None, None, None]
         closed = factor * self._feedback(factor)
         right = self.x_u + self.x_w @ closed @ self.z_u
         left = self.left + self.y_w @ closed @ self.arriving
-        turned = left[..., model.delayed] * self.turns[:, None, :]
+        turned = left[..., model.delayed] * self.turns[:, None, None, :]
         left[..., model.through] *= factor
         identity = np.broadcast_to(np.eye(2), self.y_u.shape)
         left = np.concatenate([left, identity], axis=3)
         right = np.concatenate([right, identity], axis=2).swapaxes(2, 3)
         outer = left[..., :, None, model.rows] * right[..., None, :, model.columns]
-        points, count, *_, entries = outer.shape
-        slope = outer.reshape(points, count * 4, entries) @ self.slopes
-        slope = slope.reshape(points, count, 2, 2, -1)
+        count, points, *_, entries = outer.shape
+        slope = (outer.reshape(count, points, 4, entries) @ self.slopes).reshape(
+            count, points, 2, 2, self.slopes.shape[2]
+        )
         for index, row in enumerate(model.delayed):
             parameter = model.symbolic.delay_parameter[row]
             slope[..., parameter] -= turned[..., index, None] * right[:, :, None, :, row]
@@ -134,9 +135,11 @@ class Opened:
         z = self.z_w
         if z.shape[-1] == 1:
             return 1.0 / (1.0 - factor * z)
-        a = np.eye(2) - factor * z
-        adjugate = np.empty_like(a)
-        adjugate[..., 0, 0], adjugate[..., 1, 1] = a[..., 1, 1], a[..., 0, 0]
-        adjugate[..., 0, 1], adjugate[..., 1, 0] = -a[..., 0, 1], -a[..., 1, 0]
-        determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0]
-        return adjugate / determinant[..., None, None]
+        adjugate = np.eye(2) - factor * self._adjugate
+        determinant = adjugate[..., :1, :1] * adjugate[..., 1:, 1:] - adjugate[..., :1, 1:] * adjugate[..., 1:, :1]
+        return adjugate / determinant
+
+    @cached_property
+    def _adjugate(self) -> np.ndarray:
+        """[[d, -b], [-c, a]] of Z_w, so that I - g times it is the adjugate of I - g Z_w."""
+        return np.trace(self.z_w, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - self.z_w

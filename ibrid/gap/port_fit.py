@@ -17,15 +17,16 @@ FIRST_STEPS, MOST_STEPS = 15, 60
 LARGEST_STEP = 2.0
 FIRST_DAMPING, LEAST_DAMPING, GREATEST_DAMPING = 1e-2, 1e-9, 1e8
 #: Gains of the cost that end a fit: of its size, and at all.
-ENOUGH, SMALL = 1e-5, 1e-3
+ENOUGH, SMALL = 1e-4, 1e-3
 MOST_ROUNDS = 12
-#: 1 over the size of Delta that is as unlikely as one sigma: where the data do not see it, it stays small.
-LARGE = 1e-3
+#: The prior of each Delta is Student's, -2 ln p = TAIL ln(1 + |Delta|^2 / LARGE^2): where the data hardly see it, it is not
+#: one that makes a resonance of the noise; where they do, any size is likely enough.
+LARGE, TAIL = 10.0, 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is fitted: `data`, `weight` : (M, K, 2, 2), 1/sigma. `centre`, `precision` : (P,) of the prior in x; a
+    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `centre`, `precision` : (P,) of the prior in x; a
     parameter without one has precision 0."""
 
     data: np.ndarray
@@ -33,21 +34,40 @@ class Target:
     centre: np.ndarray
     precision: np.ndarray
 
-    def misfit(self, response: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Residuals of a response (..., M, K, 2, 2) with g (..., K), the last one that of g: (..., K, 4M + 1)."""
-        return self.rows(self.weight * (response - self.data), LARGE * (g - 1.0))
+    def misfit(self, opened: Opened, g: np.ndarray) -> np.ndarray:
+        """White residuals at g (..., K) -> (..., K, 4M)."""
+        return _rows(self.weight * (opened.response(g) - self.data))
 
-    def rows(self, white: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """(..., M, K, 2, 2) and (..., K) -> (..., K, 4M + 1)."""
-        entries = np.moveaxis(white, -4, -3)
-        return np.concatenate([entries.reshape(*entries.shape[:-3], -1), last[..., None]], axis=-1)
+    def by_transfer(self, opened: Opened, g: np.ndarray) -> np.ndarray:
+        """Their derivative by g (..., K) -> (..., K, 4M)."""
+        return _rows(self.weight * opened.slope_by_transfer(g))
+
+
+def penalised(misfit: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where there is no response."""
+    cost = power(misfit) + TAIL * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
+    return np.where(np.isfinite(cost), cost, np.inf)
+
+
+def hold(g: np.ndarray) -> np.ndarray:
+    """What the square of a Delta is weighed by, such that it has the slope of the prior."""
+    return TAIL / (LARGE**2 + np.abs(g - 1.0) ** 2)
+
+
+def power(a: np.ndarray) -> np.ndarray:
+    """a'a, row by row."""
+    return np.real(a * a.conj()).sum(axis=-1)
+
+
+def _rows(value: np.ndarray) -> np.ndarray:
+    return value.reshape(*value.shape[:-3], -1)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A point of the search.
 
-    `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `power` : (K,) a'a of the data alone, the
+    `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `seen` : (K,) a'a of the data alone, the
     information on each g. `gradient`, `information` : of the data by x, g eliminated. `follows` : (K, P), dg/dx.
     """
 
@@ -55,7 +75,7 @@ class Fit:
     g: np.ndarray
     chi2: float
     cost: float
-    power: np.ndarray
+    seen: np.ndarray
     gradient: np.ndarray
     information: np.ndarray
     follows: np.ndarray
@@ -95,32 +115,32 @@ def _descended(model: OpenPort, target: Target, best: Fit, steps: int) -> Fit:
     return best
 
 
+@np.errstate(all="ignore")
 def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray | None = None) -> Fit | None:
     """The fit at x (P,) with the best g, also tried from the one `before`; None where the model has no response."""
     theta = model.coordinates.to_theta(x)
     opened = model.at(theta)
     if opened is None:
         return None
-    with np.errstate(all="ignore"):
-        g = eliminated(opened, target, before)
-        misfit = target.misfit(opened.response(g), g)
-        if not np.isfinite(misfit).all():
-            return None
-        a = _by_transfer(opened, target, g)
-        white = target.weight[..., None] * (opened.slope_by_parameters(g) * model.coordinates.slope(theta))
-    white = white.swapaxes(0, 1).reshape(len(g), -1, len(x))
-    slope = np.concatenate([white, np.zeros((len(g), 1, len(x)))], axis=1)
-    follows = -np.einsum("ke,kep->kp", a.conj(), slope) / _power(a)[:, None]
-    slope = (slope + a[:, :, None] * follows[:, None, :]).reshape(-1, len(x))
-    prior = float((target.precision * (x - target.centre) ** 2).sum())
+    g = eliminated(opened, target, before)
+    misfit, a = target.misfit(opened, g), target.by_transfer(opened, g)
+    cost = float(penalised(misfit, g).sum())
+    if not (np.isfinite(cost) and np.isfinite(a).all()):
+        return None
+    slope = target.weight[..., None] * (opened.slope_by_parameters(g) * model.coordinates.slope(theta))
+    slope = slope.reshape(*misfit.shape, len(x))
+    held, seen = hold(g), power(a)
+    follows = -np.einsum("ke,kep->kp", a.conj(), slope) / (seen + held)[:, None]
+    left = slope + a[:, :, None] * follows[:, None, :]
+    of_g = held[:, None] * follows
     return Fit(
         x=x,
         g=g,
-        chi2=float(_power(misfit[:, :-1]).sum()),
-        cost=float(_power(misfit).sum()) + prior,
-        power=_power(a[:, :-1]),
-        gradient=np.real(slope.conj().T @ misfit.ravel()),
-        information=np.real(slope.conj().T @ slope),
+        chi2=float(power(misfit).sum()),
+        cost=cost + float((target.precision * (x - target.centre) ** 2).sum()),
+        seen=seen,
+        gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0)),
+        information=np.real(np.einsum("kep,keq->pq", left.conj(), left) + follows.conj().T @ of_g),
         follows=follows,
     )
 
@@ -128,50 +148,31 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
 def eliminated(opened: Opened, target: Target, before: np.ndarray | None = None) -> np.ndarray:
     """The transfer g (K,) of least cost at every frequency.
 
-    Begins at the best of g = 1, the g before, and the estimate that is exact for data without noise: w from Y - Y_u, the
-    z that belongs to it, and g between them.
+    Begins at g = 1, the g before, and the estimate that is exact for data without noise: w from Y - Y_u, the z that belongs
+    to it, and g between them.
     """
-    ones = np.ones(opened.y_u.shape[1], dtype=complex)
+    ones = np.ones(len(opened.y_u), dtype=complex)
     signal = target.data - opened.y_u
     entering = opened.z_u + opened.z_w @ (np.linalg.pinv(opened.y_w) @ signal)
-    driven = target.rows(target.weight * (opened.y_w @ entering), LARGE * ones)
-    guess = _projected(driven, target.rows(target.weight * signal, LARGE * ones))
-    candidates = np.stack([ones, guess, ones if before is None else before])
-    costs = _costs(opened, target, candidates)
-    best = np.argmin(costs, axis=0)[None]
-    g, cost = np.take_along_axis(candidates, best, 0)[0], np.take_along_axis(costs, best, 0)[0]
-    part, moved = np.ones(len(g)), np.ones(len(g), dtype=bool)
-    step, gain = np.zeros_like(g), np.zeros(len(g))
+    driven, wanted = (_rows(target.weight * one) for one in (opened.y_w @ entering, signal))
+    guess = ((driven.conj() * wanted).sum(axis=-1) + hold(ones)) / (power(driven) + hold(ones))
+    g = np.stack([ones, guess] if before is None else [ones, guess, before])
+    misfit = target.misfit(opened, g)
+    cost, part, moved = penalised(misfit, g), np.ones(g.shape), True
+    step, gain = np.zeros_like(g), np.zeros(g.shape)
     for _ in range(MOST_ROUNDS):
-        if moved.any():
-            a, r = _by_transfer(opened, target, g), target.misfit(opened.response(g), g)
-            step = -_projected(a, r)
-            gain = np.abs(step) ** 2 * _power(a)
+        if np.any(moved):
+            a = target.by_transfer(opened, g)
+            total = power(a) + hold(g)
+            step = -((a.conj() * misfit).sum(axis=-1) + hold(g) * (g - 1.0)) / total
+            gain = np.abs(step) ** 2 * total
         if (part * gain < 1e-6 * (1.0 + cost)).all():
             break
         trial = g + part * step
-        trial_cost = _costs(opened, target, trial)
+        trial_misfit = target.misfit(opened, trial)
+        trial_cost = penalised(trial_misfit, trial)
         moved = trial_cost < cost
         g, cost = np.where(moved, trial, g), np.where(moved, trial_cost, cost)
+        misfit = np.where(moved[..., None], trial_misfit, misfit)
         part = np.where(moved, 1.0, part / 4)
-    return g
-
-
-def _costs(opened: Opened, target: Target, g: np.ndarray) -> np.ndarray:
-    """Cost of each frequency at g (..., K) -> (..., K), infinite where there is no response."""
-    cost = _power(target.misfit(opened.response(g), g))
-    return np.where(np.isfinite(cost), cost, np.inf)
-
-
-def _by_transfer(opened: Opened, target: Target, g: np.ndarray) -> np.ndarray:
-    return target.rows(target.weight * opened.slope_by_transfer(g), np.full(len(g), LARGE, dtype=complex))
-
-
-def _projected(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a'b / a'a, row by row."""
-    return (a.conj() * b).sum(axis=-1) / _power(a)
-
-
-def _power(a: np.ndarray) -> np.ndarray:
-    """a'a, row by row."""
-    return np.real(a * a.conj()).sum(axis=-1)
+    return np.take_along_axis(g, np.argmin(cost, axis=0)[None], 0)[0]

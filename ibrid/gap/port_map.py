@@ -6,6 +6,7 @@ fitted anew. Where that reaches the noise, the port may be the place of what is 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
@@ -14,7 +15,7 @@ from ibrid.errors import IbridError, near
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.open_port import OpenPort
-from ibrid.gap.port_fit import LARGE, Fit, Target, fit_port
+from ibrid.gap.port_fit import Fit, Target, fit_port, hold
 from ibrid.gap.ports import Port, ports
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
@@ -23,7 +24,7 @@ from ibrid.structure.diagram import Diagram
 #: A port whose fit is as bad as this by chance, or less rarely, is adequate.
 ADEQUATE = 1e-3
 #: Further starts of every port where none is adequate, and how far they spread without a prior.
-FURTHER, SPREAD = 6, 0.3
+FURTHER, SPREAD = 4, 0.3
 
 Prior = Mapping[str, tuple[float, float]]
 
@@ -35,7 +36,7 @@ class PortFit:
     `chi2` : of the data. `dof` : its degrees of freedom, 8 K M less 2 K and what the data say of the parameters.
     `p_value` : chance of a larger chi2 if only noise is left. `adequate` : p_value above 1e-3. `frequency` : (K,) Hz.
     `transfer` : (K,) complex, the Delta that was found. `deviation` : (K,), standard error of its real or imaginary part,
-    the larger; 1000 where the data do not see it. `values` : fitted parameters.
+    the larger; 5 or more where the data do not see it. `values` : fitted parameters.
     """
 
     port: Port
@@ -119,23 +120,24 @@ class _Search:
         centre, precision = self._x({}), np.zeros(len(self.names))
         for name, (middle, width) in prior.items():
             centre[self.names.index(name)], precision[self.names.index(name)] = middle, width**-2
-        data = np.array([one.admittance for one in sweep.points])
-        sigma = np.array([one.sigma for one in sweep.points])
+        data = np.stack([one.admittance for one in sweep.points], axis=1)
+        sigma = np.stack([np.asarray(one.sigma) for one in sweep.points], axis=1)
         self.target = Target(data, 1.0 / (scale * sigma), centre, precision)
 
     def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
-        """The given starts, and each with the grid side of an LCL filter as the top of the band shows it."""
+        """The given starts, and each with the grid side that the data show; without one the prior's centre."""
         found = []
-        for start in starts:
+        for start in starts or ({},):
             self._require(start, "a start")
-            known = np.array([name in start for name in self.names])
+            known = np.array([name in start for name in self.names], dtype=bool)
             found.append(np.where(known, self._x(start), self.target.centre))
-        return [*found, *(self._seeded(x) for x in found)]
+        return [*found, *(self._seeded(x) for x in found if self.grid_side)]
 
     def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
         """Starts around the prior's centre, with that grid side."""
         width = np.where(self.target.precision > 0, np.maximum(self.target.precision, 1e-300) ** -0.5, SPREAD)
-        return [self._seeded(self.target.centre + width * rng.standard_normal(len(self.names))) for _ in range(FURTHER)]
+        spread = width * rng.standard_normal((FURTHER, len(width)))
+        return [self._seeded(self.target.centre + one) for one in spread]
 
     def best(self, starts: Sequence[np.ndarray]) -> PortFit | None:
         fit = fit_port(self.model, self.target, starts)
@@ -150,20 +152,25 @@ class _Search:
         coordinates = self.model.coordinates
         return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
 
-    def _seeded(self, x: np.ndarray) -> np.ndarray:
+    @cached_property
+    def grid_side(self) -> dict[str, float]:
+        """Free parameters of the grid side of an LCL filter, as the top of the band shows them."""
+        members = {member: one.name for one in self.parameters for member in one.members}
+        plant = [name for name, parameter in members if parameter == "C_F"]
+        if not plant:
+            return {}
         seed = high_frequency_seed(Problem(self.model.symbolic, self.sweep.points), self.sweep.omega_0)
-        members = {(self.model.plant, name): value for name, value in seed.items()}
-        values = {
-            one.name: value for one in self.parameters for member, value in members.items() if member in one.members
-        }
-        return np.where([name in values for name in self.names], self._x(values), x)
+        return {members[plant[0], name]: value for name, value in seed.items() if (plant[0], name) in members}
+
+    def _seeded(self, x: np.ndarray) -> np.ndarray:
+        return np.where([name in self.grid_side for name in self.names], self._x(self.grid_side), x)
 
     def _described(self, fit: Fit) -> PortFit:
         """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least known of it."""
         known = self.target.precision + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
         covariance = _inverse(fit.information + np.diag(known))
-        power = fit.power + LARGE**2
-        free = 2 * float((fit.power / power).sum()) + len(known) - float(known @ np.diag(covariance))
+        known_of_g = fit.seen + hold(fit.g)
+        free = 2 * float((fit.seen / known_of_g).sum()) + len(known) - float(known @ np.diag(covariance))
         followed = [
             np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
         ]
@@ -179,7 +186,7 @@ class _Search:
             adequate=p_value > ADEQUATE,
             frequency=self.sweep.points[0].frequency,
             transfer=fit.g - 1.0,
-            deviation=np.sqrt(1.0 / power + np.maximum(*followed)),
+            deviation=np.sqrt(1.0 / known_of_g + np.maximum(*followed)),
             values=dict(zip(self.names, theta.tolist(), strict=True)),
         )
 

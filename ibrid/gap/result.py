@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ibrid.evaluation.record import Record
+from ibrid.gap.convention import Convention
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.program import parse_program
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
+#: What draws an answer; it lies above, so it is named here and imported when a figure is asked for.
+FIGURES = "ibrid.report.gap_figures"
 Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
 
 
@@ -88,6 +92,18 @@ class Unseen:
     sweep: str
 
 
+@dataclass(frozen=True)
+class ResidualBlock:
+    """A block without a physical name. `port` : where. `kind` : of the vocabulary. `program` : the model with it.
+    `chi2_per_dof` : of that, refitted; `before` : of the given model."""
+
+    port: str
+    kind: str
+    program: str
+    chi2_per_dof: float
+    before: float
+
+
 @dataclass(frozen=True, eq=False)
 class Gap:
     """Answer of `find_gap`.
@@ -100,7 +116,8 @@ class Gap:
     `baseline`, `repaired` : records of the refitted model before and after (the same when nothing was changed); they hold
     the parameters, responses and intervals. `sweep`, `held_out` : the measured data, fitted and not. `nominal` :
     responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
-    `angle` : of the measuring frame, rad.
+    `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
+    `residual` : where something is located and unnamed, the block of low order that comes nearest.
     """
 
     verdict: Verdict
@@ -125,9 +142,15 @@ class Gap:
     held_out: tuple[str, ...] = ()
     nominal: Mapping[str, np.ndarray] = field(default_factory=dict)
     angle: float = 0.0
+    convention: Convention = field(default_factory=Convention)
+    residual: ResidualBlock | None = None
     seconds: float = 0.0
 
     @property
     def diagram(self) -> "Diagram":
         """The repaired block diagram."""
         return parse_program(self.program, "the repaired program")
+
+    def plot(self, op: str | None = None) -> Any:
+        """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""
+        return import_module(FIGURES).gap_figure(self, op)

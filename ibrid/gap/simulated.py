@@ -88,8 +88,8 @@ def _interpolated(frequency: np.ndarray, response: np.ndarray, wanted: np.ndarra
     """Linear in log f, entry by entry; not a number outside the band."""
     at, to = np.log(frequency), np.log(wanted)
     flat = response.reshape(len(frequency), 4)
-    columns = [
-        np.interp(to, at, flat[:, one].real, np.nan, np.nan) + 1j * np.interp(to, at, flat[:, one].imag, np.nan, np.nan)
-        for one in range(4)
-    ]
+    columns = []
+    for one in flat.T:
+        real, imaginary = (np.interp(to, at, part, np.nan, np.nan) for part in (np.real(one), np.imag(one)))
+        columns.append(real + 1j * imaginary)
     return np.stack(columns, axis=1).reshape(len(wanted), 2, 2)

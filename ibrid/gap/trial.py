@@ -22,6 +22,10 @@ FALSE_ALARM = 1e-3
 ADEQUATE = 1e-3
 #: Difference of the Bayesian information criterion up to which two answers cannot be told apart.
 ALIKE = 10.0
+#: Gain of chi2, one degree of freedom, that noise reaches once in twenty.
+LIKELY = 3.84
+#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
+FAR = 3.0
 #: Draws beside the given starts, of a trial and of the given model.
 TRIAL_DRAWS, BASE_DRAWS = 16, 64
 #: Largest angle of a measuring frame (rad) and largest factor of a per-unit base that are looked for.
@@ -159,10 +163,32 @@ def threshold(extra: int, tests: int) -> float:
     return float(chi2_law.isf(FALSE_ALARM / max(tests, 1), max(extra, 1)))
 
 
+def driven_to_nothing(before: Model, after: Model) -> bool:
+    """True when a number that an edit takes away was driven to zero or beyond `FAR` of its tolerance, on the scale of ratios
+    on which tolerances are meant."""
+    refit = before.refit
+    kept = {one.name for one in after.refit.problem.numbers}
+    coordinates = refit.problem.coordinates
+    for index, one in enumerate(refit.problem.numbers):
+        if one.name in kept or one.name not in refit.prior:
+            continue
+        centre, width = refit.prior[one.name]
+        x = refit.x.copy()
+        x[index] = centre
+        theta = coordinates.to_theta(x)
+        nominal, value = float(theta[index]), refit.values[one.name]
+        tolerance = width * float(coordinates.slope(theta)[index]) / abs(nominal) if nominal else 0.0
+        if nominal > 0 and (value <= 0 or abs(log(value / nominal)) > FAR * tolerance):
+            return True
+    return False
+
+
 def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
     """True when an edit pays: the likelihood ratio for added numbers, the information criterion where none is added."""
     extra = after.free - before.free
     gain = before.cost(scale) - after.cost(scale)
     if extra > 0:
         return gain > threshold(extra, tests)
+    if extra < 0 and driven_to_nothing(before, after):
+        return gain > LIKELY
     return gain > threshold(1, tests) + extra * log(after.refit.numbers) if extra < 0 else gain > threshold(1, tests)

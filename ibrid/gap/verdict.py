@@ -11,10 +11,8 @@ from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.result import Verdict
-from ibrid.gap.trial import ALIKE, Model, significant
+from ibrid.gap.trial import ALIKE, FAR, Model, significant
 
-#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
-FAR = 3.0
 #: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
 STRUCTURED = 4.0
 
@@ -114,6 +112,9 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
         what = " and ".join(words_of(edit) for edit in found.best.edits if isinstance(edit, Insertion))
+        if after > 0.9 * before:
+            implausible = "the model as given explains the data only with values far from their nominal ones"
+            return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
     if verdict == "data-convention":
         what = " and ".join(edit.words for edit in found.best.edits if isinstance(edit, Convention))

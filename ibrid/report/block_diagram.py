@@ -3,7 +3,7 @@
 Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
 
 from ibrid.modules.kind import ModuleKind
@@ -18,8 +18,8 @@ LARGEST = 60
 SMALL = 800
 
 
-def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> str:
-    """Inline SVG of a diagram, or a paragraph that says why there is none."""
+def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind], framed: Collection[str] = ()) -> str:
+    """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a thick frame."""
     if not diagram.instances:
         return "<p>The program adds no modules, so there is nothing to draw.</p>"
     if len(diagram.instances) > LARGEST:
@@ -27,7 +27,7 @@ def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> str
     graph = block_graph(diagram, vocabulary)
     drawing = arrange(graph)
     parts = [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
-    parts += [part for node in graph.nodes for part in _node(drawing, node)]
+    parts += [part for node in graph.nodes for part in _node(drawing, node, node.name in framed)]
     label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
     return (
         f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '
@@ -50,7 +50,7 @@ def _net(drawing: Drawing, index: int) -> list[str]:
     return [*found, "</g>"]
 
 
-def _node(drawing: Drawing, node: Node) -> list[str]:
+def _node(drawing: Drawing, node: Node, framed: bool) -> list[str]:
     left, top, width, height = drawing.boxes[node.name]
     middle = left + width / 2
     if node.shape == "sum":
@@ -61,7 +61,8 @@ def _node(drawing: Drawing, node: Node) -> list[str]:
     if node.shape == "terminal":
         return [f'<g class="node terminal">{box} rx="13"/>', _text(middle, top + 17.5, node.name, "name"), "</g>"]
     family = node.family.replace(" ", "-") if node.family in FAMILIES else "unknown"
-    found = [f'<g class="node family-{family}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
+    style = f"node family-{family}{' framed' if framed else ''}"
+    found = [f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
     found.append(_text(middle, top + 17.5, shorten(node.name), "name"))
     found.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
     if drawing.placement.shapes[node.name].labelled:
@@ -76,6 +77,7 @@ def _node(drawing: Drawing, node: Node) -> list[str]:
 #: Families with a colour of their own, and words for the legend.
 FAMILIES = {
     "physical plant": "plant",
+    "physical branch": "branch beside the plant",
     "dynamic control": "dynamic control",
     "synchronisation": "synchronisation",
     "operating point": "frames and operating point",

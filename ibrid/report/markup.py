@@ -48,7 +48,7 @@ def error_cell(value: float | None) -> str:
 
 def data(value: float | None, text: str) -> str:
     """A shown number that carries its exact value."""
-    return escape(text) if value is None else f'<data value="{value!r}">{escape(text)}</data>'
+    return escape(text) if value is None else f'<data value="{float(value)!r}">{escape(text)}</data>'
 
 
 def head(cells: Sequence[str], numeric: Sequence[int] = ()) -> str:

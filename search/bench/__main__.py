@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ibrid.errors import IbridError
-from search.bench.ledger import Ledger
+from ibrid.ledger import Ledger
 from search.bench.scoring import Search, perform
 from search.bench.speed_table import speed_lines
 from search.bench.tables import heading, seed_line, summary

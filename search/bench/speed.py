@@ -18,6 +18,7 @@ from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator, Job
 from search.evaluation.local import LocalEvaluator
 from search.ranking import Entry
+from search.run_folder import ARCHIVE
 from search.settings import SearchSettings
 from search.store import Store
 
@@ -58,7 +59,7 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         holdout_op=(),
         **EXACT_MODE,
     )
-    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+    with Store.open(folder / ARCHIVE, read_only=True) as store:
         fitting = sum(step.seconds for step in store.steps())
     return Pace(workers, run.evaluations, run.seconds, fitting)
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from search.bench.ledger import Ledger
+from ibrid.ledger import Ledger
 from search.bench.scoring import Search
 from search.bench.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace
 

@@ -27,7 +27,7 @@ class Result:
     """What became of a job.
 
     `outcome` : OK, ILLEGAL, FAILED, TIMEOUT or LOST. `record` : of OK, ILLEGAL and FAILED where there is one. `reason` : a
-    sentence unless OK. `seconds` : that workers were busy with it. `attempts` : how often it began. `worker` : who ended it.
+    sentence unless OK. `seconds` : that workers were busy with it. `attempts` : how often it began.
     """
 
     number: int
@@ -36,7 +36,6 @@ class Result:
     reason: str
     seconds: float
     attempts: int
-    worker: str
 
 
 class Evaluator(Protocol):
@@ -45,11 +44,6 @@ class Evaluator(Protocol):
     @property
     def capacity(self) -> int:
         """How many jobs it can work on at a time."""
-        ...
-
-    @property
-    def waiting(self) -> tuple[int, ...]:
-        """Numbers of the jobs that were submitted and not collected, in the order of their submission."""
         ...
 
     def submit(self, job: Job) -> None:

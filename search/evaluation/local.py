@@ -21,11 +21,6 @@ class LocalEvaluator:
         self.wall = wall
         self._jobs = OpenJobs()
 
-    @property
-    def waiting(self) -> tuple[int, ...]:
-        """Numbers submitted and not collected, in the order of their submission."""
-        return self._jobs.numbers
-
     def submit(self, job: Job) -> None:
         """Keep the job until it is collected; IbridError when its number waits already."""
         self._jobs.add(job)
@@ -61,4 +56,4 @@ class LocalEvaluator:
         if verdict.outcome is Status.TIMEOUT:
             attempts, verdict = 2, judge(job, self.subject, self.wall)
             seconds += verdict.seconds
-        return Result(job.number, verdict.outcome, verdict.record, verdict.reason, seconds, attempts, "this process")
+        return Result(job.number, verdict.outcome, verdict.record, verdict.reason, seconds, attempts)

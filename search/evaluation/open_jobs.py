@@ -12,11 +12,6 @@ class OpenJobs:
         self._results: dict[int, Result] = {}
         self._closed = False
 
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """Jobs that were added and not taken, in the order of their coming."""
-        return tuple(self._jobs)
-
     def add(self, job: Job) -> None:
         """Raises IbridError when the number is in use, or after `close`."""
         if self._closed:

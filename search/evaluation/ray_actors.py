@@ -74,12 +74,6 @@ class RayEvaluator:
         atexit.register(self.close)  # before Ray's own end, which threads that still wait would disturb
 
     @property
-    def waiting(self) -> tuple[int, ...]:
-        """Numbers submitted and not collected, in the order of their submission."""
-        with self._change:
-            return self._jobs.numbers
-
-    @property
     def running(self) -> frozenset[int]:
         """Numbers of the jobs that actors work on now, at most `capacity`."""
         with self._change:
@@ -231,14 +225,14 @@ class RayEvaluator:
             ):
                 self._turns.add(after)
             else:
-                self._jobs.settle(self._result(attempt.number, after, verdict, worker.who))
+                self._jobs.settle(self._result(attempt.number, after, verdict))
             self._change.notify_all()
 
-    def _result(self, attempts: int, after: Attempt, verdict: Verdict, who: str) -> Result:
+    def _result(self, attempts: int, after: Attempt, verdict: Verdict) -> Result:
         record = verdict.record
         if record is not None:
             record = replace(record, vocabulary=choose_vocabulary(self.subject.kinds))
-        return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts, who)
+        return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts)
 
     def _dismiss(self, worker: RemoteWorker) -> None:
         """Nobody works with this one any more."""

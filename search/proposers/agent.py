@@ -4,7 +4,7 @@ A turn begins with the outcome of the last one. The model may read records, list
 turn with an edit and a paragraph of diagnosis. What it remembers is made from the stored steps, so a resumed run goes on.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from search.proposers.agent_question import AgentSettings, question
 from search.proposers.agent_turn import Turn
 from search.proposers.agent_view import History, View
 from search.proposers.chat import Chat
-from search.proposers.model_names import model_of
-from search.proposers.spending import Limits, Spending
+from search.proposers.model_names import models_of
+from search.proposers.spending import Limits, Prices, Spending
 from search.step import Step
 
 
@@ -51,19 +51,17 @@ class Agent:
         settings: AgentSettings | None = None,
         *,
         limits: Limits | None = None,
+        prices: Prices = (),
         **server: Any,
     ) -> "Agent":
-        """The agent of one model by name, see `search.proposers.model_names.model_of`; `server` goes to ChatServer.
+        """The agent of one model by name, see `search.proposers.model_names`; `server` goes to ChatServer.
 
-        Raises IbridError for none or several models, and what `model_of` raises.
+        Raises IbridError for none or several models, and what `models_of` raises.
         """
         if len(models) != 1:
             raise IbridError(f"an agent is one model, found {len(models)}; name one, or mix with the proposer llm")
-        return cls(model_of(models[0], **server)[0], settings, limits=limits)
-
-    def count(self, usage: Mapping[str, Any]) -> None:
-        """Count what an earlier step has cost; a run that resumes does so for the steps of its store."""
-        self.spending.count(usage)
+        ((chat, _),) = models_of(models, prices, **server)
+        return cls(chat, settings, limits=limits)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """One turn; a failure in one sentence when the model gives no answer; the rest that goes wrong is talked over."""

@@ -17,7 +17,7 @@ from search.proposers.agent_memory import paragraph
 from search.proposers.agent_question import SUBMIT, AgentSettings
 from search.proposers.agent_view import View
 from search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
-from search.proposers.spending import Spending
+from search.proposers.spending import Spending, added
 from search.step import Status
 from search.tool import call_by_name, failed
 from search.tools import Tools
@@ -35,7 +35,6 @@ _ASK_DIAGNOSIS = (
 )
 _CUT = "Your answer was cut off at its limit; be shorter. "
 _LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
-_SUMMED = ("prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
 
 
 class Turn:
@@ -167,11 +166,7 @@ class Turn:
 
     def _count(self, usage: Mapping[str, Any]) -> None:
         self.spending.count(usage)
-        for name, value in usage.items():
-            if name in _SUMMED and isinstance(value, int | float):
-                self._usage[name] = self._usage.get(name, 0) + value
-            elif name == "model":
-                self._usage[name] = value
+        self._usage = added(self._usage, usage)
 
 
 def _refused(error: ChatError) -> bool:

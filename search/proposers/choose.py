@@ -1,6 +1,7 @@
 """Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects of one's own."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import inf
 
 from ibrid.errors import IbridError, near
 from search.proposal import Proposer
@@ -8,21 +9,25 @@ from search.proposers.agent import Agent
 from search.proposers.language_model import LanguageModel
 from search.proposers.random_edits import RandomEdits
 from search.proposers.rules import Rules
-from search.proposers.spending import Limits
+from search.proposers.spending import Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
 
 
 def choose_proposers(
-    chosen: str | Proposer | Sequence[tuple[Proposer, float]], models: Sequence[str] = (), limits: Limits | None = None
+    chosen: str | Proposer | Sequence[tuple[Proposer, float]],
+    models: Sequence[str] = (),
+    limits: Limits | None = None,
+    prices: Prices = (),
 ) -> Weighted:
     """Proposers with their weights.
 
-    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits : for "llm" and "agent".
-    Raises IbridError for an unknown name, a weight that is not positive, or models that are missing or not usable.
+    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits, prices : for "llm" and "agent".
+    Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, or a limit
+    of cost without prices.
     """
     if isinstance(chosen, str):
-        return _parsed(chosen, _makers(models, limits))
+        return _parsed(chosen, _makers(models, limits or Limits(), prices))
     pairs = (
         [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
     )
@@ -40,22 +45,29 @@ def _is_weight(weight: object) -> bool:
     return isinstance(weight, int | float) and 0 < weight < float("inf")
 
 
-def _makers(models: Sequence[str], limits: Limits | None) -> Mapping[str, Callable[[], Proposer]]:
+def _makers(models: Sequence[str], limits: Limits, prices: Prices) -> Mapping[str, Callable[[], Proposer]]:
+    def required(name: str) -> Sequence[str]:
+        _require(models, limits, prices, name)
+        return models
+
     return {
         "rules": Rules,
         "random": RandomEdits,
-        "llm": lambda: LanguageModel.from_options(_required(models, "llm"), limits=limits),
-        "agent": lambda: Agent.from_options(_required(models, "agent"), limits=limits),
+        "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),
+        "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
     }
 
 
-def _required(models: Sequence[str], name: str) -> Sequence[str]:
+def _require(models: Sequence[str], limits: Limits, prices: Prices, name: str) -> None:
+    if limits.cost < inf and not any(sum(one) > 0 for one in prices):
+        raise IbridError(
+            "a limit of cost is never reached without prices; give --model-price IN,OUT, of a million tokens in and out"
+        )
     if not models:
         raise IbridError(
             f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
             "set, or --model FOLDER"
         )
-    return models
 
 
 def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> Weighted:

@@ -11,8 +11,8 @@ from search.context import prompt
 from search.proposal import Context, Proposal
 from search.proposers.chat import LONGEST_ANSWER, Chat, ChatError, estimated_tokens
 from search.proposers.local_model import LocalModel
-from search.proposers.model_names import model_of
-from search.proposers.spending import Limits, Spending
+from search.proposers.model_names import models_of
+from search.proposers.spending import Limits, Prices, Spending
 
 _CHANGE = "change:"
 
@@ -51,18 +51,15 @@ class LanguageModel:
         models: Sequence[str],
         *,
         limits: Limits | None = None,
+        prices: Prices = (),
         prompt_tokens: int = 16_000,
         **settings: Any,
     ) -> "LanguageModel":
-        """Models by name: see `search.proposers.model_names.model_of`; `settings` go to every ChatServer.
+        """Models by name: see `search.proposers.model_names`; `settings` go to every ChatServer.
 
         Raises IbridError for a name that says nothing, a folder without a model or a package that is not installed.
         """
-        return cls([model_of(one, **settings) for one in models], limits=limits, prompt_tokens=prompt_tokens)
-
-    def count(self, usage: Mapping[str, Any]) -> None:
-        """Count what an answer has cost; a run that resumes does so for the steps of its store."""
-        self.spending.count(usage)
+        return cls(models_of(models, prices, **settings), limits=limits, prompt_tokens=prompt_tokens)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; a failure in one sentence for whatever a server or a model does wrong."""
@@ -75,9 +72,9 @@ class LanguageModel:
             answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens, count=count), rng_seed=seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
-            self.count(usage)
+            self.spending.count(usage)
             return Proposal("", usage=usage, failure=str(error))
-        self.count(answer.usage)
+        self.spending.count(answer.usage)
         return read_answer(answer.text, {**answer.usage, **({"cut": True} if answer.cut else {})}, chat.name)
 
 

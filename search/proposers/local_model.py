@@ -147,5 +147,5 @@ def _require(package: str) -> Any:
         return importlib.import_module(package)
     except ImportError:
         raise ChatError(
-            f"a local model needs the package {package}; pip install 'ibrid[llm]', after a build of torch for this machine"
+            f"a local model needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
         ) from None

@@ -1,6 +1,7 @@
 """Language models by name, as a command line gives them: MODEL, MODEL@URL or a folder, each with an optional weight."""
 
 import re
+from collections.abc import Sequence
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -10,6 +11,7 @@ from ibrid.errors import IbridError
 from search.proposers.chat import Chat
 from search.proposers.chat_server import ChatServer
 from search.proposers.local_model import LocalModel
+from search.proposers.spending import Prices
 
 _WEIGHT = re.compile(r"(.*)\*([0-9.eE+-]{1,20})", re.DOTALL)
 _KEY = re.compile(r"(.*)\?key=([A-Za-z_][A-Za-z0-9_]{0,99})", re.DOTALL)
@@ -28,7 +30,7 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
     where = re.search(r"@https?://", name)
     if where is None and ((name and Path(name).expanduser().is_dir()) or name.startswith(("/", "./", "../", "~"))):
         model = LocalModel(name)
-        _require("torch", "transformers")
+        _require("local-llm", "torch", "transformers")
         return model, weight
     url = None
     if where is not None:
@@ -40,8 +42,24 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
             f"a language model is written MODEL, MODEL@http://host:port/v1 or as a folder, each with *WEIGHT if it has "
             f"one, found {option!r:.80}; name the model"
         )
-    _require("openai")
+    _require("llm", "openai")
     return ChatServer(name.strip(), url, **settings), weight
+
+
+def models_of(options: Sequence[str], prices: Prices = (), **settings: Any) -> list[tuple[Chat, float]]:
+    """Models with their weights, each as `model_of` reads it; those on this machine cost nothing.
+
+    Raises IbridError for a number of prices that is neither one nor that of the models, and what `model_of` raises.
+    """
+    if len(prices) not in (0, 1, len(options)):
+        raise IbridError(
+            f"{len(options)} models need one price for all or one for each, found {len(prices)}; give --model-price once, "
+            "or as often as --model"
+        )
+    if not prices:
+        return [model_of(one, **settings) for one in options]
+    each = prices if len(prices) == len(options) else [prices[0]] * len(options)
+    return [model_of(one, price=tuple(price), **settings) for one, price in zip(options, each, strict=True)]
 
 
 def _weight(option: str) -> tuple[str, float]:
@@ -57,7 +75,7 @@ def _weight(option: str) -> tuple[str, float]:
     return found[1], weight
 
 
-def _require(*packages: str) -> None:
+def _require(extra: str, *packages: str) -> None:
     for package in packages:
         if find_spec(package) is None:
-            raise IbridError(f"this language model needs the package {package}; pip install 'ibrid[llm]'")
+            raise IbridError(f"this language model needs the package {package}; pip install 'ibrid[{extra}]'")

@@ -12,9 +12,9 @@ from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
-from search.proposers.moves.components import removals, twin_removals
+from search.proposers.moves.blocks import removals, twin_removals
+from search.proposers.moves.control_loops import loop_removals
 from search.proposers.moves.family import Move, View, view_of
-from search.proposers.moves.sub_loops import loop_removals
 from search.proposers.moves.wiring import cut_wires, shared_parameters
 
 #: Removals that are tried in pairs, once every single one was tried.

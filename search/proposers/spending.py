@@ -1,13 +1,17 @@
 """What language models may cost a run, and what they have cost so far."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
 
+#: Prices of a million tokens in and a million out, in whatever currency: one pair for all models, or one for each.
+Prices = Sequence[tuple[float, float]]
 _UNITS = {"tokens": "tokens", "cost": "of cost", "seconds": "s"}
+#: Parts of a usage that add up over answers.
+_SUMMED = ("prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,7 @@ class Spending:
     def count(self, usage: Mapping[str, Any]) -> None:
         """Add the usage of an answer, or of a whole step."""
         for name in ("prompt_tokens", "completion_tokens", "cost", "seconds"):
-            value = usage.get(name, 0)
-            if isinstance(value, int | float) and 0 <= value < inf:
-                self.spent["tokens" if name.endswith("tokens") else name] += value
+            self.spent["tokens" if name.endswith("tokens") else name] += _number(usage.get(name, 0))
 
     @property
     def over(self) -> str:
@@ -46,3 +48,32 @@ class Spending:
             if self.spent[name] >= limit:
                 return f"the limit of {limit:g} {unit} of this run is spent; raise it or use another proposer"
         return ""
+
+    @property
+    def words(self) -> str:
+        """What is spent, in a few words."""
+        return spent_words(self.spent)
+
+
+@runtime_checkable
+class Spender(Protocol):
+    """A proposer that asks models. `spending` : theirs in this run; over its limits the proposer answers no more."""
+
+    spending: Spending
+
+
+def spent_words(spent: Mapping[str, float]) -> str:
+    """Tokens, and their cost where they have a price; "" when no model was asked."""
+    tokens, cost = spent["tokens"], spent["cost"]
+    return (f"{tokens:,.0f} tokens" if tokens else "") + (f", cost {cost:.3g}" if cost else "")
+
+
+def added(before: Mapping[str, Any], usage: Mapping[str, Any]) -> dict[str, Any]:
+    """The usage of several answers together: counts, times and costs add up, the rest is that of the last."""
+    known = [name for name in _SUMMED if name in before or name in usage]
+    return {**usage, **{name: _number(before.get(name, 0)) + _number(usage.get(name, 0)) for name in known}}
+
+
+def _number(value: Any) -> float:
+    """A count of a model that somebody else wrote; what makes no sense is none."""
+    return value if isinstance(value, int | float) and 0 <= value < inf else 0

@@ -1,5 +1,6 @@
 """Everything that the page about a run needs, read once: steps, records, data, the selection and the given truth."""
 
+import json
 import math
 import tempfile
 import tomllib
@@ -18,8 +19,9 @@ from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
 from ibrid.structure.compare import Comparison, compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
-from search.report.selection import FILE, Selection, plain_selection, read_selection
+from search.report.selection import Selection, plain_selection, read_selection
 from search.report.truth import given_truth
+from search.run_folder import SELECTION
 from search.step import Step
 from search.trajectory import Milestone, Point, milestones, trajectory
 
@@ -33,6 +35,7 @@ class Stored(Protocol):
     def meta(self) -> Mapping[str, str]: ...
     def steps(self) -> Iterator[Step]: ...
     def record(self, number: int, vocabulary: Sequence[ModuleKind], /) -> Record: ...
+    def retried(self) -> Mapping[int, int]: ...
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class RunData:
 
     `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the milestones with their parents.
     `answer` : the step that is shown as found, None before the first valid one. `truth_record` : the given truth, fitted
-    to the same data with the same options. `notes` : what could not be had, in sentences.
+    to the same data with the same options. `retried` : steps that were begun more than once, and how often. `archive` : its
+    statistics, once the search has ended. `notes` : what could not be had, in sentences.
     """
 
     meta: Mapping[str, str]
@@ -56,6 +60,8 @@ class RunData:
     answer: Step | None
     truth: Diagram | None
     truth_record: Record | None
+    retried: Mapping[int, int]
+    archive: Mapping[str, Any]
     notes: tuple[str, ...]
 
     @property
@@ -95,7 +101,7 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
         notes += [remark] if remark else []
     plain, chosen = plain_selection(steps.values()), None
     try:
-        chosen = read_selection(store.path.parent / FILE)
+        chosen = read_selection(store.path.parent / SELECTION)
     except IbridError as problem:
         notes.append(str(problem))
     named = [None if chosen is None else chosen.answer, _number(meta.get("best", "")), plain.answer]
@@ -118,6 +124,8 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
         answer=answer,
         truth=truth,
         truth_record=truth_record,
+        retried=store.retried(),
+        archive=_archive(meta.get("archive", "")),
         notes=tuple(notes),
     )
 
@@ -162,6 +170,15 @@ def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> S
 
 def _number(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdecimal() else None
+
+
+def _archive(text: str) -> dict[str, Any]:
+    """What `search.archive.Archive.statistics` said; empty where it cannot be read."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _measured(text: str) -> tuple[Sweep | None, str]:

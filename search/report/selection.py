@@ -11,8 +11,6 @@ from ibrid.errors import IbridError
 from search.step import Step
 from search.trajectory import ROUNDING, TIE, best_step, eligible
 
-FILE = "selection.json"
-
 
 @dataclass(frozen=True)
 class Choice:

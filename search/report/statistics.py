@@ -32,13 +32,24 @@ MEANINGS = {
     Status.REQUIRED: "fitted, but not what was required",
 }
 
+#: Statistics of the archive that are shown, in words.
+_ARCHIVE = {
+    "entries": "structures kept",
+    "unstable": "unstable among them",
+    "elites": "elites",
+    "admitted": "admitted in all",
+    "evicted": "evicted",
+    "migrations": "migrations between islands",
+}
+
 
 def statistics_html(run: RunData) -> str:
     """All tables."""
     proposals = [step for step in run.steps.values() if step.number > 0]
     if not proposals:
         return paragraph("Nothing has been proposed yet.") + settings_html(run)
-    parts = [_endings(proposals), _groups("Proposers", "proposer", proposals, lambda step: step.proposer or "-")]
+    parts = [_endings(proposals), _retried(run), _archive(run)]
+    parts += [_groups("Proposers", "proposer", proposals, lambda step: step.proposer or "-")]
     parts.append(_groups("Scale of the edit asked for", "scale", proposals, lambda step: step.scale or "-"))
     parts.append(_groups("Islands", "island", proposals, lambda step: str(step.island)))
     return "".join(parts) + _usage(proposals) + settings_html(run)
@@ -71,6 +82,29 @@ def _most(reasons: Counter[str]) -> str:
     return shown + (f"; {len(ordered) - REASONS} other reasons" if len(ordered) > REASONS else "")
 
 
+def _retried(run: RunData) -> str:
+    """How many evaluations did not go through at once; "" when all did."""
+    if not run.retried:
+        return ""
+    number, attempts = len(run.retried), sum(run.retried.values())
+    which = "candidate was" if number == 1 else "candidates were"
+    return paragraph(
+        f"{number} {which} begun {attempts} times in all: the wall limit stopped them, or a worker was lost."
+    )
+
+
+def _archive(run: RunData) -> str:
+    """What the search drew its parents from when it ended; "" before."""
+    found = [(words, run.archive[name]) for name, words in _ARCHIVE.items() if isinstance(run.archive.get(name), int)]
+    if not found:
+        return ""
+    numbers = "".join(cell(str(number), numeric=True) for _, number in found)
+    names = head([words for words, _ in found], numeric=range(len(found)))
+    return table(
+        "Archive", "What parents were drawn from when the search ended.", f"{names}<tbody><tr>{numbers}</tr></tbody>"
+    )
+
+
 def _groups(title: str, what: str, proposals: Iterable[Step], of: Callable[[Step], str]) -> str:
     groups: dict[str, list[Step]] = {}
     for step in proposals:
@@ -92,7 +126,7 @@ def _usage(proposals: Iterable[Step]) -> str:
     total: dict[str, float] = {}
     for step in proposals:
         for name, value in step.usage.items():
-            if isinstance(value, int | float) and not isinstance(value, bool):
+            if isinstance(value, int | float) and not isinstance(value, bool) and value:
                 total[name] = total.get(name, 0) + value
     if not total:
         return ""

@@ -1,0 +1,34 @@
+"""One trial from the draw to the score: the case is written, another process answers it blindly, the answer is scored."""
+
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from ibrid.bench_gap.detection import visibilities
+from ibrid.bench_gap.diagnosis import Diagnose, diagnose
+from ibrid.bench_gap.scoring import Row, score
+from ibrid.bench_gap.trials import Trial
+from ibrid.fit import kernel
+from ibrid.plants.hidden.case import write_case
+
+
+def examine(trial: Trial, out: Path, *, answer: Diagnose = diagnose, keep: bool = False) -> Row:
+    """The row of a trial; plain data with its key.
+
+    Folders below `out`: cases/TRIAL holds what the diagnosing process gets, and its answer; truths/TRIAL the truth. Both are
+    removed unless they are to be kept. Raises IbridError when the trial cannot be drawn or its files not be written.
+    """
+    kernel.load()
+    folder, truth = out / "cases" / trial.folder, out / "truths" / trial.folder
+    for place in (folder, truth):
+        shutil.rmtree(place, ignore_errors=True)  # of a trial that was stopped
+    case = trial.case()
+    write_case(case, folder, truth)
+    diagnosis = answer(folder)
+    seen = visibilities(case, trial.clean_case(), np.random.default_rng(trial.seed))
+    if not keep:
+        for place in (folder, truth):
+            shutil.rmtree(place, ignore_errors=True)
+    return {"key": trial.key, **asdict(trial), "data": trial.data, **score(case, diagnosis, seen)}

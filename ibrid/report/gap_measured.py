@@ -1,0 +1,118 @@
+"""The missing transfer as the measurement shows it: at every frequency by itself, the parameters being known.
+
+The port map leaves the parameters open as well, and trades them for the transfer: a low-pass and the gain behind it, say.
+Its dots then carry errors that they share. At given parameters each frequency tells its own number.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.gap.noise import noise_of
+from ibrid.gap.open_port import Opened, OpenPort
+from ibrid.gap.port_map import PortFit
+from ibrid.gap.result import Gap
+from ibrid.report.gap_curves import repaired
+from ibrid.report.gap_transfer import PortCurve, port_curve
+
+#: Frequencies of the named block's curve.
+DENSE = 200
+#: Standard error, as a part of the shown value, from which on a measured transfer says nothing.
+USELESS = 0.5
+#: Steps for the measured transfer, and the least that the data say about it (1 / variance).
+STEPS, LEAST_SEEN = 30, 1e-12
+#: Axes of (K, M, 2, 2) beside that of the frequencies.
+PER_FREQUENCY = (1, 2, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """The transfer at a port. `value`, `deviation` : (K,) complex, and the standard error of its real and imaginary part, at
+    the parameters of the repaired model, else those of the port's fit; shown is Delta, in a signal 1 + Delta.
+    `frequency` : (N,) Hz of `line`, what the named block does there, None where the repair is none at this port."""
+
+    fit: PortFit
+    series: bool
+    value: np.ndarray
+    deviation: np.ndarray
+    frequency: np.ndarray
+    line: np.ndarray | None
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(K,) where the measurement says something."""
+        return self.deviation < USELESS * np.abs(self.value)
+
+
+def missing(gap: Gap) -> Missing | None:
+    """The port at which the repair acts, else the best adequate one; None where no port tells anything."""
+    if gap.verdict not in ("named", "located-unnamed"):
+        return None
+    best = None
+    for fit in gap.ports:
+        if fit.adequate or repaired(gap):
+            frequency = np.union1d(np.geomspace(fit.frequency[0], fit.frequency[-1], DENSE), fit.frequency)
+            curve = port_curve(fit, gap.repaired, frequency)
+            if curve.named is not None:
+                return _missing(gap, fit, frequency, curve)
+            best = (fit, frequency, curve) if best is None and fit.adequate else best
+    return None if best is None else _missing(gap, *best)
+
+
+def _missing(gap: Gap, fit: PortFit, frequency: np.ndarray, curve: PortCurve) -> Missing:
+    offset = 1.0 if curve.series else 0.0
+    line = None if curve.named is None else offset + curve.named
+    values, start = dict(fit.values), 1.0 + fit.transfer
+    if curve.named is not None:
+        values |= next(iter(gap.repaired.parameters.values()))
+        start = 1.0 + curve.named[np.isin(frequency, fit.frequency)]
+    delta, deviation = measured(gap, fit, values, start)
+    return Missing(fit, curve.series, offset + delta, deviation, frequency, line)
+
+
+def measured(gap: Gap, fit: PortFit, values: Mapping[str, float], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Delta and its standard error at a port, (K,) each, from the data that were fitted, at parameter values by name.
+
+    start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
+    """
+    noise = noise_of(gap.sweep.without(gap.held_out))
+    model = OpenPort(fit.port, gap.repaired.vocabulary, noise.sweep)
+    opened = model.at(np.array([values[one.name] for one in model.symbolic.parameters]))
+    if opened is None:
+        return fit.transfer, fit.deviation
+    data, sigma = (np.stack([getattr(one, name) for one in noise.sweep.points], 1) for name in ("admittance", "sigma"))
+    weight = 1.0 / (sigma * (1.0 if noise.known else max(fit.chi2_per_dof, 1.0) ** 0.5))
+    with np.errstate(all="ignore"):
+        return _least_squares(opened, data, weight, start)
+
+
+def _least_squares(
+    opened: Opened, data: np.ndarray, weight: np.ndarray, g: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Newton with halved steps for each g = 1 + Delta (K,), in which Y is analytic; data, weight : (K, M, 2, 2)."""
+
+    def misfit(at: np.ndarray) -> np.ndarray:
+        return weight * (opened.response(at) - data)
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        return weight * opened.slope_by_transfer(at)
+
+    part = np.ones(len(g))
+    for _ in range(STEPS):
+        down = slope(g)
+        trial = g - part * (down.conj() * misfit(g)).sum(axis=PER_FREQUENCY) / _seen(down)
+        better = _square(misfit(trial)) < _square(misfit(g))
+        g, part = np.where(better, trial, g), np.where(better, 1.0, part / 2.0)
+    return g - 1.0, _seen(slope(g)) ** -0.5
+
+
+def _square(white: np.ndarray) -> np.ndarray:
+    """Sum of squares (K,), infinite where there is no response."""
+    found = np.sum(np.abs(white) ** 2, axis=PER_FREQUENCY)
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def _seen(slope: np.ndarray) -> np.ndarray:
+    """What the data say about each g, 1 / variance (K,)."""
+    return np.maximum(_square(slope), LEAST_SEEN)

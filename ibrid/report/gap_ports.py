@@ -1,0 +1,94 @@
+"""The port map as bars, and the transfer that was measured at a port with the named block's curve through it."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from ibrid.gap.port_map import PortFit
+from ibrid.gap.trial import ADEQUATE
+from ibrid.report.gap_bode import plain_decades
+from ibrid.report.gap_measured import Missing
+from ibrid.report.numbers import number
+from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Ports that the page's figure shows at most.
+PORTS = 20
+#: Error bars reach this many standard deviations.
+BARS = 2.0
+#: Largest over smallest magnitude from which on its axis is logarithmic.
+DECADE = 10.0
+
+
+def draw_ports(axes: Sequence["Axes"], fits: Sequence[PortFit], most: int = PORTS) -> None:
+    """chi2 per degree of freedom with one unknown transfer at each port, best on top; what is adequate is hatched green."""
+    (plane,) = axes
+    shown = list(fits[:most])[::-1]
+    heights = np.arange(len(shown))
+    values = np.array([max(one.chi2_per_dof, 1e-6) for one in shown])
+    low = 0.7 * min(0.7, float(values.min()))
+    for height, value, one in zip(heights, values, shown, strict=True):
+        look: dict[str, Any] = {"color": MUTED, "alpha": 0.5}
+        if one.adequate:
+            look = {"facecolor": SERIES_STAND_INS[2], "edgecolor": INK, "hatch": "///", "linewidth": 0.6}
+        plane.barh(height, value - low, left=low, height=0.62, **look)
+        words = f"{number(value, 3)}{'  adequate' if one.adequate else ''}"
+        plane.annotate(words, (value, height), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
+    plane.set_xscale("log")
+    plane.set_xlim(low, max(10.0, float(values.max()) * 8.0))
+    plane.axvline(limit_of(fits), color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)))
+    plane.set_yticks(heights, [textwrap.fill(one.port.words, 44) for one in shown], fontsize=9)
+    plane.set_ylim(-0.6, len(shown) - 0.4)
+    plane.grid(False, axis="y")
+    plane.set_xlabel("chi2 per degree of freedom")
+    plain_decades(plane.xaxis)
+
+
+def limit_of(fits: Sequence[PortFit]) -> float:
+    """chi2 per degree of freedom up to which a port is adequate; nearly the same for all."""
+    dof = float(np.median([one.dof for one in fits]))
+    return float(chi2_law.isf(ADEQUATE, dof)) / dof
+
+
+def draw_missing(axes: Sequence["Axes"], shown: Missing) -> None:
+    """Magnitude and phase (degrees) of the measured transfer with error bars, and the named block's curve through them."""
+    magnitude, phase = axes
+    seen, frequency = shown.seen, shown.fit.frequency[shown.seen]
+    value, bar = shown.value[seen], BARS * shown.deviation[seen]
+    size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
+    look: dict[str, Any] = {"color": INK, "marker": "o", "linestyle": "none", "markersize": 4.5, "markerfacecolor": "none",
+                            "elinewidth": 0.9}  # fmt: skip
+    magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
+    phase.errorbar(frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look)
+    if shown.line is not None:
+        turn = np.degrees(np.unwrap(np.angle(shown.line)))
+        if seen.any():  # on the same sheet as the dots
+            at_dots = np.interp(frequency, shown.frequency, turn)
+            turn += 360.0 * np.round(np.median(angle - at_dots) / 360.0)
+        colour, _, dashes = series(0)
+        for plane, drawn in ((magnitude, np.abs(shown.line)), (phase, turn)):
+            plane.plot(shown.frequency, drawn, color=colour, linestyle=dashes, linewidth=1.8)
+    low, high = _reach(magnitude)
+    if low > 0 and high > DECADE * low:
+        magnitude.set_yscale("log")
+        magnitude.set_ylim(low / 1.6, high * 1.6)
+    else:
+        magnitude.set_ylim(max(0.0, low - 0.25 * high), 1.25 * high)
+    low, high = _reach(phase)
+    phase.set_ylim(low - 15.0, high + 15.0)
+    magnitude.set_ylabel("|1 + Delta|" if shown.series else "|Delta|")
+    phase.set_ylabel("phase  (deg)")
+    phase.set_xlabel("frequency  (Hz)")
+    phase.set_xscale("log")
+    plain_decades(phase.xaxis, magnitude.yaxis)
+
+
+def _reach(plane: "Axes") -> tuple[float, float]:
+    """Ends of dots and lines; long error bars may leave the picture."""
+    found = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in plane.get_lines()])
+    return (float(found.min()), float(found.max())) if found.size else (0.0, 1.0)

@@ -1,0 +1,111 @@
+"""A gap as text for the terminal: at most 40 lines of 96 columns; the page has the rest."""
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ibrid.gap.result import Gap, NamedEffect
+from ibrid.gap.verdict import FAR
+from ibrid.report.gap_curves import repaired
+from ibrid.report.gap_errors import closed
+from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
+from ibrid.report.numbers import error, hertz, number, percent
+from ibrid.report.text import table
+
+WIDTH, INDENT = 96, 12
+#: Lines that effects take at most, and how many are listed of everything else.
+EFFECT_LINES, PARTS, PORTS, MOVED = 12, 3, 3, 3
+#: Files of an answer.
+FILES = ("report.html", "model.py", "model.json", "gap.json")
+
+
+def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
+    """What `ibrid gap` prints. folder : where the files of the answer lie; they are named when it is given."""
+    effects = [line for one in gap.effects for line in _effect(gap, one)]
+    if len(effects) > EFFECT_LINES:
+        effects = [*effects[: EFFECT_LINES - 1], " " * INDENT + "more on the page"]
+    parts = [
+        _wrapped(f"{gap.verdict}: {gap.sentence}", "", "", 5),
+        effects,
+        _errors(gap),
+        [*_located(gap), *_ports(gap), *_moved(gap), *_unseen(gap), *_entry("noise", gap.noise)],
+    ]
+    if folder is not None:
+        parts.append(list(_entry("files", f"{Path(folder)}: {', '.join(FILES)}", 2)))
+    return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
+
+
+def _effect(gap: Gap, effect: NamedEffect) -> Iterator[str]:
+    yield from _entry("effect", f"{effect.id}, {change_words(effect)}", 2)
+    for name, value, readable, ends in parameter_words(gap, effect):
+        same = f" ({readable})" if readable else ""
+        yield from _entry("", f"{name} = {value}{same}, 95 %: {ends}")
+    if effect.indistinguishable_from:
+        yield from _entry("", f"these data cannot tell it from {', '.join(effect.indistinguishable_from)}", 2)
+
+
+def _errors(gap: Gap) -> list[str]:
+    changed = repaired(gap)
+    rows = [
+        _row(
+            "fitted points", gap.before.get("nominal"), gap.before.get("refit"), gap.after.get("refit"), gap.noise_floor
+        )
+    ]
+    if gap.held_out:
+        rows.append(_row("held out", None, gap.before.get("holdout"), gap.after.get("holdout"), gap.noise_floor))
+    head = ["NRMSE, mean", "as given", "refitted", "repaired", "noise alone", "gap closed"]
+    kept = [0, 1, 2, *([3] if changed else []), 4, *([5] if changed else [])]
+    return table([head[k] for k in kept], [[line[k] for k in kept] for line in rows], right=range(1, len(kept)))
+
+
+def _row(name: str, given: float | None, before: float | None, after: float | None, noise: float | None) -> list[str]:
+    return [name, error(given), error(before), error(after), error(noise), closed(before, after, noise)]
+
+
+def _located(gap: Gap) -> Iterator[str]:
+    for place, one in enumerate(gap.located[:PARTS]):
+        band = f"{hertz(one.band[0])} to {hertz(one.band[1])}"
+        words = f"{one.op}, {one.entry}, {band}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
+        yield from _entry("" if place else "misfit", words)
+
+
+def _ports(gap: Gap) -> Iterator[str]:
+    found = [one.port.words for one in gap.ports if one.adequate]
+    if found:
+        left = f" and at {len(found) - PORTS} more places" if len(found) > PORTS else ""
+        yield from _entry("place", f"one unknown transfer explains all at {'; '.join(found[:PORTS])}{left}", 2)
+    elif gap.ports and gap.verdict != "data-convention":
+        yield from _entry("place", "no single place explains it all")
+
+
+def _moved(gap: Gap) -> Iterator[str]:
+    found = far(gap)
+    for place, one in enumerate(found[:MOVED]):
+        more = f"; {len(found) - MOVED} more" if place == MOVED - 1 and len(found) > MOVED else ""
+        words = f"{one.name} {number(one.nominal)} -> {number(one.refitted)}, 95 %: {moved_interval(one)}"
+        yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
+    if gap.moved and not found:
+        yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
+
+
+def _unseen(gap: Gap) -> Iterator[str]:
+    names = list(dict.fromkeys(one.id for one in gap.could_not_have_seen))
+    if names:
+        yield from _entry("unseen", f"too weak for these data at their usual strength: {', '.join(names)}", 2)
+
+
+def _entry(label: str, words: str, most: int = 1) -> Iterable[str]:
+    """A label and words beside it, on `most` lines."""
+    return _wrapped(words, label.ljust(INDENT), " " * INDENT, most)
+
+
+def _wrapped(words: str, first: str, then: str, most: int) -> list[str]:
+    return textwrap.wrap(
+        " ".join(words.split()),
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=then,
+        max_lines=most,
+        placeholder=" ...",
+        break_on_hyphens=False,
+    )

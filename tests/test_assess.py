@@ -1,0 +1,84 @@
+"""What is done for a candidate: a quick fit, and a thorough one where the error, as the run measures it, promises something."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scripted_search import NAIVE, task
+
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import FitSettings
+from ibrid.measurement.noise import add_noise
+from search.evaluation.assess import QUICK, THOROUGH, Subject, assess
+from search.evaluation.job import Job
+from search.merit import noise_floor
+
+#: Noise of 1 %, so that a misfit of 1 is an error of 0.01.
+NOISY = add_noise(task().sweep, 40, rng=np.random.default_rng(0))
+
+FOUND: dict[FitSettings, Record] = {}
+
+
+@pytest.fixture
+def efforts(monkeypatch: pytest.MonkeyPatch) -> list[FitSettings]:
+    """The efforts that were made, in place of fits; `FOUND` says what each finds."""
+    made: list[FitSettings] = []
+
+    def record_of(self: Subject, program: str, settings: FitSettings, warm=None) -> Record:
+        made.append(settings)
+        return FOUND[settings]
+
+    monkeypatch.setattr(Subject, "record_of", record_of)
+    return made
+
+
+def record(nrmse: float, misfit: float | None = None, seconds: float = 1.0) -> Record:
+    return Record("ok", nrmse=nrmse, misfit=misfit, seconds=seconds)
+
+
+def assessed(quick: Record, thorough: Record, promising: float | None, *, noisy: bool = False) -> Record:
+    FOUND.update({QUICK: quick, THOROUGH: thorough})
+    sweep = NOISY if noisy else task().sweep
+    return assess(Job(1, NAIVE, {}, promising), Subject(sweep, floor=noise_floor(sweep)))
+
+
+def test_what_promises_nothing_gets_a_quick_fit(efforts):
+    found = assessed(record(0.5), record(0.1), 0.5)
+    assert efforts == [QUICK]
+    assert found.nrmse == 0.5
+
+
+def test_what_promises_something_gets_a_thorough_fit_too(efforts):
+    found = assessed(record(0.49), record(0.1), 0.5)
+    assert efforts == [QUICK, THOROUGH]
+    assert found == replace(record(0.1), seconds=2.0)
+
+
+def test_without_a_parent_everything_promises_something(efforts):
+    assessed(record(0.9), record(0.8), None)
+    assert efforts == [QUICK, THOROUGH]
+
+
+def test_the_better_of_both_fits_counts(efforts):
+    assert assessed(record(0.4), record(0.45), 0.5).nrmse == 0.4
+    failed = Record("failed", reasons=("no operating point",))
+    assert assessed(record(0.4), failed, 0.5).nrmse == 0.4
+    assert assessed(failed, record(0.1), 0.5) is failed
+
+
+def test_with_known_noise_the_misfit_promises_and_not_the_nrmse(efforts):
+    level = noise_floor(NOISY).level
+    assert level == pytest.approx(0.01, rel=0.02)
+    promising = 2.0 * level
+    assessed(record(0.9, misfit=1.9), record(0.8, misfit=1.5), promising, noisy=True)
+    assert efforts == [QUICK, THOROUGH]
+    efforts.clear()
+    assessed(record(1e-9, misfit=2.1), record(1e-9, misfit=1.5), promising, noisy=True)
+    assert efforts == [QUICK]
+
+
+def test_with_known_noise_the_lower_misfit_counts(efforts):
+    found = assessed(record(0.02, misfit=1.5), record(0.03, misfit=1.2), None, noisy=True)
+    assert found.misfit == 1.2
+    found = assessed(record(0.03, misfit=1.2), record(0.02, misfit=1.5), None, noisy=True)
+    assert found.misfit == 1.2

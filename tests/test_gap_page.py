@@ -1,0 +1,423 @@
+"""Page, text and figure of a gap: complete for every verdict, self-contained, true to the numbers, safe with any name."""
+
+import re
+from dataclasses import replace
+from functools import cache
+from html.parser import HTMLParser
+from math import pi
+
+import numpy as np
+import pytest
+from fitted import GRID
+from made_gap import ANGLE, CORNER, FITTED, HELD_OUT, TRUTH, VERDICTS, device, made
+
+from ibrid.errors import OperatingPointError
+from ibrid.evaluation.recording import record_at
+from ibrid.gap.catalogue import insertions
+from ibrid.gap.convention import Convention
+from ibrid.gap.port_map import PortFit
+from ibrid.gap.ports import ports
+from ibrid.gap.result import Gap
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
+from ibrid.report.gap_curves import point_views
+from ibrid.report.gap_errors import closed
+from ibrid.report.gap_figures import gap_figure
+from ibrid.report.gap_measured import missing
+from ibrid.report.gap_page import gap_page
+from ibrid.report.gap_program import difference
+from ibrid.report.gap_text import WIDTH, gap_text
+from ibrid.report.gap_transfer import PortCurve, port_curve
+from ibrid.report.gap_words import evidence_words, headline
+from ibrid.structure.library import textbook
+
+HOSTILE = '<script>alert("x")</script>&'
+LIMIT = 5_000_000
+LINES = 40
+
+
+class Reader(HTMLParser):
+    """Collects tags and words, and checks that elements close in order."""
+
+    VOID = ("meta", "link", "br", "img", "input", "hr")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert [tag] == self.open[-1:], f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+@cache
+def page(verdict: str) -> str:
+    return gap_page(made(verdict))
+
+
+def short(gap: Gap) -> Gap:
+    """The same with one operating point, whose page is quicker to draw."""
+    return replace(gap, sweep=gap.sweep.only(FITTED[:1]), held_out=())
+
+
+def self_contained(text: str) -> Reader:
+    assert len(text.encode()) < LIMIT
+    reader = Reader(text)
+    assert not reader.open
+    assert not reader.all("script")
+    assert not re.search(r"@import|url\((?!#)|https?://", text)
+    for _, attributes in reader.tags:
+        assert not any(name.startswith("on") for name in attributes)
+        for name in ("src", "href", "xlink:href"):
+            assert (attributes.get(name) or "#").startswith(("#", "data:"))
+    return reader
+
+
+# --- the page --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_gives_a_well_formed_page_that_loads_nothing(verdict):
+    reader = self_contained(page(verdict))
+    names = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(names) == len(set(names))
+    wanted = {
+        a[key][1:] for _, a in reader.tags for key in ("href", "xlink:href") if (a.get(key) or "").startswith("#")
+    }
+    wanted |= set(re.findall(r"url\(#([^)]+)\)", page(verdict)))
+    assert wanted <= set(names)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_verdict_and_its_sentence_stand_on_top(verdict):
+    header = Reader(page(verdict).split("<header>")[1].split("</header>")[0])
+    assert verdict in header.text
+    assert made(verdict).sentence in header.text
+    assert headline(made(verdict)) in header.text
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_figures_and_tables_can_be_read_without_seeing(verdict):
+    reader = Reader(page(verdict))
+    pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
+    assert all(one.get("role") == "img" and one.get("aria-label") for one in pictures)
+    assert len(pictures) >= 4 * len(made(verdict).sweep.points) + 1
+    assert all(one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th"))
+    regions = [one for one in reader.all("div") if one.get("class") == "scroll"]
+    assert all(one.get("tabindex") == "0" and one.get("aria-label") for one in regions)
+    assert len(reader.all("h1")) == 1
+    assert not re.findall(r"#0[1-6]0[0-9][0-9a-f]{2}\b", page(verdict).split("</style>")[1])
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_errors_before_and_after_stand_in_the_page_with_all_their_digits(verdict):
+    gap = made(verdict)
+    shown = [float(one["value"] or "nan") for one in Reader(page(verdict)).all("data")]
+    wanted = {*gap.before.values(), *gap.after.values(), gap.noise_floor} - {None}
+    assert wanted <= set(shown)
+    for record in (gap.baseline, gap.repaired):
+        for value in (*record.nrmse_by_op.values(), *record.holdout.values()):  # summed in another order
+            assert min(abs(one - value) for one in shown) <= 1e-9 * value + 1e-14
+
+
+def test_the_parts_of_the_error_are_those_of_the_records():
+    gap = made("named")
+    shown = np.array([float(one["value"] or "nan") for one in Reader(page("named")).all("data")])
+    for record in (gap.baseline, gap.repaired):
+        for bands in record.nrmse_by_part.values():
+            for entries in bands.values():
+                for value in entries.values():
+                    assert value is not None
+                    assert np.nanmin(np.abs(shown - value)) <= 1e-9 * value
+
+
+def test_a_named_effect_comes_with_law_interval_rivals_and_evidence():
+    words = self_contained(page("named")).text
+    assert "omega_c/(s + omega_c) e_q" in words
+    assert "± 1 %" in words
+    assert "cannot tell it from voltage_sensor" in words
+    assert "p value of the fit, before < 1e-12" in words
+    assert "12.1 → 1.02" in words
+    assert "Missing in the model: LPF1 before pll.e_q" in words
+
+
+def test_an_effect_of_the_users_own_needs_no_place_in_the_catalogue():
+    gap = short(made("named"))
+    own = replace(gap.effects[0], id="flux_capacitor", evidence={"jigawatts": 1.21, "nothing": None})
+    words = self_contained(gap_page(replace(gap, effects=(own,)))).text
+    assert "flux_capacitor" in words
+    assert "jigawatts 1.21" in words
+    assert "Law:" not in words
+
+
+def test_a_turned_measuring_frame_is_said_to_lie_in_the_measurement():
+    words = Reader(page("data-convention")).text
+    assert "In the measurement, not in the device" in words
+    assert f"{np.degrees(ANGLE):.2f} deg" in words
+    assert "The program stays as it was given" in words
+
+
+def test_data_without_known_noise_make_no_claim_below_the_least_that_is_believed():
+    words = Reader(page("no-gap")).text
+    assert "not known" in words
+    assert "below which nothing is claimed" in words
+    assert "what noise alone leaves there" not in words
+    assert "LineCollection" not in page("no-gap")  # no error bars
+    assert "LineCollection" in page("named")
+
+
+def test_what_differs_is_framed_in_both_diagrams_and_shown_as_lines():
+    assert page("named").count(" framed") == 1
+    assert "The repaired model" in page("named")
+    assert "The repaired model" not in page("unexplained")
+    lines = difference(made("named").given, made("named").program)
+    assert '+    g.connect("plant.e_q", "pll_filter.in_")' in lines
+    assert '-    g.connect("plant.e_q", "pll.e_q")' in lines
+    assert difference("a\nb\n", "a\nb\n") == ()
+
+
+def test_hostile_names_are_shown_and_never_become_markup():
+    gap = short(made("named"))
+    own = replace(gap.effects[0], id=HOSTILE, where=HOSTILE, parameters={HOSTILE: (1.0, None, None)},
+                  evidence={HOSTILE: HOSTILE}, indistinguishable_from=(HOSTILE,))  # fmt: skip
+    port = replace(gap.ports[0], port=replace(gap.ports[0].port, name=HOSTILE, words=HOSTILE))
+    hostile = replace(
+        gap,
+        sentence=HOSTILE,
+        effects=(own,),
+        ports=(port, *gap.ports[1:]),
+        moved=(replace(gap.moved[0], name=HOSTILE),),
+        located=(replace(gap.located[0], op=HOSTILE),),
+        candidates=(replace(gap.candidates[0], id=HOSTILE, where=HOSTILE, reason=HOSTILE),),
+        could_not_have_seen=(replace(gap.could_not_have_seen[0], id=HOSTILE, where=HOSTILE, sweep=HOSTILE),),
+        steps=(HOSTILE,),
+        noise=HOSTILE,
+        null_space=(HOSTILE,),
+    )
+    text = gap_page(hostile)
+    assert HOSTILE not in text
+    assert self_contained(text).text.count(HOSTILE) > 12
+
+
+# --- what the figures show -------------------------------------------------------------------------------------------
+
+
+def test_the_repaired_line_lies_in_the_frame_of_the_measurement():
+    for view in point_views(made("data-convention")):
+        away = {line.name: np.abs(line.at_data - view.point.admittance) / view.noise for line in view.lines}
+        assert away["repaired"].max() < 4.0  # 64 numbers of a Rayleigh law with mean square 1
+        assert away["refitted"].max() > 4.0
+
+
+@pytest.mark.parametrize(
+    "convention",
+    [Convention(sign=-1), Convention(q=-1, sign=-1), Convention(factor=2.5), Convention(labels=(FITTED,))],  # type: ignore[arg-type]
+    ids=["current in", "q lags", "base", "labels"],
+)
+def test_the_repaired_line_is_drawn_as_the_data_are_written(convention):
+    right = made("parameters-only")
+    mirror = np.diag([1.0, float(convention.q)])
+    exchanged = {**dict(convention.labels), **{b: a for a, b in convention.labels}}
+    points = []
+    for point in right.sweep.points:
+        seen = right.sweep.point(exchanged.get(point.op.name, point.op.name))
+        values = convention.sign * convention.factor * mirror @ seen.admittance @ mirror
+        points.append(replace(seen, op=point.op, admittance=values, sigma=convention.factor * np.asarray(seen.sigma)))
+    written = replace(right.sweep, points=tuple(points))
+    gap = replace(
+        right, verdict="data-convention", sweep=written, convention=convention, repaired=replace(right.repaired)
+    )
+    for view in point_views(gap):
+        away = {line.name: np.abs(line.at_data - view.point.admittance) / view.noise for line in view.lines}
+        assert away["repaired"].max() < 4.0
+        assert away["refitted"].max() > 10.0 or view.held_out
+
+
+def test_a_convention_that_nobody_told_has_no_line():
+    gap = made("data-convention")
+    (line, *others) = [line for line in point_views(replace(gap, angle=0.0))[0].lines if line.name != "as given"]
+    assert (line.name, others) == ("refitted", [])
+    assert "no line beside these data" in Reader(gap_page(replace(short(gap), angle=0.0))).text
+
+
+def test_held_out_points_are_shown_and_marked():
+    views = {view.name: view for view in point_views(made("named"))}
+    assert set(views) == set(device().names)
+    assert [name for name, view in views.items() if view.held_out] == list(HELD_OUT)
+    assert "p=0.6,q=0.1, held out: predicted, never fitted" in Reader(page("named")).text
+
+
+def test_the_gap_that_is_closed_counts_from_the_refitted_model_to_the_noise():
+    assert closed(0.11, 0.06, 0.01) == "50 %"
+    assert closed(0.11, 0.005, 0.01) == "100 %"
+    assert closed(0.01, 0.005, 0.01) == "-"
+    assert closed(0.1, 0.1, None) == "0 %"
+    assert closed(None, 0.1, None) == "-"
+
+
+def at_port(effect: str, change: str, words: str, place: str, given: str = "gfl_exact", **new: float) -> PortCurve:
+    """What an insertion of the catalogue does at a port of a textbook diagram."""
+    diagram = textbook(given)
+    (edit,) = [
+        one
+        for one in insertions(diagram, VOCABULARY)
+        if (one.effect, one.change) == (effect, change) and words in one.where
+    ]
+    (port,) = [one for one in ports(diagram, VOCABULARY) if one.name == place]
+    values = TRUTH | {"delay.T_d": 2e-4} | new
+    nothing = np.zeros(GRID.size)
+    fit = PortFit(port, 1.0, 1.0, 1.0, 0.5, True, GRID, nothing + 0j, nothing, values)
+    return port_curve(fit, record_at(edit.diagram, device(), values), GRID)
+
+
+S = 2j * pi * GRID
+
+
+def test_a_low_pass_in_a_signal_is_that_low_pass_at_its_port():
+    found = at_port("pll_prefilter", "add", "LPF1 before", "pll.e_q")
+    assert found.series
+    assert found.named is not None
+    corner = TRUTH[CORNER]
+    np.testing.assert_allclose(1.0 + found.named, corner / (S + corner), rtol=1e-9)
+
+
+def test_a_filter_of_both_powers_is_one_transfer_of_both():
+    found = at_port("power_filter", "add", "one corner", "power.p and power.q", **{"power_filter.omega_c": 80.0})
+    assert found.named is not None
+    np.testing.assert_allclose(1.0 + found.named, 80.0 / (S + 80.0), rtol=1e-9)
+
+
+def test_a_delay_that_is_taken_out_is_the_inverse_of_the_delay():
+    found = at_port("control_delay", "remove", "delay", "plant.u_r", given="gfl_delay")
+    assert found.named is not None
+    np.testing.assert_allclose(1.0 + found.named, np.exp(2e-4 * S), rtol=1e-9)
+
+
+def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
+    found = at_port("active_damping", "add", "high-passed", "plant.i_C -> plant.u_r",
+                    **{"active_damping.k": 0.3, "damping_filter.omega_c": 900.0})  # fmt: skip
+    assert not found.series
+    assert found.named is not None
+    np.testing.assert_allclose(found.named, -0.3 * S / (S + 900.0), rtol=1e-9)
+
+
+def test_an_effect_elsewhere_is_no_transfer_of_a_port():
+    assert at_port("pll_prefilter", "add", "LPF1 before", "plant.u_r").named is None
+    assert at_port("power_filter", "add", "one corner", "pll.e_q", **{"power_filter.omega_c": 80.0}).named is None
+
+
+def test_the_measured_transfer_follows_the_named_block_within_its_errors():
+    found = missing(made("named"))
+    assert found is not None
+    assert found.fit.port.name == "pll.e_q"
+    law = TRUTH[CORNER] / (S + TRUTH[CORNER])
+    away = np.abs(found.value - law) / found.deviation
+    assert found.seen.sum() >= 10
+    assert away.max() < 4.5  # 16 numbers of a Rayleigh law with mean square 2
+    assert found.deviation[found.seen].min() < 0.01
+
+
+def test_a_verdict_that_places_nothing_shows_no_transfer():
+    assert missing(made("unexplained")) is None
+    assert missing(made("no-gap")) is None
+    found = missing(made("located-unnamed"))
+    assert found is not None
+    assert found.line is None
+
+
+# --- figure and text -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", ["named", "no-gap", "unexplained"])
+def test_a_notebook_gets_one_figure_in_plain_colours(verdict):
+    figure = made(verdict).plot()
+    assert len(figure.axes) == 12 + bool(made(verdict).ports) + 2 * (verdict == "named")
+    from matplotlib.colors import to_hex
+
+    lines = {to_hex(line.get_color()) for plane in figure.axes for line in plane.get_lines()}
+    assert "#0064b4" in lines
+    assert not [one for one in lines if one.startswith("#0506")]
+
+
+def test_a_figure_of_an_unknown_operating_point_is_refused_with_the_near_names():
+    with pytest.raises(OperatingPointError, match="is not in the sweep"):
+        gap_figure(made("named"), "p=1,q=0.4")
+    assert gap_figure(made("named"), HELD_OUT[0]).axes
+
+
+def overfull() -> Gap:
+    """More of everything than a terminal can show."""
+    gap = made("named")
+    long = "a very long way to say where something is " * 4
+    effect = replace(gap.effects[0], where=long, parameters={f"pll.k{n}": (1.0, 0.5, 2.0) for n in range(9)})
+    return replace(
+        gap,
+        sentence=long * 5,
+        effects=(effect,) * 3,
+        located=gap.located * 9,
+        moved=tuple(replace(one, sigmas=7.0) for one in gap.moved * 4),
+        ports=tuple(replace(one, adequate=True) for one in gap.ports),
+        could_not_have_seen=tuple(replace(gap.could_not_have_seen[0], id=f"effect_{n}") for n in range(60)),
+        noise=long,
+    )
+
+
+@pytest.mark.parametrize("gap", [*map(made, VERDICTS), overfull()], ids=[*VERDICTS, "overfull"])
+def test_the_text_fits_a_terminal(gap):
+    lines = gap_text(gap, "results/gap").splitlines()
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert lines[0].startswith(f"{gap.verdict}: {gap.sentence[:30]}")
+    assert "results/gap: report.html" in lines[-1]
+
+
+def test_the_text_names_the_effect_its_parameter_and_what_it_is_mistaken_for():
+    words = " ".join(gap_text(made("named")).split())
+    assert "pll_prefilter, missing in the model: LPF1 before pll.e_q" in words
+    assert "pll_filter.omega_c = 3142 rad/s (500 Hz), 95 %: +- 1 %" in words
+    assert "these data cannot tell it from voltage_sensor" in words
+    assert "report.html" not in words
+
+
+def test_the_text_says_which_parameters_moved_far():
+    words = " ".join(gap_text(made("parameters-only")).split())
+    assert "power.kP 0.012 -> 0.02" in words
+    assert "(+6.1 sigma)" in words
+    assert "plant.L_F" not in words
+
+
+def test_evidence_without_words_of_its_own_stands_as_it_is():
+    assert list(evidence_words({"some_number": 2.5, "none": None, "p_after": 0.0})) == [
+        ("some number", "2.5"),
+        ("p value of the fit, after", "< 1e-12"),
+    ]
+
+
+def test_every_family_of_kinds_has_a_colour_and_a_word():
+    assert {kind.family for kind in VOCABULARY} <= set(FAMILIES)
+    diagram = textbook("naive")
+    diagram.add("Shunt_RC", "shunt")
+    svg = block_diagram_svg(diagram, VOCABULARY, framed=("shunt",))
+    assert 'class="node family-physical-branch framed"' in svg
