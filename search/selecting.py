@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.thinning import can_be_thinned, thinned
 from search.evaluation.assess import Subject
 from search.merit import EXACT, Floor
 from search.report.selection import plain_selection
@@ -20,8 +20,6 @@ from search.trajectory import eligible
 
 #: Structures of the front that are looked at closely, the least errors first.
 MOST = 10
-#: One frequency in so many is held out.
-EVERY = 4
 #: Ways to choose.
 WAYS = ("error", "frequencies", "op")
 #: Errors within this factor fit equally well, where the noise does not say.
@@ -140,28 +138,12 @@ def _least_damping(record: Record) -> float | None:
 
 def _at_held_out_frequencies(record: Record, subject: Subject) -> float | None:
     """Error at every fourth frequency of a refit, from the found values, to the others; None where too few are left."""
-    fitted = [name for name in subject.sweep.names if name not in subject.holdout_op]
-    points = {name: subject.sweep.point(name) for name in fitted}
-    if min(len(point.frequency) for point in points.values()) < 2 * EVERY:
+    fitted = subject.sweep.without(subject.holdout_op) if subject.holdout_op else subject.sweep
+    if not can_be_thinned(fitted):
         return None
-    less = {name: _thinned(point, hold=False) for name, point in points.items()}
-    thin = replace(subject.sweep, points=tuple(less.values()))
-    again = replace(subject, sweep=thin, holdout_op=()).record_of(record.program, subject.fit, record.parameters)
+    fewer = replace(subject, sweep=thinned(fitted, hold=False), holdout_op=())
+    again = fewer.record_of(record.program, subject.fit, record.parameters)
     if again.nrmse is None:
         return None
-    held = {name: _thinned(point, hold=True) for name, point in points.items()}
-    return float(np.mean([nrmse(again.response(name, point.frequency), point) for name, point in held.items()]))
-
-
-def _thinned(point: PointSweep, *, hold: bool) -> PointSweep:
-    """Every fourth frequency of a point, the ends never among them, or the others."""
-    number = np.arange(len(point.frequency))
-    chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
-    chosen = chosen if hold else ~chosen
-    return replace(
-        point,
-        frequency=point.frequency[chosen],
-        admittance=point.admittance[chosen],
-        sigma=None if point.sigma is None else point.sigma[chosen],
-        repeats=None if point.repeats is None else point.repeats[:, chosen],
-    )
+    held = thinned(fitted, hold=True).points
+    return float(np.mean([nrmse(again.response(point.op.name, point.frequency), point) for point in held]))

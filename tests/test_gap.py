@@ -117,9 +117,18 @@ def test_the_same_seed_gives_the_same_answer():
 
 
 def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
-    write_case(draw_case("effect", 3, effects=["control_delay:add"], noise_db=60), tmp_path / "case", tmp_path / "truth")
+    write_case(
+        draw_case("effect", 3, effects=["control_delay:add"], noise_db=60), tmp_path / "case", tmp_path / "truth"
+    )
     case, out = tmp_path / "case", tmp_path / "out"
-    arguments = [str(case / "model.py"), str(case / "sweep.csv"), "--values", str(case / "nominal.json"), "--out", str(out)]
+    arguments = [
+        str(case / "model.py"),
+        str(case / "sweep.csv"),
+        "--values",
+        str(case / "nominal.json"),
+        "--out",
+        str(out),
+    ]
     before = (case / "model.py").read_text()
     assert main(["gap", *arguments]) == 0
     assert (case / "model.py").read_text() == before
@@ -145,7 +154,10 @@ def test_a_simulated_sweep_takes_the_place_of_a_program(tmp_path, capsys):
     assert model.outcome == "ok"
     ibrid.write_sweep(sweep, tmp_path / "simulated.csv")
     ibrid.write_sweep(ibrid.add_noise(sweep, 60, rng=np.random.default_rng(0)), tmp_path / "measured.csv")
-    assert main(["gap", str(tmp_path / "simulated.csv"), str(tmp_path / "measured.csv"), "--out", str(tmp_path / "out")]) == 0
+    assert (
+        main(["gap", str(tmp_path / "simulated.csv"), str(tmp_path / "measured.csv"), "--out", str(tmp_path / "out")])
+        == 0
+    )
     found = json.loads((tmp_path / "out" / "gap.json").read_text())
     assert found["verdict"] == "no-gap"
     assert "gfl_pll_filter_exact" in found["steps"][0]

@@ -12,10 +12,11 @@ from scripted_search import QUICK
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
+from ibrid.measurement.thinning import EVERY
 from search.evaluation.assess import Subject
 from search.merit import Floor, noise_floor
 from search.report.selection import read_selection
-from search.selecting import EVERY, MOST, select, selection_json
+from search.selecting import MOST, select, selection_json
 from search.step import Status, Step
 
 HELD = "p=0.5,q=0"

@@ -7,10 +7,8 @@ import numpy as np
 
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, Workshop
-from ibrid.measurement.sweep import PointSweep, Sweep
-
-#: One frequency in so many is left out.
-EVERY = 4
+from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.thinning import can_be_thinned, thinned
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class HeldOut:
 def held_out(shop: Workshop, model: Model) -> HeldOut:
     """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
     sweep = shop.refitter(model.convention).sweep
-    thin = _error(shop, model, _thinned(sweep, hold=False), _thinned(sweep, hold=True)) if _enough(sweep) else None
+    thin = _error(shop, model, thinned(sweep, hold=False), thinned(sweep, hold=True)) if can_be_thinned(sweep) else None
     squares = []
     for name in sweep.names if len(sweep.names) > 1 else ():
         found = _error(shop, model, sweep.without([name]), sweep.only([name]))
@@ -46,27 +44,6 @@ def _error(shop: Workshop, model: Model, seen: Sweep, left: Sweep) -> float | No
     residuals = other.at_values(model.diagram, refit.values).residuals
     found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
     return found if np.isfinite(found) else None
-
-
-def _enough(sweep: Sweep) -> bool:
-    return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
-
-
-def _thinned(sweep: Sweep, *, hold: bool) -> Sweep:
-    return replace(sweep, points=tuple(_every(point, hold) for point in sweep.points))
-
-
-def _every(point: PointSweep, hold: bool) -> PointSweep:
-    number = np.arange(len(point.frequency))
-    chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
-    chosen = chosen if hold else ~chosen
-    return replace(
-        point,
-        frequency=point.frequency[chosen],
-        admittance=point.admittance[chosen],
-        sigma=None if point.sigma is None else np.asarray(point.sigma)[chosen],
-        repeats=None,
-    )
 
 
 def weighed(before: HeldOut, after: HeldOut) -> Mapping[str, Mapping[str, float | None]]:

@@ -59,9 +59,9 @@ class OpenPort:
             return None
         entering, leaving = matrix[..., self.through, :], matrix[..., n:, :]
         left, arriving = leaving[..., :n] @ inverse, entering[..., :n] @ inverse
-        x_u = inverse @ inside[..., n:]
-        if not np.isfinite(x_u).all():
+        if not np.isfinite(inverse).all():
             return None
+        x_u = inverse @ inside[..., n:]
         return Opened(
             model=self,
             y_u=leaving[..., n:] + leaving[..., :n] @ x_u,
