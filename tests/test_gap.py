@@ -30,7 +30,7 @@ def ids(gap) -> list[str]:
         ("pll_prefilter", "add"),
         ("power_filter", "add"),
         ("current_filter", "add"),
-        ("voltage_feedforward", "remove"),
+        ("voltage_feedforward", "add"),
         ("decoupling", "add"),
         ("active_damping", "add"),
         ("shunt_capacitance", "add"),

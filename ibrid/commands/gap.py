@@ -51,8 +51,7 @@ def run(arguments: Namespace) -> int:
         gap = _answer(arguments, sweep, values, line)
     write_gap(gap, folder)
     write_whole(folder / "report.html", gap_page(gap))
-    print(gap_text(gap).rstrip("\n"))
-    print(f"\n{folder / 'report.html'} shows it; {folder / 'model.py'} is the model, {folder / 'model.json'} its record")
+    print(gap_text(gap, folder).rstrip("\n"))
     return 0
 
 

@@ -212,7 +212,8 @@ class _Description:
             where = "" if len(self.fitted) == 1 else f"at {one.names[0]}: "
             sentences += [where + sentence for sentence in answer.sentences]
             sentences += [where + _twin_sentence(one, twin) for twin in one.solution.twins]
-            sentences.append(where + _support_sentence(one.solution, answer))
+            if one.solution.waves:
+                sentences.append(where + _support_sentence(one.solution, answer))
         return tuple(sentences)
 
     def _solver_warnings(self) -> tuple[str, ...]:

@@ -74,6 +74,7 @@ def answer_of(
         held_out=tuple(held),
         nominal=_nominal_responses(found.given, shop) if values else {},
         angle=model.convention.angle,
+        convention=model.convention,
         residual=residual_block(shop, found.given, found.ports) if verdict == "located-unnamed" else None,
     )
 
