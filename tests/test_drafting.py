@@ -63,6 +63,15 @@ def test_a_block_before_an_input_takes_the_whole_sum():
     assert_whole(draft)
 
 
+def test_a_block_that_feeds_itself_is_bypassed_without_a_wire_to_nowhere():
+    draft = draft_of()
+    delay = draft.insert_before("plant.u_r", "Delay", "delay")
+    draft.connect(f"{delay}.out", f"{delay}.in_")
+    draft.bypass(delay)
+    assert same(draft.diagram(), GFL)
+    assert_whole(draft)
+
+
 def test_what_is_put_in_and_bypassed_again_leaves_no_trace():
     draft = draft_of()
     draft.bypass(draft.insert_before("plant.u_r", "Delay", "delay"))

@@ -175,8 +175,9 @@ class Draft:
         self._hand_on(old, {f"{old}.{key}": f"{new}.{key}" for key in self.kind(new).parameters})
 
     def bypass(self, name: str) -> None:
-        """Take a block of one input and one output away and join what it stood between."""
-        before, after = self.sources(f"{name}.in_"), self.targets(f"{name}.out")
+        """Take a block of one input and one output away and join what it stood between; a wire around it goes too."""
+        before = [source for source in self.sources(f"{name}.in_") if source != f"{name}.out"]
+        after = [target for target in self.targets(f"{name}.out") if target != f"{name}.in_"]
         self.remove(name)
         for source in before:
             for target in after:
