@@ -5,13 +5,25 @@ is the right metric, and the damping fades as the fit gets better.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Coordinates
 
 LARGEST_STEP = 2.0
 FIRST_DAMPING, LEAST_DAMPING, GREATEST_DAMPING = 1e-2, 1e-9, 1e6
+
+
+class Minimised(Protocol):
+    """What can be descended: a fitting problem, or one with terms of its own beside the data."""
+
+    @property
+    def coordinates(self) -> Coordinates: ...
+
+    def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Costs (S, M), gradients (S, M, P) and Gauss-Newton matrices (S, M, P, P) of starts x (S, P)."""
+        ...
 
 
 @dataclass
@@ -38,7 +50,7 @@ class Batch:
         )
 
 
-def begin(problem: Problem, x: np.ndarray, objective: str) -> Batch:
+def begin(problem: Minimised, x: np.ndarray, objective: str) -> Batch:
     """Evaluate starts x (S, P)."""
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
     cost, gradient, hessian = _totals(problem, x, objective)
@@ -46,7 +58,7 @@ def begin(problem: Problem, x: np.ndarray, objective: str) -> Batch:
     return Batch(x, cost, np.full(starts, FIRST_DAMPING), gradient, hessian, ~np.isfinite(cost))
 
 
-def descend(problem: Problem, batch: Batch, objective: str, iterations: int, *, floor: float = 1e-14) -> Batch:
+def descend(problem: Minimised, batch: Batch, objective: str, iterations: int, *, floor: float = 1e-14) -> Batch:
     """Up to `iterations` steps of every start that is not done; done means a tiny step, a tiny gain or cost < floor.
 
     Changes the batch that it is given and returns it.
@@ -81,7 +93,7 @@ def descend(problem: Problem, batch: Batch, objective: str, iterations: int, *, 
     return batch
 
 
-def _totals(problem: Problem, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _totals(problem: Minimised, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     cost, gradient, hessian = problem.normal_equations(x, objective)
     total = cost.sum(axis=1)
     total[~np.isfinite(total)] = np.inf

@@ -14,7 +14,7 @@ from scipy.stats import chi2 as chi2_law
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.gauss_newton import begin, descend
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Prior, centres
 from ibrid.modules.vocabulary import Vocabulary
@@ -35,9 +35,14 @@ class Penalised:
     """A problem with the prior as one more column of the cost; `normal_equations` as in `Problem`."""
 
     def __init__(self, problem: Problem, prior: Prior) -> None:
-        self.problem, self.coordinates = problem, problem.coordinates
+        self.problem = problem
         self.centre, self.weight = centres([one.name for one in problem.numbers], prior)
         self.numbers = 8 * sum(len(point.frequency) for point in problem.points)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """Those of the problem."""
+        return self.problem.coordinates
 
     def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Costs (S, M + 1), gradients (S, M + 1, P) and Gauss-Newton matrices (S, M + 1, P, P)."""
@@ -138,10 +143,10 @@ class Refitter:
         x = np.array([self._start(problem, penalised, one) for one in starts])
         if draws:
             x = np.concatenate([x, self._moved(x, penalised, draws, spread)])
-        near = descend(penalised, begin(penalised, x[: len(starts)], "chi2"), "chi2", NEAR // 4)  # type: ignore[arg-type]
-        far = descend(penalised, begin(penalised, x, "log"), "log", FAR)  # type: ignore[arg-type]
+        near = descend(penalised, begin(penalised, x[: len(starts)], "chi2"), "chi2", NEAR // 4)
+        far = descend(penalised, begin(penalised, x, "log"), "log", FAR)
         candidates = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
-        ends = descend(penalised, begin(penalised, candidates, "chi2"), "chi2", NEAR)  # type: ignore[arg-type]
+        ends = descend(penalised, begin(penalised, candidates, "chi2"), "chi2", NEAR)
         if not np.isfinite(ends.cost).any():
             return None
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))])

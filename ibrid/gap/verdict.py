@@ -20,7 +20,7 @@ STRUCTURED = 4.0
 @dataclass(frozen=True, eq=False)
 class Findings:
     """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that competed for its place.
-    `scale` : of the noise. `tests` : edits that were weighed. `stable` : of the given model, at every measured point."""
+    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed."""
 
     noise: Noise
     given: Model
