@@ -138,7 +138,7 @@ def _name(edit: Insertion | Convention) -> str:
 
 def _candidate(model: Model, found: Findings, stable: Mapping[int, bool]) -> Candidate:
     edit, scale = model.edits[-1], found.scale
-    convention = isinstance(edit, Convention)
+    new = () if isinstance(edit, Convention) else tuple(edit.parameters)
     adequate = fits(model, found.noise, scale)
     steady = stable.get(id(model), True)
     reasons = []
@@ -159,7 +159,7 @@ def _candidate(model: Model, found: Findings, stable: Mapping[int, bool]) -> Can
         adequate=adequate,
         stable=steady,
         reason=", ".join(reasons),
-        parameters={} if convention else {k: model.refit.values[k] for k in edit.parameters if k in model.refit.values},  # type: ignore[union-attr]
+        parameters={name: model.refit.values[name] for name in new if name in model.refit.values},
     )
 
 

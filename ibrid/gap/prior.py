@@ -74,15 +74,19 @@ def centres(names: Sequence[str], prior: Prior) -> tuple[np.ndarray, np.ndarray]
 def _entry(name: str, entry: Any) -> tuple[float, float | None]:
     number = entry.get("value") if isinstance(entry, Mapping) else entry
     tolerance = entry.get("tolerance") if isinstance(entry, Mapping) else None
-    for one, what in ((number, "value"), *(((tolerance, "tolerance"),) if tolerance is not None else ())):
-        if isinstance(one, bool) or not isinstance(one, int | float) or not isfinite(one):
-            raise IbridError(f"the nominal {what} of {name} must be a number, found {one!r}")
-    if tolerance is not None and tolerance <= 0:
+    value, spread = _number(name, "value", number), None if tolerance is None else _number(name, "tolerance", tolerance)
+    if spread is not None and spread <= 0:
         raise IbridError(
-            f"the tolerance of {name} must be above zero, found {tolerance:g}; leave it out for the usual one"
+            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual one"
         )
     _require_known(_unknown_keys(entry), name)
-    return float(number), None if tolerance is None else float(tolerance)  # type: ignore[arg-type]
+    return value, spread
+
+
+def _number(name: str, what: str, found: Any) -> float:
+    if isinstance(found, bool) or not isinstance(found, int | float) or not isfinite(found):
+        raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r}")
+    return float(found)
 
 
 def _require_known(unknown: Iterable[str], name: str) -> None:

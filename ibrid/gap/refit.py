@@ -110,12 +110,11 @@ class Refit:
 
 
 class Refitter:
-    """Fits diagrams to the same data; `fitted` counts them."""
+    """Fits diagrams to the same data."""
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, rng: np.random.Generator) -> None:
         self.noise, self.sweep, self.kinds, self.prior, self.rng = noise, noise.sweep, kinds, prior, rng
         self._models: dict[int, tuple[Diagram, Problem]] = {}
-        self.fitted = 0
 
     def problem(self, diagram: Diagram) -> Problem:
         """The fitting problem of a legal diagram; the last ones are kept."""
@@ -138,7 +137,6 @@ class Refitter:
             problem = self.problem(diagram)
         except DiagramError:
             return None
-        self.fitted += 1
         penalised = Penalised(problem, self.prior)
         x = np.array([self._start(problem, penalised, one) for one in starts])
         if draws:

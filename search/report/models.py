@@ -1,7 +1,5 @@
 """What was found beside the start and, where it is given, the truth: diagrams, comparison and frequency response."""
 
-import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,24 +7,18 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep
-from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
 from ibrid.report.bode import ENTRIES, Curves, draw_bode
+from ibrid.report.diagrams_beside import Shown, diagrams_beside, readable
 from ibrid.report.figure import inline_svg
-from ibrid.report.markup import cell, escape, head, paragraph, row, scroll, table
+from ibrid.report.markup import cell, escape, head, paragraph, row, table
 from ibrid.report.numbers import error
 from ibrid.report.style import DASHES
 from ibrid.structure.compare import Comparison
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import parse_program
 from search.report.run_data import RunData
 
 #: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
 POINTS = 6
 DENSE = 240
-#: A drawing may shrink to this before it gets a line of its own.
-WIDEST = "68rem"
-#: Wider than the text where the window is, so that diagrams find room beside each other.
-_BREAKOUT = "width:max(100%,100vw - 3rem);margin-left:calc((100% - max(100%,100vw - 3rem))/2)"
 
 
 @dataclass(frozen=True)
@@ -40,49 +32,18 @@ class _Model:
 
 def diagrams_html(run: RunData) -> str:
     """The start, what was found and the truth, beside each other where there is room."""
-    shown = [
-        (words, diagram)
+    shown: list[Shown] = [
+        (words, diagram, ())
         for words, diagram in (
-            ("The start", None if run.start is None else _parsed(run.start.program)),
-            ("Found", None if run.answer is None else _parsed(run.answer.program)),
+            ("The start", None if run.start is None else readable(run.start.program)),
+            ("Found", None if run.answer is None else readable(run.answer.program)),
             ("The given truth", run.truth),
         )
         if diagram is not None
     ]
     if not shown:
         return paragraph("There is no diagram to draw yet.")
-    figures = "".join(_drawn(words, block_diagram_svg(diagram, run.kinds)) for words, diagram in shown)
-    note = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
-    return (
-        paragraph(note, "note")
-        + _families(run, [diagram for _, diagram in shown])
-        + f'<div class="beside" style="{_BREAKOUT}">{figures}</div>'
-    )
-
-
-def _drawn(words: str, svg: str) -> str:
-    """A figure as wide as its drawing, or narrower where there is no room."""
-    width = re.search(r"max-width:(\d+)px", svg)
-    room = f"min({width[1]}px,{WIDEST})" if width else "auto"
-    style = f"flex:0 1 {room};max-width:{width[1] + 'px' if width else 'none'};flex-grow:1"
-    return f'<figure style="{style}"><figcaption>{escape(words)}</figcaption>{scroll(words, svg)}</figure>'
-
-
-def _parsed(text: str) -> Diagram | None:
-    try:
-        return parse_program(text) if text else None
-    except IbridError:
-        return None
-
-
-def _families(run: RunData, diagrams: Iterable[Diagram]) -> str:
-    families = {kind.name: kind.family for kind in run.kinds}
-    used = dict.fromkeys(families.get(one.kind, "unknown") for diagram in diagrams for one in diagram.instances)
-    words = "".join(
-        f'<li><span class="swatch {escape(name.replace(" ", "-"))}"></span>{escape(FAMILIES.get(name, name))}</li>'
-        for name in used
-    )
-    return f'<ul class="legend">{words}</ul>'
+    return diagrams_beside(shown, run.kinds)
 
 
 def comparison_html(found: Comparison) -> str:
