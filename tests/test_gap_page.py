@@ -3,13 +3,13 @@
 import re
 from dataclasses import replace
 from functools import cache
-from html.parser import HTMLParser
 from math import pi
 
 import numpy as np
 import pytest
 from fitted import GRID
 from made_gap import ANGLE, CORNER, FITTED, HELD_OUT, TRUTH, VERDICTS, device, made
+from page_reader import Reader
 
 from ibrid.errors import OperatingPointError
 from ibrid.evaluation.recording import record_at
@@ -34,42 +34,6 @@ from ibrid.structure.library import textbook
 HOSTILE = '<script>alert("x")</script>&'
 LIMIT = 5_000_000
 LINES = 40
-
-
-class Reader(HTMLParser):
-    """Collects tags and words, and checks that elements close in order."""
-
-    VOID = ("meta", "link", "br", "img", "input", "hr")
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert [tag] == self.open[-1:], f"</{tag}> closes {self.open[-3:]}"
-        self.open.pop()
-
-    def handle_data(self, data):
-        self.words.append(data)
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.words).split())
 
 
 @cache

@@ -5,12 +5,12 @@ import re
 import shutil
 import subprocess
 import sys
-from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
+from page_reader import Reader
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
@@ -60,41 +60,9 @@ def paper_record(sweep: Sweep) -> Record:
     )
 
 
-class _Reader(HTMLParser):
-    """Collects tags, texts and the balance of elements."""
-
-    VOID = ("meta", "link", "br", "img", "input", "hr")
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert [tag] == self.open[-1:], f"</{tag}> closes {self.open[-3:]}"
-        self.open.pop()
-
-    def handle_data(self, data):
-        self.words.append(data)
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-
 def _self_contained(text: str) -> None:
     assert len(text.encode()) < LIMIT
-    reader = _Reader(text)
+    reader = Reader(text)
     assert not reader.open
     assert not reader.all("script")
     assert not re.search(r"@import|url\((?!#)|https?://", text)
@@ -109,7 +77,7 @@ def test_page_is_well_formed_and_loads_nothing_from_elsewhere(page):
 
 
 def test_identifiers_in_the_page_are_unique_and_every_reference_has_its_target(page):
-    reader = _Reader(page)
+    reader = Reader(page)
     names = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
     assert len(names) == len(set(names))
     wanted = {
@@ -127,7 +95,7 @@ def test_page_shows_all_entries_and_operating_points(page, record):
 
 
 def test_every_number_of_the_record_stands_in_the_page_with_all_its_digits(page, record):
-    shown = {float(one["value"] or "nan") for one in _Reader(page).all("data")}
+    shown = {float(one["value"] or "nan") for one in Reader(page).all("data")}
     wanted = {
         record.nrmse,
         *record.nrmse_by_op.values(),
@@ -140,7 +108,7 @@ def test_every_number_of_the_record_stands_in_the_page_with_all_its_digits(page,
 
 
 def test_figures_tables_and_sections_can_be_read_without_seeing(page):
-    reader = _Reader(page)
+    reader = Reader(page)
     pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
     assert len(pictures) == 6
     assert all(one.get("role") == "img" and one.get("aria-label") for one in pictures)
@@ -204,7 +172,7 @@ def test_hostile_names_are_shown_and_never_become_markup(record):
     text = report_html(renamed, title=HOSTILE)
     _self_contained(text)
     assert HOSTILE not in text
-    assert "".join(_Reader(text).words).count(HOSTILE) > 8
+    assert "".join(Reader(text).words).count(HOSTILE) > 8
     assert other in text
 
 
@@ -233,7 +201,7 @@ def test_invalid_record_gives_reasons_program_and_diagram(sweep):
     assert invalid.outcome == "invalid"
     text = report_html(invalid)
     _self_contained(text)
-    words = "".join(_Reader(text).words)
+    words = "".join(Reader(text).words)
     assert all(reason in words for reason in invalid.reasons)
     assert "The grammar refuses the program" in words
     assert 'class="diagram' in text

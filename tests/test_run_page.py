@@ -6,11 +6,11 @@ import re
 import shutil
 import subprocess
 from collections.abc import Mapping
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 from fitted import benchmark, evaluated
+from page_reader import Reader
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
@@ -70,40 +70,6 @@ def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, **changes: st
             step = Step(number, parent=parent, status=Status.OK, program=textbook_text(name), island=number, **given)
             put(store, step, evaluated(name, restarts=0))
     return folder
-
-
-class Reader(HTMLParser):
-    """Collects tags and words, and checks that elements close in order."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in ("meta", "link", "br"):
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert [tag] == self.open[-1:], f"</{tag}> closes {self.open[-3:]}"
-        self.open.pop()
-
-    def handle_data(self, data):
-        self.words.append(data)
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.words).split())
 
 
 def self_contained(text: str) -> Reader:
