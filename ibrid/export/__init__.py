@@ -1,7 +1,7 @@
 """A fitted model to take away: python-control JSON, MATLAB/Octave .mat, NumPy .npz."""
 
+from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.export.control_json import read_control_json
 from ibrid.export.formats import FORMATS, export
-from ibrid.export.linear_model import LinearModel, linear_model
 
 __all__ = ["FORMATS", "LinearModel", "export", "linear_model", "read_control_json"]

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.errors import IbridError
-from ibrid.export.linear_model import UNITS, LinearModel
 
 if TYPE_CHECKING:
     import control

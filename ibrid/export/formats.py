@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.export.control_json import control_json
-from ibrid.export.linear_model import LinearModel, linear_model
 from ibrid.export.mat_file import mat_file
 from ibrid.export.npz_file import npz_file
 from ibrid.writing import require_place, write_whole

@@ -5,7 +5,7 @@ import io
 import numpy as np
 import scipy.io
 
-from ibrid.export.linear_model import UNITS, LinearModel
+from ibrid.analysis.linear_model import UNITS, LinearModel
 
 #: The format begins with 116 bytes of free text; scipy puts the date there, and equal models would differ.
 _TEXT = b"MATLAB 5.0 MAT-file, a linear inverter model written by ibrid".ljust(116)

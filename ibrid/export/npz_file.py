@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 
-from ibrid.export.linear_model import UNITS, LinearModel
+from ibrid.analysis.linear_model import UNITS, LinearModel
 
 
 def npz_file(model: LinearModel) -> bytes:
