@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
-from ibrid.commands import diagrams, fitting, gap, results, searching, sweeps, vocabulary
+from ibrid.commands import diagrams, fitting, gap, predicting, results, searching, sweeps, vocabulary
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
 
@@ -28,6 +28,8 @@ for a start:
   ibrid evaluate gfl_pll_filter_exact paper_like --json out.json --report out.html
   ibrid gap gfl paper_like --out out/gap        which physical effect a model lacks
   ibrid search paper_like --out out/run         find the hidden controller from the data alone
+  ibrid predict out.json --op p=0.8,q=0 --out predicted.csv
+  ibrid stability out.json --scr 1.5:10         from which grid strength on it is stable
   ibrid export out.json --op p=1,q=0.3 --format control-json --out model.json
 
 `ibrid COMMAND --help` tells the options of a command.
@@ -55,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
-    for family in (vocabulary, diagrams, sweeps, fitting, gap, searching, results):
+    for family in (vocabulary, diagrams, sweeps, fitting, gap, searching, predicting, results):
         family.declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole

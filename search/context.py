@@ -99,6 +99,8 @@ def _question(context: Context, short: bool) -> Iterator[str]:
     yield f"# Its record\n{record_text(parent.record, short=short)}"
     if context.last is not None and context.last.number == parent.step and context.last.note:
         yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
+    if context.remark:
+        yield f"# What else is known\n{fenced(context.remark)}"
     yield f"# What to do\nWrite {SCALE_TEXTS[context.scale]}"
     if context.complaint is not None:
         yield (

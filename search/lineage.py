@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import unified_diff
 from itertools import pairwise
 
+from ibrid.structure.difference import difference
 from search.step import Status, Step
-
-#: Unchanged lines that a program difference shows on each side of a change.
-AROUND = 1
 
 
 @dataclass(frozen=True)
@@ -47,9 +44,3 @@ def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step,
         if step.parent == parent.number and step.number != child.number and step.status is Status.OK
     ]
     return tuple(sorted(found, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))
-
-
-def difference(before: str, after: str) -> tuple[str, ...]:
-    """Lines that were taken out ("-") and put in ("+"), with a line around (" ") and "..." where lines are left out."""
-    lines = list(unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=AROUND))[2:]
-    return tuple("..." if line.startswith("@@") else line for line in lines)

@@ -49,7 +49,8 @@ class Context:
 
     `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
     refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
-    for agents. `seen` : structure hash -> True when the run has met it. `complaint` : why the first attempt failed.
+    for agents. `remark` : what else is known of the device, for language models. `seen` : structure hash -> True when the
+    run has met it. `complaint` : why the first attempt failed.
     """
 
     task: Task
@@ -58,6 +59,7 @@ class Context:
     best: tuple[Evaluated, ...] = ()
     failures: tuple[Step, ...] = ()
     last: Step | None = None
+    remark: str = ""
     seen: Callable[[str], bool] = field(default=lambda _: False)
     complaint: Complaint | None = None
 

@@ -25,10 +25,10 @@ from ibrid.report.gap_errors import closed
 from ibrid.report.gap_figures import gap_figure
 from ibrid.report.gap_measured import missing
 from ibrid.report.gap_page import gap_page
-from ibrid.report.gap_program import difference
 from ibrid.report.gap_text import WIDTH, gap_text
 from ibrid.report.gap_transfer import PortCurve, port_curve
 from ibrid.report.gap_words import evidence_words, headline
+from ibrid.structure.difference import difference
 from ibrid.structure.library import textbook
 
 HOSTILE = '<script>alert("x")</script>&'

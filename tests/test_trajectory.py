@@ -14,7 +14,8 @@ from matplotlib.text import Text
 from ibrid.evaluation.record import Record
 from ibrid.report.figure import inline_svg
 from ibrid.report.trajectory import CELLS, Front, Trajectory, draw_front, draw_trajectory
-from search.lineage import difference, lineage
+from ibrid.structure.difference import difference
+from search.lineage import lineage
 from search.report.selection import plain_selection
 from search.step import EVALUATED, REFUSED, Status, Step
 from search.tally import Tally, counts

@@ -1,6 +1,7 @@
 """What every export starts from: the matrices of a record at one operating point, their names and what they mean."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,16 +51,22 @@ def linear_model(record: Record, op: str | None = None) -> LinearModel:
     Raises OperatingPointError for a point that is unknown, badly written or does not exist; IbridError for a record
     without a fit.
     """
+    with whole_record():
+        return _linear_model(*with_point(record, op))
+
+
+@contextmanager
+def whole_record() -> Iterator[None]:
+    """What goes wrong inside because a record is incomplete or damaged, as one sentence."""
     try:
-        return _linear_model(record, op)
+        yield
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise IbridError(
             f"the record is incomplete or damaged ({type(error).__name__}: {error}); make it again with ibrid evaluate"
         ) from error
 
 
-def _linear_model(record: Record, op: str | None) -> LinearModel:
-    record, name = _with_point(record, op)
+def _linear_model(record: Record, name: str) -> LinearModel:
     if not np.isfinite(record.response(name, np.array([record.settings["f0_hz"]]))).all():
         raise OperatingPointError(f"the model has no real operating point at {name}; ask for less power")
     system = record.state_space(name)
@@ -81,8 +88,8 @@ def _linear_model(record: Record, op: str | None) -> LinearModel:
     )
 
 
-def _with_point(record: Record, op: str | None) -> tuple[Record, str]:
-    """The record, with `op` among its operating points, and the name of that point."""
+def with_point(record: Record, op: str | None) -> tuple[Record, str]:
+    """The record, with `op` among its operating points, and the name of that point; raises as `linear_model`."""
     known = record.parameters
     if record.outcome != "ok" or not known:
         raise IbridError(

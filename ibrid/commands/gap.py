@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
+from ibrid.commands.searching import MODEL_HELP
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
+    from ibrid.gap.suggesting import Suggest
     from ibrid.measurement.sweep import Sweep
 
 #: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
@@ -32,6 +34,12 @@ def declare(commands: Any) -> None:
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
     )
+    parser.add_argument(
+        "--suggest",
+        metavar="PROPOSER",
+        help="where the catalogue has no name: ask rules | random | llm | agent for edits, which pass the same tests or fail",
+    )
+    parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.set_defaults(run=run)
 
@@ -59,6 +67,7 @@ def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None,
     from ibrid.gap.workflow import find_gap
 
     options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "tell": line.tell}
+    options["suggest"] = _suggest(arguments)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:
@@ -73,6 +82,20 @@ def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None,
     first = where[0]
     most = f"most of the difference lies at {first.op}, {first.band[0]:g} to {first.band[1]:g} Hz, {first.entry}"
     return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
+
+
+def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
+    from ibrid.gap.suggesting import low_order_blocks
+
+    if arguments.suggest is None:
+        return (low_order_blocks,)
+
+    from search.proposers.choose import choose_proposers
+    from search.suggesting import FEW, MANY, suggestions_of
+
+    chosen = choose_proposers(arguments.suggest, arguments.models)
+    number = FEW if arguments.models else MANY
+    return (low_order_blocks, *(suggestions_of(one, number, arguments.seed) for one, _ in chosen))
 
 
 def _is_sweep(text: str) -> bool:

@@ -12,6 +12,9 @@ from ibrid.writing import require_place
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
 
+#: For the help, which must come before anything slow is imported; a test compares.
+FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "csv", "touchstone")
+
 #: In the folder of a search.
 ARCHIVE = "archive.sqlite"
 
@@ -21,7 +24,10 @@ def declare(commands: Any) -> None:
     export = commands.add_parser("export", help="the state-space model at an operating point, for other tools")
     export.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate --json")
     export.add_argument("--op", metavar="OP", help="an operating point of the record, or p=..,q=..[,v=..] elsewhere")
-    export.add_argument("--format", required=True, help="control-json | mat | npz")
+    export.add_argument("--format", required=True, help=" | ".join(FORMATS_HELP))
+    export.add_argument(
+        "--freq", metavar="A:B:N", help="of csv and touchstone: N frequencies from A to B Hz (5:5000:60)"
+    )
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
     export.set_defaults(run=run_export)
     report = commands.add_parser("report", help="(re)write the HTML page of a record")
@@ -39,8 +45,11 @@ def run_export(arguments: Namespace) -> int:
 
     from ibrid.evaluation.record import read_record
     from ibrid.export.formats import export
+    from ibrid.plants.sweeping import frequency_grid
 
-    model = export(read_record(Path(arguments.record)), arguments.out, arguments.format, arguments.op)
+    frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
+    record = read_record(Path(arguments.record))
+    model = export(record, arguments.out, arguments.format, arguments.op, frequency=frequency)
     print(f"{arguments.out}: {len(model.states)} states at {model.op}")
     return 0
 

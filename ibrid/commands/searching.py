@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from search.running import Run
 
 
+MODEL_HELP = (
+    "for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
+    "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
+)
+
+
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
     search = commands.add_parser("search", help="find the hidden controller: evaluated edits of a naive diagram")
@@ -30,8 +36,7 @@ def declare(commands: Any) -> None:
         action="append",
         default=[],
         metavar="MODEL",
-        help="for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
-        "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY",
+        help=MODEL_HELP,
     )
     for name, unit in (
         ("tokens", "tokens in and out"),

@@ -1,7 +1,8 @@
-"""A fitted model to take away: python-control JSON, MATLAB/Octave .mat, NumPy .npz."""
+"""A fitted model to take away: state spaces for other tools, compiled code, the admittance as a sweep."""
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.export.admittance import admittance
 from ibrid.export.control_json import read_control_json
-from ibrid.export.formats import FORMATS, export
+from ibrid.export.formats import FORMAT_NAMES, FORMATS, export
 
-__all__ = ["FORMATS", "LinearModel", "export", "linear_model", "read_control_json"]
+__all__ = ["FORMATS", "FORMAT_NAMES", "LinearModel", "admittance", "export", "linear_model", "read_control_json"]

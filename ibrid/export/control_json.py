@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.errors import IbridError
+from ibrid.measurement.state_space_file import SCHEMA
 
 if TYPE_CHECKING:
     import control
-
-SCHEMA = "ibrid.state-space/1"
 
 
 def control_json(model: LinearModel) -> bytes:

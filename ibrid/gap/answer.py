@@ -1,6 +1,6 @@
 """From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -17,10 +17,10 @@ from ibrid.gap.effect import Insertion
 from ibrid.gap.held_out import held_out, weighed
 from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
-from ibrid.gap.residual_block import residual_block
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
+from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import FRAME, Model, Workshop, significant, threshold
-from ibrid.gap.verdict import Findings, alike, fits, sentence_of, sigmas_moved, verdict_of
+from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
@@ -36,9 +36,10 @@ def answer_of(
     sweep: Sweep,
     held: Sequence[str],
     values: Nominal | None,
-    stable: Mapping[int, bool],
+    suggest: Sequence[Suggest],
 ) -> Gap:
-    """The Gap that findings amount to. sweep : all points, those held out included. stable : of trials, by identity."""
+    """The Gap that findings amount to. sweep : all points, those held out included. suggest : who is asked for
+    edits when something is located and unnamed."""
     verdict = verdict_of(found)
     model = found.best if verdict in REPAIRED else found.given
     baseline = _record(found.given, shop, sweep, held)
@@ -51,6 +52,8 @@ def answer_of(
     after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
     floor = baseline.noise_floor
     refitter = shop.refitter(model.convention)
+    adequate = tuple(one for one in found.ports if one.adequate)
+    question = Question(found.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
         sentence=sentence_of(verdict, found, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
@@ -62,7 +65,7 @@ def answer_of(
         noise_floor=floor,
         moved=_moved(model, repaired),
         could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, found.scale),
-        candidates=tuple(_candidate(one, found, stable) for one in found.trials),
+        candidates=tuple(_candidate(one, found, shop.known_stable(one)) for one in found.trials),
         steps=found.steps,
         noise=found.noise.source,
         null_space=repaired.identifiability,
@@ -75,7 +78,7 @@ def answer_of(
         nominal=_nominal_responses(found.given, shop) if values else {},
         angle=model.convention.angle,
         convention=model.convention,
-        residual=residual_block(shop, found.given, found.ports) if verdict == "located-unnamed" else None,
+        suggested=suggested(found, shop, question, suggest) if verdict == "located-unnamed" else (),
     )
 
 
@@ -136,17 +139,16 @@ def _name(edit: Insertion | Convention) -> str:
     return edit.words if isinstance(edit, Convention) else edit.effect
 
 
-def _candidate(model: Model, found: Findings, stable: Mapping[int, bool]) -> Candidate:
+def _candidate(model: Model, found: Findings, stable: bool | None) -> Candidate:
     edit, scale = model.edits[-1], found.scale
     new = () if isinstance(edit, Convention) else tuple(edit.parameters)
     adequate = fits(model, found.noise, scale)
-    steady = stable.get(id(model), True)
     reasons = []
     if not significant(found.given, model, max(len(found.trials), 1), scale):
         reasons.append("does not pay")
     elif not adequate:
         reasons.append("does not fit as well as the noise allows")
-    if not steady:
+    if stable is False:
         reasons.append("unstable")
     return Candidate(
         id=(FRAME if edit.angle else "convention") if isinstance(edit, Convention) else edit.effect,
@@ -157,27 +159,17 @@ def _candidate(model: Model, found: Findings, stable: Mapping[int, bool]) -> Can
         bic=model.bic(scale),
         free_parameters=model.free,
         adequate=adequate,
-        stable=steady,
+        stable=stable,
         reason=", ".join(reasons),
         parameters={name: model.refit.values[name] for name in new if name in model.refit.values},
     )
 
 
 def _moved(model: Model, record: Record) -> tuple[Moved, ...]:
-    coordinates = model.refit.problem.coordinates
-    centre = model.refit.x.copy()
-    sigmas = sigmas_moved(model)
-    intervals = next(iter(record.intervals.values()), {})
-    for index, one in enumerate(model.refit.problem.numbers):
-        if one.name in sigmas:
-            centre[index] = model.refit.prior[one.name][0]
-    nominal = coordinates.to_theta(centre)
-    rows = []
-    for index, one in enumerate(model.refit.problem.numbers):
-        if one.name in sigmas:
-            low, high = intervals.get(one.name) or (None, None)
-            value = model.refit.values[one.name]
-            rows.append(Moved(one.name, float(nominal[index]), value, low, high, sigmas[one.name]))
+    intervals, refit, rows = next(iter(record.intervals.values()), {}), model.refit, []
+    for name, sigmas in refit.moved.items():
+        low, high = intervals.get(name) or (None, None)
+        rows.append(Moved(name, refit.prior[name].nominal, refit.values[name], low, high, sigmas))
     return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.gap.effect import Effect, Insertion
-from ibrid.gap.refit import Refit, Refitter
+from ibrid.gap.refit import Penalised, Refit, Refitter
 from ibrid.gap.result import Unseen
 
 #: Least noncentrality (chi2) of an effect that an experiment can be expected to show.
@@ -18,8 +18,8 @@ def jacobian_rows(refit: Refit) -> np.ndarray:
     for slope, point in zip(refit.problem.jacobians(refit.x), refit.problem.points, strict=True):
         white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, refit.free)
         rows += [white.real, white.imag]
-    widths = [1.0 / refit.prior[one.name][1] if one.name in refit.prior else 0.0 for one in refit.problem.numbers]
-    return np.concatenate([*rows, np.diag(widths)])
+    slope = Penalised(refit.problem, refit.prior).slope(refit.problem.coordinates.to_theta(refit.x))
+    return np.concatenate([*rows, np.diag(slope)])
 
 
 def unseen(

@@ -32,7 +32,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "candidates": [vars(one) for one in gap.candidates],
             "null_space": gap.null_space,
             "frame_angle": gap.angle,
-            "residual_block": None if gap.residual is None else vars(gap.residual),
+            "suggested": [vars(one) for one in gap.suggested],
             "steps": gap.steps,
             "seconds": gap.seconds,
             "program": gap.program,

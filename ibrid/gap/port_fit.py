@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.fit.problem import Coordinates
 from ibrid.gap.open_port import Opened, OpenPort
+from ibrid.gap.prior import Beliefs
 
 #: Steps of every start, and of the best of them.
 FIRST_STEPS, MOST_STEPS = 15, 60
@@ -26,13 +28,15 @@ LARGE, TAIL = 10.0, 4.0
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `centre`, `precision` : (P,) of the prior in x; a
-    parameter without one has precision 0."""
+    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `beliefs` : of the parameters."""
 
     data: np.ndarray
     weight: np.ndarray
-    centre: np.ndarray
-    precision: np.ndarray
+    beliefs: Beliefs
+
+    def slope(self, coordinates: Coordinates, theta: np.ndarray) -> np.ndarray:
+        """Standard deviations of what is believed for each unit of x, at theta (P,)."""
+        return self.beliefs.slope(theta) * coordinates.slope(theta)
 
     def misfit(self, opened: Opened, g: np.ndarray) -> np.ndarray:
         """White residuals at g (..., K) -> (..., K, 4M)."""
@@ -95,8 +99,10 @@ def _descended(model: OpenPort, target: Target, best: Fit, steps: int) -> Fit:
     low, high = model.coordinates.x_low, model.coordinates.x_high
     damping = FIRST_DAMPING
     for _ in range(steps):
-        gradient = best.gradient + target.precision * (best.x - target.centre)
-        matrix = best.information + np.diag(target.precision)
+        theta = model.coordinates.to_theta(best.x)
+        slope = target.slope(model.coordinates, theta)
+        gradient = best.gradient + slope * target.beliefs.sigmas(theta)
+        matrix = best.information + np.diag(slope**2)
         held = ((best.x <= low) & (gradient > 0)) | ((best.x >= high) & (gradient < 0))
         gradient = np.where(held, 0.0, gradient)
         matrix[held] = matrix[:, held] = 0.0
@@ -137,7 +143,7 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
         x=x,
         g=g,
         chi2=float(power(misfit).sum()),
-        cost=cost + float((target.precision * (x - target.centre) ** 2).sum()),
+        cost=cost + float((target.beliefs.sigmas(theta) ** 2).sum()),
         seen=seen,
         gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0)),
         information=np.real(np.einsum("kep,keq->pq", left.conj(), left) + follows.conj().T @ of_g),

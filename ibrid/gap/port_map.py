@@ -17,6 +17,7 @@ from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import Fit, Target, fit_port, hold
 from ibrid.gap.ports import Port, ports
+from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
@@ -25,8 +26,6 @@ from ibrid.structure.diagram import Diagram
 ADEQUATE = 1e-3
 #: Further starts of every port where none is adequate, and how far they spread without a prior.
 FURTHER, SPREAD = 4, 0.3
-
-Prior = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +64,8 @@ def port_map(
 
     Parameters
     ----------
-    sweep : every point with `sigma`, all on one frequency grid. prior : free parameter -> (centre, width) in the
-    coordinate of the search (ln for a positive box), a standard deviation; those without an entry have none.
-    starts : parameter values, each of which is tried; a name that one lacks gets the prior's centre, else a typical value.
+    sweep : every point with `sigma`, all on one frequency grid. prior : what is believed of free parameters.
+    starts : parameter values, each of which is tried; a name that one lacks gets the nominal, else a typical value.
     scale : factor on sigma. only : names of ports; None: all of them.
 
     A port at which the model has no response at any start is left out.
@@ -117,27 +115,26 @@ class _Search:
         self.parameters = self.model.symbolic.parameters
         self.names = [one.name for one in self.parameters]
         self._require(prior, "the prior")
-        centre, precision = self._x({}), np.zeros(len(self.names))
-        for name, (middle, width) in prior.items():
-            centre[self.names.index(name)], precision[self.names.index(name)] = middle, width**-2
+        beliefs = Beliefs(self.parameters, prior)
+        self.nominal = dict(zip(self.names, beliefs.nominal.tolist(), strict=True))
         data = np.stack([one.admittance for one in sweep.points], axis=1)
         sigma = np.stack([np.asarray(one.sigma) for one in sweep.points], axis=1)
-        self.target = Target(data, 1.0 / (scale * sigma), centre, precision)
+        self.target = Target(data, 1.0 / (scale * sigma), beliefs)
 
     def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
-        """The given starts, and each with the grid side that the data show; without one the prior's centre."""
+        """The given starts, and each with the grid side that the data show; without one the nominal values."""
         found = []
         for start in starts or ({},):
             self._require(start, "a start")
-            known = np.array([name in start for name in self.names], dtype=bool)
-            found.append(np.where(known, self._x(start), self.target.centre))
+            found.append(self._x({**self.nominal, **start}))
         return [*found, *(self._seeded(x) for x in found if self.grid_side)]
 
     def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
-        """Starts around the prior's centre, with that grid side."""
-        width = np.where(self.target.precision > 0, np.maximum(self.target.precision, 1e-300) ** -0.5, SPREAD)
-        spread = width * rng.standard_normal((FURTHER, len(width)))
-        return [self._seeded(self.target.centre + one) for one in spread]
+        """Starts around the nominal values, with that grid side."""
+        middle = self._x(self.nominal)
+        slope = self.target.slope(self.model.coordinates, self.model.coordinates.to_theta(middle))
+        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), SPREAD)
+        return [self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))]
 
     def best(self, starts: Sequence[np.ndarray]) -> PortFit | None:
         fit = fit_port(self.model, self.target, starts)
@@ -148,7 +145,7 @@ class _Search:
             raise IbridError(f"{what} names {unknown[0]!r}, which is no free parameter; {near(unknown[0], self.names)}")
 
     def _x(self, values: Mapping[str, float]) -> np.ndarray:
-        theta = np.array([values.get(one.name, one.typical) for one in self.parameters], dtype=float)
+        theta = np.array([values.get(one.name, self.nominal[one.name]) for one in self.parameters], dtype=float)
         coordinates = self.model.coordinates
         return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
 
@@ -167,7 +164,9 @@ class _Search:
 
     def _described(self, fit: Fit) -> PortFit:
         """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least known of it."""
-        known = self.target.precision + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
+        theta = self.model.coordinates.to_theta(fit.x)
+        held = self.target.slope(self.model.coordinates, theta) ** 2
+        known = held + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
         covariance = _inverse(fit.information + np.diag(known))
         known_of_g = fit.seen + hold(fit.g)
         free = 2 * float((fit.seen / known_of_g).sum()) + len(known) - float(known @ np.diag(covariance))
@@ -176,7 +175,6 @@ class _Search:
         ]
         dof = max(self.target.data.size * 2 - free, 1.0)
         p_value = float(chi2_distribution.sf(fit.chi2, dof))
-        theta = self.model.coordinates.to_theta(fit.x)
         return PortFit(
             port=self.port,
             chi2=fit.chi2,

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite, log
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, near
-from ibrid.fit.problem import Coordinates
 from ibrid.structure.parameters import Parameter, ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
 
@@ -18,12 +18,58 @@ PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
 #: The same for a value that is zero or negative, absolute.
 ABSOLUTE_TOLERANCE = 0.25
 
-#: Free parameter -> (centre, standard deviation) in the search coordinate of `Coordinates`.
-Prior = Mapping[str, tuple[float, float]]
+#: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
+KNEE = 0.05
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A nominal value and one standard deviation: of the logarithm where the value is positive, else absolute."""
+
+    nominal: float
+    tolerance: float
+
+
+#: Free parameter -> what is believed of it.
+Prior = Mapping[str, Belief]
 Nominal = Mapping[str, float | Mapping[str, float]]
 
 
-def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, tuple[float, float]]:
+class Beliefs:
+    """What is believed of free parameters, in order.
+
+    Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) / t standard deviations
+    away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still finite at zero and below. In a positive box
+    it is ln(theta / n) / t, with n <= 0 it is (theta - n) / t, and 0 where nothing is believed.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
+        held = [prior.get(one.name) for one in parameters]
+        self.known = np.array([one is not None for one in held], dtype=bool)
+        typical = [one.typical for one in parameters]
+        self.nominal = np.array([own if one is None else one.nominal for one, own in zip(held, typical, strict=True)])
+        self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
+        self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
+        self._bent = ~self._ratio & (self.nominal > 0)
+
+    def sigmas(self, theta: np.ndarray) -> np.ndarray:
+        """Standard deviations between theta (..., P) and the nominal values."""
+        safe = np.where(self._ratio, theta, 1.0)
+        away = np.where(self._ratio, np.log(safe / np.where(self._ratio, self.nominal, 1.0)), theta - self.nominal)
+        bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / KNEE)
+        return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """Their derivative by theta (..., P)."""
+        away = np.where(self._ratio, 1.0 / np.where(self._ratio, theta, 1.0), 1.0)
+        return np.where(self._bent, 1.0 / np.hypot(theta, self._knee), away) * self.weight
+
+    @property
+    def _knee(self) -> np.ndarray:
+        return np.where(self._bent, KNEE * self.nominal, 1.0)
+
+
+def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, Belief]:
     """The prior that nominal values mean for the free parameters of a diagram.
 
     values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a member that shares it.
@@ -34,7 +80,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
         name: name for name in free
     }
     every = {f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters} | set(owner)
-    found: dict[str, tuple[float, float]] = {}
+    found: dict[str, Belief] = {}
     for name, entry in values.items():
         if name not in every:
             raise IbridError(f"the nominal values name {name!r}, which the program lacks; {near(name, sorted(every))}")
@@ -46,7 +92,9 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             kinds = {wiring.kinds[module].family for module, _ in parameter.members}
             tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
             tolerance = tolerance if value > 0 else ABSOLUTE_TOLERANCE
-        found[parameter.name] = _in_coordinate(name, parameter, value, tolerance)
+        if parameter.logarithmic and value <= 0:
+            raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
+        found[parameter.name] = Belief(value, tolerance)
     return found
 
 
@@ -62,13 +110,6 @@ def read_values(path: str | Path) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {type(values).__name__}')
     return values
-
-
-def centres(names: Sequence[str], prior: Prior) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and one over the standard deviation (P,) for free parameters in order; 0 and 0 for those without a prior."""
-    centre = np.array([prior[name][0] if name in prior else 0.0 for name in names])
-    weight = np.array([1.0 / prior[name][1] if name in prior else 0.0 for name in names])
-    return centre, weight
 
 
 def _entry(name: str, entry: Any) -> tuple[float, float | None]:
@@ -97,14 +138,3 @@ def _require_known(unknown: Iterable[str], name: str) -> None:
 
 def _unknown_keys(entry: Any) -> set[str]:
     return set(map(str, entry)) - {"value", "tolerance"} if isinstance(entry, Mapping) else set()
-
-
-def _in_coordinate(name: str, parameter: Parameter, value: float, tolerance: float) -> tuple[float, float]:
-    """Centre and standard deviation in the search coordinate, to first order where that is no logarithm."""
-    coordinates = Coordinates([parameter])
-    if parameter.logarithmic and value <= 0:
-        raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
-    theta = np.array([value])
-    slope = float(np.where(coordinates.logarithmic, theta, np.hypot(theta, 0.1) if coordinates.signed[0] else 1.0)[0])
-    spread = tolerance * abs(value) if value > 0 else tolerance
-    return float(coordinates.to_x(theta)[0]), spread / slope

@@ -1,6 +1,6 @@
 """The refit of one diagram: all operating points together, whitened by the noise, held to nominal values by a prior.
 
-cost(x) = chi2(x) + sum ((x - centre) / width)^2, minimised by batches of damped Gauss-Newton from many starts. A minimum
+cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of damped Gauss-Newton from many starts. A minimum
 that is missed looks exactly like a missing effect, so starts are many and whoever finds a better one passes it on.
 """
 
@@ -16,7 +16,7 @@ from ibrid.errors import DiagramError
 from ibrid.fit.gauss_newton import begin, descend
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.noise import Noise
-from ibrid.gap.prior import Prior, centres
+from ibrid.gap.prior import Beliefs, Prior
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
@@ -36,7 +36,7 @@ class Penalised:
 
     def __init__(self, problem: Problem, prior: Prior) -> None:
         self.problem = problem
-        self.centre, self.weight = centres([one.name for one in problem.numbers], prior)
+        self.beliefs = Beliefs([one.parameter for one in problem.numbers], prior)
         self.numbers = 8 * sum(len(point.frequency) for point in problem.points)
 
     @property
@@ -48,11 +48,22 @@ class Penalised:
         """Costs (S, M + 1), gradients (S, M + 1, P) and Gauss-Newton matrices (S, M + 1, P, P)."""
         cost, gradient, hessian = self.problem.normal_equations(x, objective)
         scale = 1.0 if objective == "chi2" else 1.0 / self.numbers
-        away = (x - self.centre) * self.weight
+        theta = self.coordinates.to_theta(x)
+        away, slope = self.beliefs.sigmas(theta), self.slope(theta)
         cost = np.concatenate([cost, scale * (away**2).sum(axis=1)[:, None]], axis=1)
-        gradient = np.concatenate([gradient, scale * (away * self.weight)[:, None]], axis=1)
-        own = np.broadcast_to(scale * np.diag(self.weight**2), (len(x), 1, len(self.weight), len(self.weight)))
+        gradient = np.concatenate([gradient, scale * (away * slope)[:, None]], axis=1)
+        own = scale * (slope**2)[:, None, :, None] * np.eye(x.shape[1])
         return cost, gradient, np.concatenate([hessian, own], axis=1)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """Standard deviations for each unit of x, at theta (..., P)."""
+        return self.beliefs.slope(theta) * self.coordinates.slope(theta)
+
+    def start(self, values: Values) -> np.ndarray:
+        """x (P,) at values by name; what they lack is the nominal or the typical value."""
+        pairs = zip(self.problem.numbers, self.beliefs.nominal, strict=True)
+        theta = np.array([values.get(one.name, nominal) for one, nominal in pairs])
+        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +109,14 @@ class Refit:
         return self.problem.values_at(self.x, 0)
 
     @cached_property
+    def moved(self) -> dict[str, float]:
+        """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
+        beliefs = Penalised(self.problem, self.prior).beliefs
+        sigmas = beliefs.sigmas(self.problem.coordinates.to_theta(self.x))
+        rows = zip(self.problem.numbers, sigmas, beliefs.known, strict=True)
+        return {one.name: float(away) for one, away, known in rows if known}
+
+    @cached_property
     def responses(self) -> list[np.ndarray]:
         """Admittances at the measured frequencies, one array (K, 2, 2) for each operating point."""
         return self.problem.responses(self.x)
@@ -138,7 +157,7 @@ class Refitter:
         except DiagramError:
             return None
         penalised = Penalised(problem, self.prior)
-        x = np.array([self._start(problem, penalised, one) for one in starts])
+        x = np.array([penalised.start(one) for one in starts])
         if draws:
             x = np.concatenate([x, self._moved(x, penalised, draws, spread)])
         near = descend(penalised, begin(penalised, x[: len(starts)], "chi2"), "chi2", NEAR // 4)
@@ -168,25 +187,14 @@ class Refitter:
     def at_values(self, diagram: Diagram, values: Values) -> Refit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
         problem = self.problem(diagram)
-        return self.at(diagram, self._start(problem, Penalised(problem, self.prior), values))
-
-    def _start(self, problem: Problem, penalised: Penalised, values: Values) -> np.ndarray:
-        typical = problem.coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
-        x = np.where(penalised.weight > 0, penalised.centre, typical)
-        for index, one in enumerate(problem.numbers):
-            if one.name in values:
-                theta = np.array([other.parameter.typical for other in problem.numbers])
-                theta[index] = values[one.name]
-                x[index] = problem.coordinates.to_x(theta)[index]
-        return np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
+        return self.at(diagram, Penalised(problem, self.prior).start(values))
 
     def _moved(self, x: np.ndarray, penalised: Penalised, number: int, spread: float) -> np.ndarray:
         base = x[self.rng.integers(len(x), size=number)]
-        coordinates, size = penalised.coordinates, x.shape[1]
-        width = np.where(
-            penalised.weight > 0, 1.0 / np.where(penalised.weight > 0, penalised.weight, 1.0), np.log(10.0)
-        )
-        moved = base + spread * width * self.rng.standard_normal((number, size))
+        coordinates, nominal = penalised.coordinates, penalised.beliefs.nominal
+        slope = penalised.slope(nominal)
+        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), np.log(10.0))
+        moved = base + spread * width * self.rng.standard_normal(base.shape)
         return np.clip(moved, coordinates.x_low, coordinates.x_high)
 
 

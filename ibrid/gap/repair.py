@@ -24,7 +24,6 @@ class Bench:
     """What a repair has at hand. `tell` : is told what is going on, (done, of, words)."""
 
     shop: Workshop
-    stable: Callable[[Model], bool]
     tell: Callable[[int, int, str], None] = lambda done, of, words: None
     steps: list[str] = field(default_factory=list)
     tests: int = 0
@@ -94,6 +93,7 @@ def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list
         return _looked_back(bench, given, best, rivals)
     for start, history in _distinct(candidates)[:BEAM]:
         found, more = _further(bench, start, history)
+        bench.steps.append(_tried_together(bench, given, found))
         if best is given or found.bic(bench.scale) < best.bic(bench.scale):
             best, rivals = found, more
         if best.adequate(bench.scale):
@@ -103,7 +103,7 @@ def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
     """Of trials those that pay and leave a stable model, best first."""
-    return [one for one in trials if significant(before, one, len(trials), bench.scale) and bench.stable(one)]
+    return [one for one in trials if significant(before, one, len(trials), bench.scale) and bench.shop.stable(one)]
 
 
 def _further(bench: Bench, model: Model, history: list[list[Model]]) -> tuple[Model, list[list[Model]]]:
@@ -125,7 +125,7 @@ def _looked_back(bench: Bench, given: Model, best: Model, rivals: list[list[Mode
     while len(best.edits) > 1 and place < len(best.edits):
         others = (*best.edits[:place], *best.edits[place + 1 :])
         alone = _replayed(bench, given, others, best)
-        if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.stable(alone):
+        if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
             best, rivals, place = alone, [one for index, one in enumerate(rivals) if index != place], 0
         else:
@@ -147,6 +147,12 @@ def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, .
         done = (*done, edit)
     refit = bench.shop.refitter(model.convention).refit(model.diagram, [best.refit.values, {}], draws=TRIAL_DRAWS)
     return None if refit is None else replace(model, refit=refit, edits=done)
+
+
+def _tried_together(bench: Bench, given: Model, found: Model) -> str:
+    edits = " + ".join(map(_words, found.edits))
+    enough = "" if found.adequate(bench.scale) else ", not enough"
+    return f"tried together: {edits}; cost {given.refit.cost:.4g} -> {found.refit.cost:.4g}{enough}"
 
 
 def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ibrid.evaluation.record import Record
+from ibrid.gap.amplitude_result import AmplitudeAnswer
 from ibrid.gap.convention import Convention
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.sweep import Sweep
@@ -53,7 +54,8 @@ class NamedEffect:
 @dataclass(frozen=True)
 class Candidate:
     """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own. `bic` : cost with the
-    price of its free numbers. `adequate` : fits as well as the noise allows. `reason` : why it is out, "" when it is not."""
+    price of its free numbers. `adequate` : fits as well as the noise allows. `stable` : None when nobody had to know.
+    `reason` : why it is out, "" when it is not."""
 
     id: str
     change: str
@@ -63,7 +65,7 @@ class Candidate:
     bic: float
     free_parameters: int
     adequate: bool
-    stable: bool
+    stable: bool | None
     reason: str
     parameters: Mapping[str, float] = field(default_factory=dict)
 
@@ -93,15 +95,22 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class ResidualBlock:
-    """A block without a physical name. `port` : where. `kind` : of the vocabulary. `program` : the model with it.
-    `chi2_per_dof` : of that, refitted; `before` : of the given model."""
+class Suggested:
+    """An edit without a name in the catalogue, put to the tests of an effect.
 
-    port: str
-    kind: str
+    `words` : what it is. `source` : whose idea. `program` : the model with it. `chi2_per_dof` : of that, refitted; `before` :
+    of the given model. `parameters` : those it adds. `held_out` : root mean square of the whitened error at held-out
+    frequencies and operating points, before and after. `reason` : the test it fails, "" when it passes all.
+    """
+
+    words: str
+    source: str
     program: str
     chi2_per_dof: float
     before: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    held_out: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +126,7 @@ class Gap:
     the parameters, responses and intervals. `sweep`, `held_out` : the measured data, fitted and not. `nominal` :
     responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
     `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
-    `residual` : where something is located and unnamed, the block of low order that comes nearest.
+    `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
     """
 
     verdict: Verdict
@@ -143,7 +152,8 @@ class Gap:
     nominal: Mapping[str, np.ndarray] = field(default_factory=dict)
     angle: float = 0.0
     convention: Convention = field(default_factory=Convention)
-    residual: ResidualBlock | None = None
+    suggested: tuple[Suggested, ...] = ()
+    amplitude: AmplitudeAnswer | None = None
     seconds: float = 0.0
 
     @property

@@ -3,15 +3,18 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
+from ibrid.evaluation.recording import record_at
 from ibrid.gap.catalogue import insertions
 from ibrid.gap.convention import Convention, written_otherwise
 from ibrid.gap.effect import Effect, Insertion
 from ibrid.gap.noise import Noise
+from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
@@ -65,11 +68,12 @@ class Workshop:
     """Refits models to one set of data, read in any convention."""
 
     def __init__(
-        self, noise: Noise, kinds: Vocabulary, prior: Mapping[str, tuple[float, float]], catalogue: Sequence[Effect],
+        self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect],
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.noise, self.kinds, self.prior, self.catalogue, self.rng = noise, kinds, prior, tuple(catalogue), rng
         self._refitters: dict[Convention, Refitter] = {}
+        self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""
@@ -93,6 +97,18 @@ class Workshop:
         """A model refitted from further starts; the better of both."""
         refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws)
         return model if refit is None or refit.cost >= model.refit.cost else replace(model, refit=refit)
+
+    def stable(self, model: Model) -> bool:
+        """True when all poles lie in the left half plane at every fitted point."""
+        if model not in self._steady:
+            sweep = self.refitter(model.convention).sweep
+            record = record_at(model.diagram, sweep, model.refit.values, vocabulary=self.kinds)
+            self._steady[model] = bool(record.stable) and all(record.stable.values())
+        return self._steady[model]
+
+    def known_stable(self, model: Model) -> bool | None:
+        """`stable`, where that was asked before; else None."""
+        return self._steady.get(model)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """All edits of a model."""
@@ -164,23 +180,9 @@ def threshold(extra: int, tests: int) -> float:
 
 
 def driven_to_nothing(before: Model, after: Model) -> bool:
-    """True when a number that an edit takes away was driven to zero or beyond `FAR` of its tolerance, on the scale of ratios
-    on which tolerances are meant."""
-    refit = before.refit
+    """True when a number that an edit takes away was driven beyond `FAR` of its tolerance."""
     kept = {one.name for one in after.refit.problem.numbers}
-    coordinates = refit.problem.coordinates
-    for index, one in enumerate(refit.problem.numbers):
-        if one.name in kept or one.name not in refit.prior:
-            continue
-        centre, width = refit.prior[one.name]
-        x = refit.x.copy()
-        x[index] = centre
-        theta = coordinates.to_theta(x)
-        nominal, value = float(theta[index]), refit.values[one.name]
-        tolerance = width * float(coordinates.slope(theta)[index]) / abs(nominal) if nominal else 0.0
-        if nominal > 0 and (value <= 0 or abs(log(value / nominal)) > FAR * tolerance):
-            return True
-    return False
+    return any(abs(sigmas) > FAR for name, sigmas in before.refit.moved.items() if name not in kept)
 
 
 def significant(before: Model, after: Model, tests: int, scale: float) -> bool:

@@ -67,19 +67,8 @@ def verdict_of(found: Findings) -> Verdict:
 
 def moved_far(model: Model) -> list[str]:
     """Parameters further than `FAR` from their nominal value, the furthest first."""
-    distance = {name: abs(sigmas) for name, sigmas in sigmas_moved(model).items()}
+    distance = {name: abs(sigmas) for name, sigmas in model.refit.moved.items()}
     return sorted((name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name])
-
-
-def sigmas_moved(model: Model) -> dict[str, float]:
-    """Parameter with a nominal value -> how far it moved, in standard deviations of its tolerance."""
-    prior = model.refit.prior
-    numbers = enumerate(model.refit.problem.numbers)
-    return {
-        one.name: float((model.refit.x[index] - prior[one.name][0]) / prior[one.name][1])
-        for index, one in numbers
-        if one.name in prior
-    }
 
 
 def alike(found: Findings, place: int) -> tuple[str, ...]:

@@ -1,23 +1,23 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.plan import make_plan
-from ibrid.evaluation.recording import record_at
 from ibrid.fit import kernel
 from ibrid.gap.answer import answer_of
 from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.effect import Effect
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.port_map import PortFit, port_map
-from ibrid.gap.prior import Nominal, prior_of
+from ibrid.gap.prior import Nominal, Prior, prior_of
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import Gap
+from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, scale_of
 from ibrid.measurement.sweep import Sweep
@@ -39,6 +39,7 @@ def find_gap(
     holdout_op: str | Sequence[str] = (),
     vocabulary: str | Sequence[ModuleKind] = "extended",
     catalogue: Sequence[Effect] = CATALOGUE,
+    suggest: Sequence[Suggest] = (low_order_blocks,),
     seed: int = 0,
     tell: Tell = lambda done, of, words: None,
 ) -> Gap:
@@ -51,6 +52,7 @@ def find_gap(
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
     holdout_op : operating points that are not fitted, but predicted before and after.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`. seed : of the random starts.
+    suggest : who is asked for edits where something is located that the catalogue does not know.
     tell : is told what is going on, (done, of, words).
 
     Returns
@@ -73,8 +75,7 @@ def find_gap(
     given = shop.given(diagram)
     if given is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    steady: dict[int, bool] = {}
-    bench = Bench(shop, lambda one: _stable(one, shop, steady), tell)
+    bench = Bench(shop, tell)
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
     given, trials = first_trials(bench, given)
     ports = () if given.adequate() else _ports(given, noise, plan.kinds, prior, tell)
@@ -94,22 +95,11 @@ def find_gap(
         tuple(bench.steps),
     )
     held = tuple(point.op.name for point in plan.held_out)
-    gap = answer_of(found, shop, diagram, plan.sweep, held, values, steady)
+    gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
     return replace(gap, seconds=time.perf_counter() - began)
 
 
-def _stable(model: Model, shop: Workshop, known: dict[int, bool]) -> bool:
-    """True when all poles lie in the left half plane at every fitted point."""
-    if id(model) not in known:
-        sweep = shop.refitter(model.convention).sweep
-        record = record_at(model.diagram, sweep, model.refit.values, vocabulary=shop.kinds)
-        known[id(model)] = bool(record.stable) and all(record.stable.values())
-    return known[id(model)]
-
-
-def _ports(
-    given: Model, noise: Noise, kinds: Vocabulary, prior: Mapping[str, tuple[float, float]], tell: Tell
-) -> tuple[PortFit, ...]:
+def _ports(given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, tell: Tell) -> tuple[PortFit, ...]:
     grids = {point.frequency.tobytes() for point in noise.sweep.points}
     if len(grids) > 1:
         return ()

@@ -2,7 +2,7 @@
 
 from ibrid.measurement.conventions import Conventions, check_conventions
 from ibrid.measurement.csv_file import read_csv, write_sweep
-from ibrid.measurement.frd import from_frd, from_responses
+from ibrid.measurement.frd import from_frd, from_responses, from_system
 from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.inspect import Inspection, PointInspection
 from ibrid.measurement.inspection_table import format_inspection
@@ -28,6 +28,7 @@ __all__ = [
     "format_inspection",
     "from_frd",
     "from_responses",
+    "from_system",
     "hardware_sweeps",
     "merge",
     "read_csv",

@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +16,9 @@ from ibrid.measurement.files import read_lines, write_atomically
 from ibrid.measurement.header import Header, header_of, header_values, known_keys, number_of, read_keys
 from ibrid.measurement.repeats import sigma_of_mean
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+
+#: Amplitudes further apart than this factor are different ones; nearer ones are one amplitude, repeated.
+APART = 1.2
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,9 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
     Zpp_re .. (modified sequences at dq frequency f: p at f + f0, n at f - f0); optional v, sigma or sigma_dd ..
     sigma_qq (sigma_pp ..), repeat, amplitude. Lines `# key: value` with f0_hz, unit, current, q_axis, power_node,
     s_base_va, v_base_v, sampling_hz say how they are meant; other comments are kept as notes.
+
+    Rows at the same frequency with amplitudes more than a fifth apart are different sweeps of one operating point: the
+    smallest is the point, the others are its `larger` ones (amplitudes.at_amplitudes).
 
     Repeats become their mean. Its sigma comes from the sigma columns (of single runs) or, with three runs or more, from
     the scatter of the runs (repeats.sigma_of_mean).
@@ -59,7 +65,7 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
         raise SweepError(f"{path} must hold rows of numbers; found only the column names in line {body[0][0]}.")
     rows = [_row(number, _fields(number, line, path), columns, path) for number, line in body[1:]]
     return Sweep(
-        points=tuple(_point(group, header, columns, path) for group in _by_operating_point(rows, path)),
+        points=tuple(_point_at_amplitudes(group, header, columns, path) for group in _by_operating_point(rows, path)),
         f0_hz=header.f0_hz,
         power_node=header.power_node,
         s_base_va=header.s_base_va,
@@ -134,6 +140,33 @@ def _by_operating_point(rows: list[_Row], path: Path) -> list[list[_Row]]:
     return list(groups.values())
 
 
+def _point_at_amplitudes(rows: list[_Row], header: Header, columns: Columns, path: Path) -> PointSweep:
+    smallest, *larger = (_point(level, header, columns, path) for level in _by_amplitude(rows, path))
+    return replace(smallest, larger=tuple(larger))
+
+
+def _by_amplitude(rows: list[_Row], path: Path) -> list[list[_Row]]:
+    """Rows of one operating point by the rank of their amplitude at their frequency, the smallest first."""
+    if any(row.amplitude is None for row in rows):
+        return [rows]
+    levels: dict[int, list[_Row]] = {}
+    by_frequency: dict[float, list[tuple[float, _Row]]] = {}
+    for row in rows:
+        by_frequency.setdefault(row.frequency, []).append((row.amplitude or 0.0, row))
+    for found in by_frequency.values():
+        found.sort(key=lambda one: one[0])
+        rank, first = 0, found[0][0]
+        for amplitude, row in found:
+            if first <= 0 and amplitude != first:
+                raise SweepError(
+                    f"{path} line {row.line}: amplitude must be positive where there are several; found {first:g} too."
+                )
+            if amplitude > APART * first > 0:
+                rank, first = rank + 1, amplitude
+            levels.setdefault(rank, []).append(row)
+    return [sorted(level, key=lambda row: row.line) for _, level in sorted(levels.items())]
+
+
 def _point(rows: list[_Row], header: Header, columns: Columns, path: Path) -> PointSweep:
     runs: dict[int, list[_Row]] = {}
     for row in rows:
@@ -197,7 +230,7 @@ def _convert(run: list[_Row], header: Header, columns: Columns, path: Path) -> t
 
 
 def _amplitude(runs: list[list[_Row]], path: Path) -> np.ndarray | None:
-    """Injected amplitude per frequency, averaged over the repeats."""
+    """Injected amplitude per frequency, averaged over the repeats of one amplitude."""
     values = [[row.amplitude for row in run] for run in runs]
     empty = sum(value is None for run in values for value in run)
     if empty == sum(len(run) for run in values):
@@ -238,18 +271,19 @@ def sweep_csv(sweep: Sweep, *, header: Sequence[str] = ()) -> str:
     lines += [f"# {key}: {value}" for key, value in header_values(meant).items()]
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
+    every = [one for point in sweep.points for one in (point, *point.larger)]
     optional = {
         "v": any(point.op.v != 1.0 for point in sweep.points),
-        "sigma": any(point.sigma is not None for point in sweep.points),
-        "repeat": any(point.repeats is not None for point in sweep.points),
-        "amplitude": any(point.amplitude is not None for point in sweep.points),
+        "sigma": any(point.sigma is not None for point in every),
+        "repeat": any(point.repeats is not None for point in every),
+        "amplitude": any(point.amplitude is not None for point in every),
     }
     names = ["op", "p", "q", *(["v"] if optional["v"] else []), "freq_hz"]
     names += [f"Y{entry}_{part}" for entry in ENTRIES["dq"] for part in ("re", "im")]
     names += [f"sigma_{entry}" for entry in ENTRIES["dq"]] if optional["sigma"] else []
     names += [name for name in ("repeat", "amplitude") if optional[name]]
     writer.writerow(names)
-    for point in sweep.points:
+    for point in every:
         writer.writerows(_rows_of(point, optional))
     return ("\n".join(lines) + "\n" if lines else "") + table.getvalue()
 

@@ -1,4 +1,4 @@
-"""Sweeps from python-control: a FrequencyResponseData object, or plain arrays of frequencies and matrices."""
+"""Sweeps from python-control: a FrequencyResponseData object or a model, or plain arrays of frequencies and matrices."""
 
 from typing import Any
 
@@ -23,7 +23,10 @@ def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.
     response = getattr(frd, "frdata", None)
     omega = getattr(frd, "omega", None)
     if response is None or omega is None:
-        raise SweepError(f"from_frd must get a python-control FRD; found {type(frd).__name__}, try from_responses.")
+        raise SweepError(
+            f"from_frd must get a python-control FRD; found {type(frd).__name__}, try from_system for a model and "
+            "from_responses for arrays."
+        )
     response = np.asarray(response)
     if response.ndim != 3 or response.shape[:2] != (2, 2):
         raise SweepError(
@@ -34,6 +37,55 @@ def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.
     frequency = np.asarray(omega, float) / (2 * np.pi)
     given = known_keys({"p": p, "q": q, "v": v, "f0_hz": f0_hz, **keys})
     return sweep_of_response(frequency, np.moveaxis(response, -1, 0), given, where=f"frd {name}")
+
+
+#: (60,) Hz, 5 Hz to 5 kHz, where a model is read as a sweep and nothing else is asked for.
+MODEL_GRID = np.array([float(f"{hz:.12g}") for hz in np.geomspace(5.0, 5000.0, 60)])
+
+
+def from_system(
+    system: Any, frequency: np.ndarray | None = None, *, p: float, q: float, v: float = 1.0, **keys: object
+) -> Sweep:
+    """A sweep of one operating point from a python-control model, as if it had been measured without noise.
+
+    system : control.StateSpace or TransferFunction, continuous or sampled, from [v_D, v_Q] to [i_D, i_Q]; an FRD keeps
+        its own frequencies. frequency : (K,) Hz, by default `MODEL_GRID`.
+    p, q, v, keys : as in `from_frd`.
+
+    Raises SweepError when the object is no such model, or has no finite response at a frequency.
+    """
+    if hasattr(system, "frdata"):
+        if frequency is not None:
+            raise SweepError("an FRD is given at its own frequencies; leave frequency out, or choose among its rows.")
+        return from_frd(system, p=p, q=q, v=v, **keys)  # pyright: ignore[reportArgumentType]
+    if not callable(getattr(system, "frequency_response", None)):
+        raise SweepError(f"from_system must get a python-control model; found {type(system).__name__}.")
+    if (getattr(system, "noutputs", None), getattr(system, "ninputs", None)) != (2, 2):
+        raise SweepError(
+            f"the model must have two inputs and two outputs; found {getattr(system, 'ninputs', None)} and "
+            f"{getattr(system, 'noutputs', None)}, put v_D, v_Q in and i_D, i_Q out."
+        )
+    grid = np.atleast_1d(np.asarray(MODEL_GRID if frequency is None else frequency, float))
+    with np.errstate(all="ignore"):
+        response = system(_laplace_or_z(system, grid), squeeze=False, warn_infinite=False)
+    given = known_keys({"p": p, "q": q, "v": v, **keys})
+    name = str(getattr(system, "name", "") or "model")
+    return sweep_of_response(grid, np.moveaxis(np.asarray(response), -1, 0), given, where=f"model {name}")
+
+
+def _laplace_or_z(system: Any, frequency: np.ndarray) -> np.ndarray:
+    """j omega of a continuous model, exp(j omega T) of a sampled one, which says nothing above half its rate."""
+    period, omega = getattr(system, "dt", None), 2 * np.pi * frequency
+    if period is True:
+        raise SweepError("a sampled model must know its sampling period; found dt = True, give it in seconds.")
+    if not period:
+        return 1j * omega
+    if frequency.max() * period > 0.5:
+        raise SweepError(
+            f"the model is sampled at {1 / period:g} Hz, so frequencies must be at most half of that; found "
+            f"{frequency.max():g} Hz, give frequency."
+        )
+    return np.exp(1j * omega * period)
 
 
 def from_responses(

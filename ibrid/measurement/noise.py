@@ -48,4 +48,5 @@ def _noisy(
         admittance=runs.mean(axis=0),
         sigma=scale / sqrt(repeats) if record_sigma and scale.min() > 0 else None,
         repeats=runs if repeats > 1 else None,
+        larger=tuple(_noisy(one, noise_db, rng, repeats, record_sigma) for one in point.larger),
     )

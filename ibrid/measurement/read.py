@@ -7,6 +7,7 @@ from ibrid.measurement.csv_file import read_csv
 from ibrid.measurement.files import read_bytes, text_lines
 from ibrid.measurement.matlab import read_mat
 from ibrid.measurement.pscad import read_imtb, read_ztool
+from ibrid.measurement.state_space_file import read_state_space_file
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.touchstone import read_touchstone
 
@@ -18,7 +19,8 @@ def read_sweep(path: str | Path, **keys: object) -> Sweep:
     """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q axis leading.
 
     CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (read_touchstone), Z-tool text (read_ztool), IMTB
-    CSV (read_imtb). For python-control objects: from_frd, from_responses.
+    CSV (read_imtb), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
+    from_responses.
 
     keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, power_node, s_base_va,
         v_base_v, sampling_hz; where the format has no columns for it also op, p, q, v. They win over the file. Formats
@@ -32,6 +34,8 @@ def read_sweep(path: str | Path, **keys: object) -> Sweep:
         return read_mat(path, **keys)
     if suffix in _TOUCHSTONE:
         return read_touchstone(path, **keys)
+    if suffix == ".json":
+        return read_state_space_file(path, **keys)
     if suffix in _BINARY and path.is_file():
         raise SweepError(f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV.")
     first = _first_line(path)

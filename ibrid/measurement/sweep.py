@@ -55,7 +55,8 @@ class PointSweep:
         The mean over the repeats where there are repeats.
     sigma : (K, 2, 2) positive, standard deviation of each real and each imaginary part of `admittance`; None: unknown.
     repeats : (R, K, 2, 2) complex, the single runs; None: one run, or only their mean is known.
-    amplitude : (K,) injected amplitude, in the file's unit; None: not recorded.
+    amplitude : (K,) injected amplitude of the voltage, per unit; None: not recorded.
+    larger : the same point at larger amplitudes, each larger at every frequency than the one before.
 
     Raises SweepError when shapes disagree, a number is not finite, or the admittance is zero throughout.
     """
@@ -66,8 +67,10 @@ class PointSweep:
     sigma: np.ndarray | None = None
     repeats: np.ndarray | None = None
     amplitude: np.ndarray | None = None
+    larger: tuple["PointSweep", ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "larger", tuple(self.larger))
         frequency = _frozen(self.frequency, float)
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
@@ -79,6 +82,11 @@ class PointSweep:
         self._check("admittance", (count, 2, 2))
         self._check("sigma", (count, 2, 2))
         self._check("amplitude", (count,))
+        if any(one.op != self.op or one.amplitude is None or one.larger for one in self.larger):
+            raise SweepError(
+                f"larger amplitudes of operating point {self.op.name} must be at that operating point, each with its "
+                "amplitude; join the sweeps with ibrid.measurement.amplitudes.joined."
+            )
         if self.repeats is not None:
             self._check("repeats", (len(self.repeats) if self.repeats.ndim else 0, count, 2, 2))
         if self.sigma is not None and not (self.sigma > 0).all():

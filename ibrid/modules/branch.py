@@ -1,6 +1,7 @@
 """Branches beside the plant: passive shunts at the PCC, the capacitor of the DC link."""
 
 from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 
 BRANCH = "physical branch"
@@ -35,6 +36,16 @@ def _dc_link(C_dc, u_eq, i_eq):
     return [[0]], [[k * i_eq[0], k * i_eq[1], k * u_eq[0], k * u_eq[1]]], [[1]], [[0, 0, 0, 0]]
 
 
+def _dc_link_law(x, u, i, C_dc, u_eq, i_eq):
+    # the source delivers what the converter takes at rest
+    surplus = (u_eq[0] * i_eq[0] + u_eq[1] * i_eq[1]) - (u[0] * i[0] + u[1] * i[1])
+    return (surplus / (C_dc * x[0]),), (x[0],)
+
+
+def _dc_link_at_rest():
+    return (1.0,)
+
+
 DC_LINK = ModuleKind(
     name="DC_link",
     family=BRANCH,
@@ -49,4 +60,5 @@ DC_LINK = ModuleKind(
     equilibrium={"u": "E0d", "i": "I0d"},
     extended=True,
     reference="power balance of the DC capacitor behind a constant power source",
+    large_signal=LargeSignal(_dc_link_law, _dc_link_at_rest),
 )

@@ -12,6 +12,7 @@ from typing import Any
 
 from ibrid.errors import ModuleError
 from ibrid.modules.declaration import check_declaration
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 
 Rows = Sequence[Sequence[Any]]
@@ -80,6 +81,8 @@ class ModuleKind:
     bilinear : True for a product of its inputs, whose operating point is not that of its linearisation.
     reference : where the law comes from.
     extended : True for kinds beyond the 23 of the paper.
+    large_signal : the law in absolute quantities, for kinds whose matrices depend on the operating point; others are
+        linear. A kind may leave it out: then diagrams with it have no nonlinear export.
 
     Raises ModuleError where the declaration contradicts itself; `ibrid.modules.contract.check_kind` asks more.
     """
@@ -98,6 +101,7 @@ class ModuleKind:
     delay: str | None = None
     bilinear: bool = False
     extended: bool = False
+    large_signal: LargeSignal | None = None
 
     def __post_init__(self) -> None:
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)

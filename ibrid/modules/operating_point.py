@@ -5,6 +5,7 @@ these are the printed matrices of the paper; with the full operating point they 
 """
 
 from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal, cosine, sine, square_root
 from ibrid.signals import Signal
 
 APPENDIX = "paper, appendix A.5"
@@ -14,6 +15,11 @@ def _rot_v(frame, v_DQ_eq):
     c, s = frame
     d_eq, q_eq = c * v_DQ_eq[0] + s * v_DQ_eq[1], c * v_DQ_eq[1] - s * v_DQ_eq[0]
     return [], [], [[], []], [[c, s, q_eq], [-s, c, -d_eq]]
+
+
+def _rot_v_law(x, v_DQ, delta):
+    c, s = cosine(delta), sine(delta)
+    return (), (c * v_DQ[0] + s * v_DQ[1], c * v_DQ[1] - s * v_DQ[0])
 
 
 ROT_V = ModuleKind(
@@ -27,6 +33,7 @@ ROT_V = ModuleKind(
     state_space=_rot_v,
     equilibrium={"v_DQ": "V0"},
     reference=APPENDIX,
+    large_signal=LargeSignal(_rot_v_law, angle="delta"),
 )
 
 
@@ -34,6 +41,11 @@ def _rot_i(frame, i_dq_eq):
     c, s = frame
     i_d, i_q = i_dq_eq
     return [], [], [[], []], [[c, -s, -(i_d * s + i_q * c)], [s, c, i_d * c - i_q * s]]
+
+
+def _rot_i_law(x, i_dq, delta):
+    c, s = cosine(delta), sine(delta)
+    return (), (c * i_dq[0] - s * i_dq[1], s * i_dq[0] + c * i_dq[1])
 
 
 ROT_I = ModuleKind(
@@ -47,11 +59,16 @@ ROT_I = ModuleKind(
     state_space=_rot_i,
     equilibrium={"i_dq": "I0d"},
     reference=APPENDIX,
+    large_signal=LargeSignal(_rot_i_law, angle="delta"),
 )
 
 
 def _pq_calc(e_eq, i_eq):
     return [], [], [[], []], [[i_eq[0], i_eq[1], e_eq[0], e_eq[1]], [-i_eq[1], i_eq[0], e_eq[1], -e_eq[0]]]
+
+
+def _pq_calc_law(x, e, i):
+    return (), (e[0] * i[0] + e[1] * i[1], e[1] * i[0] - e[0] * i[1])
 
 
 PQ_CALC = ModuleKind(
@@ -66,11 +83,17 @@ PQ_CALC = ModuleKind(
     equilibrium={"e": "E0d", "i": "I0d"},
     bilinear=True,
     reference=APPENDIX,
+    large_signal=LargeSignal(_pq_calc_law),
 )
 
 
 def _j_mul_omega(L, omega_0, in__eq):
     return [], [], [[], []], [[0, -L, -L / omega_0 * in__eq[1]], [L, 0, L / omega_0 * in__eq[0]]]
+
+
+def _j_mul_omega_law(x, in_, delta_omega, L, omega_0):
+    reactance = L * (1 + delta_omega / omega_0)
+    return (), (-reactance * in_[1], reactance * in_[0])
 
 
 J_MUL_OMEGA = ModuleKind(
@@ -85,12 +108,17 @@ J_MUL_OMEGA = ModuleKind(
     equilibrium={"in_": "I0d"},
     extended=True,
     reference="paper, equation (6b), linearised",
+    large_signal=LargeSignal(_j_mul_omega_law),
 )
 
 
 def _magnitude(in__eq):
     size = (in__eq[0] * in__eq[0] + in__eq[1] * in__eq[1]) ** 0.5
     return [], [], [[]], [[in__eq[0] / size, in__eq[1] / size]]
+
+
+def _magnitude_law(x, in_):
+    return (), (square_root(in_[0] * in_[0] + in_[1] * in_[1]),)
 
 
 MAGNITUDE = ModuleKind(
@@ -105,4 +133,5 @@ MAGNITUDE = ModuleKind(
     equilibrium={"in_": "E0d"},
     extended=True,
     reference="AC-voltage control; the d component where the frame lies on the vector",
+    large_signal=LargeSignal(_magnitude_law),
 )

@@ -4,7 +4,11 @@ Per unit: x' / omega_0 = ...; the third input is the frequency deviation of the 
 -J x_eq because the term -omega J x of equation (1) is linearised about x_eq.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 
 INDUCTANCE = Range(1e-4, 1.0, 0.1, "pu", "inductance", divides=True)
@@ -38,6 +42,33 @@ def lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq):
     return a, b, [*i_ti, *e, *i_g, e[1], *i_c], [[0] * 5 for _ in range(9)]
 
 
+def series_rate(before: Any, behind: Any, i: Any, R: Any, rate: Any, omega: Any) -> Sequence[Any]:
+    """i' = rate (before - behind - R i) - omega J i, a winding or, with currents for voltages, a capacitor."""
+    return (
+        rate * (before[0] - behind[0] - R * i[0]) + omega * i[1],
+        rate * (before[1] - behind[1] - R * i[1]) - omega * i[0],
+    )
+
+
+def _lcl_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, omega_0):
+    i_ti, e, i_g, omega = x[0:2], x[2:4], x[4:6], omega_0 + delta_omega
+    rates = (
+        *series_rate(u_r, e, i_ti, R_F, omega_0 / L_F, omega),
+        *series_rate(i_ti, i_g, e, 0, omega_0 / C_F, omega),
+        *series_rate(e, v_in, i_g, R_g, omega_0 / L_g, omega),
+    )
+    return rates, lcl_outputs(i_ti, e, i_g)
+
+
+def lcl_outputs(i_ti, e, i_g):
+    """i_ti, e, i_g, e_q, i_C of an LCL filter."""
+    return (*i_ti, *e, *i_g, e[1], i_ti[0] - i_g[0], i_ti[1] - i_g[1])
+
+
+def _lcl_at_rest(i_ti_eq, e_eq, i_g_eq):
+    return (*i_ti_eq, *e_eq, *i_g_eq)
+
+
 LCL = ModuleKind(
     name="LCL",
     family="physical plant",
@@ -62,6 +93,7 @@ LCL = ModuleKind(
     state_space=lcl_matrices,
     equilibrium={"i_ti": "I0d", "e": "E0d", "i_g": "I0d"},
     reference="paper, appendix A.2 and equation (1)",
+    large_signal=LargeSignal(_lcl_law, _lcl_at_rest),
 )
 
 
@@ -72,6 +104,15 @@ def _l_filter(L_F, R_F, omega_0, i_g_eq):
     c = [[1, 0], [0, 1], [0, 0], [0, 0], [0, 0]]
     d = [[0] * 5, [0] * 5, [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0]]
     return a, b, c, d
+
+
+def _l_filter_law(x, u_r, v_in, delta_omega, L_F, R_F, omega_0):
+    return series_rate(u_r, v_in, x, R_F, omega_0 / L_F, omega_0 + delta_omega), (*x, *v_in, v_in[1])
+
+
+def current_at_rest(i_g_eq):
+    """The states of an L filter."""
+    return i_g_eq
 
 
 L_FILTER = ModuleKind(
@@ -85,4 +126,5 @@ L_FILTER = ModuleKind(
     state_space=_l_filter,
     equilibrium={"i_g": "I0d"},
     reference="paper, appendix A.2",
+    large_signal=LargeSignal(_l_filter_law, current_at_rest),
 )

@@ -7,13 +7,28 @@ a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1 + R 
 from dataclasses import replace
 
 from ibrid.modules.kind import Range
-from ibrid.modules.plant import CAPACITANCE, INDUCTANCE, L_FILTER, LCL, RESISTANCE, lcl_matrices
+from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.plant import (
+    CAPACITANCE,
+    INDUCTANCE,
+    L_FILTER,
+    LCL,
+    RESISTANCE,
+    current_at_rest,
+    lcl_matrices,
+    lcl_outputs,
+    series_rate,
+)
 
 DAMPING = Range(1e-5, 10.0, 0.05, "pu", "resistance of the capacitor branch")
 
 
+def _behind_resistor(R_C, i_ti, e, i_g):
+    return e[0] - R_C * (i_ti[0] - i_g[0]), e[1] - R_C * (i_ti[1] - i_g[1])
+
+
 def _lcl_r(L_F, R_F, C_F, L_g, R_g, R_C, omega_0, i_ti_eq, e_eq, i_g_eq):
-    v_c_eq = (e_eq[0] - R_C * (i_ti_eq[0] - i_g_eq[0]), e_eq[1] - R_C * (i_ti_eq[1] - i_g_eq[1]))
+    v_c_eq = _behind_resistor(R_C, i_ti_eq, e_eq, i_g_eq)
     a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, v_c_eq, i_g_eq)
     a, c = [list(row) for row in a], [list(row) for row in c]
     f, g = omega_0 / L_F * R_C, omega_0 / L_g * R_C
@@ -23,6 +38,21 @@ def _lcl_r(L_F, R_F, C_F, L_g, R_g, R_C, omega_0, i_ti_eq, e_eq, i_g_eq):
         c[e][i_ti], c[e][i_g] = R_C, -R_C
     c[6] = c[3]  # e_q
     return a, b, c, d
+
+
+def _lcl_r_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, R_C, omega_0):
+    i_ti, v_c, i_g, omega = x[0:2], x[2:4], x[4:6], omega_0 + delta_omega
+    e = (v_c[0] + R_C * (i_ti[0] - i_g[0]), v_c[1] + R_C * (i_ti[1] - i_g[1]))
+    rates = (
+        *series_rate(u_r, e, i_ti, R_F, omega_0 / L_F, omega),
+        *series_rate(i_ti, i_g, v_c, 0, omega_0 / C_F, omega),
+        *series_rate(e, v_in, i_g, R_g, omega_0 / L_g, omega),
+    )
+    return rates, lcl_outputs(i_ti, e, i_g)
+
+
+def _lcl_r_at_rest(R_C, i_ti_eq, e_eq, i_g_eq):
+    return (*i_ti_eq, *_behind_resistor(R_C, i_ti_eq, e_eq, i_g_eq), *i_g_eq)
 
 
 LCL_R = replace(
@@ -35,12 +65,17 @@ LCL_R = replace(
     state_space=_lcl_r,
     extended=True,
     reference="passive damping of LCL filters; equation (1) of the paper with the resistor",
+    large_signal=LargeSignal(_lcl_r_law, _lcl_r_at_rest),
 )
 
 
-def _lcl_rc(L_F, R_F, C_F, L_g, R_g, R_d, C_d, omega_0, i_ti_eq, e_eq, i_g_eq):
+def _held_voltage(R_d, C_d, e):
     x = R_d * C_d
-    v_eq = ((e_eq[0] + x * e_eq[1]) / (1 + x * x), (e_eq[1] - x * e_eq[0]) / (1 + x * x))
+    return (e[0] + x * e[1]) / (1 + x * x), (e[1] - x * e[0]) / (1 + x * x)
+
+
+def _lcl_rc(L_F, R_F, C_F, L_g, R_g, R_d, C_d, omega_0, i_ti_eq, e_eq, i_g_eq):
+    v_eq = _held_voltage(R_d, C_d, e_eq)
     a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq)
     h, k, w = omega_0 / (C_F * R_d), omega_0 / (C_d * R_d), omega_0
     a = [[*row, 0, 0] for row in a]
@@ -49,6 +84,22 @@ def _lcl_rc(L_F, R_F, C_F, L_g, R_g, R_d, C_d, omega_0, i_ti_eq, e_eq, i_g_eq):
     a += [[0, 0, k, 0, 0, 0, -k, w], [0, 0, 0, k, 0, 0, -w, -k]]
     b = [*b, [0, 0, 0, 0, v_eq[1]], [0, 0, 0, 0, -v_eq[0]]]
     return a, b, [[*row, 0, 0] for row in c], d
+
+
+def _lcl_rc_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, R_d, C_d, omega_0):
+    i_ti, e, i_g, v_d, omega = x[0:2], x[2:4], x[4:6], x[6:8], omega_0 + delta_omega
+    i_d = ((e[0] - v_d[0]) / R_d, (e[1] - v_d[1]) / R_d)
+    rates = (
+        *series_rate(u_r, e, i_ti, R_F, omega_0 / L_F, omega),
+        *series_rate((i_ti[0] - i_d[0], i_ti[1] - i_d[1]), i_g, e, 0, omega_0 / C_F, omega),
+        *series_rate(e, v_in, i_g, R_g, omega_0 / L_g, omega),
+        *series_rate(i_d, (0, 0), v_d, 0, omega_0 / C_d, omega),
+    )
+    return rates, lcl_outputs(i_ti, e, i_g)
+
+
+def _lcl_rc_at_rest(R_d, C_d, i_ti_eq, e_eq, i_g_eq):
+    return (*i_ti_eq, *e_eq, *i_g_eq, *_held_voltage(R_d, C_d, e_eq))
 
 
 LCL_RC = replace(
@@ -62,6 +113,7 @@ LCL_RC = replace(
     state_space=_lcl_rc,
     extended=True,
     reference="passive damping of LCL filters; equation (1) of the paper with the branch",
+    large_signal=LargeSignal(_lcl_rc_law, _lcl_rc_at_rest),
 )
 
 
@@ -76,6 +128,14 @@ def _ll_filter(L_F, R_F, L_g, R_g, omega_0, i_g_eq):
     return a, b, [[1, 0], [0, 1], *e, e[1]], [[0] * 5, [0] * 5, *through, through[1]]
 
 
+def _ll_filter_law(x, u_r, v_in, delta_omega, L_F, R_F, L_g, R_g, omega_0):
+    whole, r, omega = L_F + L_g, R_F + R_g, omega_0 + delta_omega
+    rates = series_rate(u_r, v_in, x, r, omega_0 / whole, omega)
+    # L_g (i_g'/omega_0 + omega/omega_0 J i_g) is the part L_g/(L_F + L_g) of what drives the current
+    e = [v_in[k] + R_g * x[k] + L_g / whole * (u_r[k] - v_in[k] - r * x[k]) for k in (0, 1)]
+    return rates, (*x, *e, e[1])
+
+
 LL_FILTER = replace(
     L_FILTER,
     name="LLFilter",
@@ -86,4 +146,5 @@ LL_FILTER = replace(
     state_space=_ll_filter,
     extended=True,
     reference="equation (1) of the paper without the capacitor",
+    large_signal=LargeSignal(_ll_filter_law, current_at_rest),
 )

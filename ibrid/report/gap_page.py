@@ -11,6 +11,7 @@ from ibrid.report.gap_measured import missing
 from ibrid.report.gap_ports import PORTS, draw_missing, draw_ports
 from ibrid.report.gap_program import diagrams_html, program_html
 from ibrid.report.gap_response import responses_html
+from ibrid.report.gap_suggestions import suggestions_html
 from ibrid.report.gap_tables import (
     candidate_table,
     effect_html,
@@ -69,6 +70,8 @@ def _sections(gap: Gap, views: Sequence[PointView]) -> Iterator[Section]:
     yield "located", "Where the refitted model misses the data", located_table(gap)
     if gap.ports and gap.verdict != "data-convention":  # a place in the device explains no convention
         yield "ports", "Which place explains it", _ports(gap)
+    if gap.suggested:
+        yield "suggested", "What it might be", suggestions_html(gap)
     yield "moved", "What moved", _moved(gap)
     yield "candidates", "What else was tried", candidate_table(gap)
     yield "unseen", "What this experiment could not have seen", unseen_table(gap)

@@ -1,40 +1,33 @@
 """What a repair changed in the program: the lines, and the block diagrams before and after beside each other."""
 
-from difflib import unified_diff
-
 from ibrid.gap.result import Gap
 from ibrid.report.diagrams_beside import Shown, diagrams_beside, readable
 from ibrid.report.gap_tables import folded
 from ibrid.report.markup import escape, paragraph, scroll
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.difference import difference
 
 #: Unchanged lines that are shown on each side of a change.
 AROUND = 2
 
 
-def difference(before: str, after: str) -> tuple[str, ...]:
-    """Lines taken out ("-") and put in ("+"), with lines around (" ") and "..." where lines are left out."""
-    lines = list(unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=AROUND))[2:]
-    return tuple("..." if line.startswith("@@") else line for line in lines)
-
-
 def program_html(gap: Gap) -> str:
     """The changed lines, and the whole repaired program to unfold."""
-    lines = difference(gap.given, gap.program)
+    changed = difference_html(gap.given, gap.program) or paragraph("The program stays as it was given.")
+    whole = scroll("Program text", f"<pre><code>{escape(gap.program)}</code></pre>")
+    return changed + folded("The whole program", whole)
+
+
+def difference_html(before: str, after: str) -> str:
+    """The lines that differ, "" where none do."""
     styles = {"+": "good", "-": "bad"}
     shown = "\n".join(
         f'<span class="{styles[line[0]]}" style="font-weight:400">{escape(line)}</span>'
         if line[:1] in styles
         else escape(line)
-        for line in lines
+        for line in difference(before, after, AROUND)
     )
-    changed = (
-        scroll("Program difference", f"<pre><code>{shown}</code></pre>")
-        if lines
-        else paragraph("The program stays as it was given.")
-    )
-    whole = scroll("Program text", f"<pre><code>{escape(gap.program)}</code></pre>")
-    return changed + folded("The whole program", whole)
+    return scroll("Program difference", f"<pre><code>{shown}</code></pre>") if shown else ""
 
 
 def diagrams_html(gap: Gap) -> str:
@@ -43,7 +36,7 @@ def diagrams_html(gap: Gap) -> str:
     given, after = readable(gap.given), readable(gap.program)
     if given is None or after is None:
         return paragraph("The program cannot be read, so there is no diagram to draw.")
-    if not difference(gap.given, gap.program):
+    if gap.given == gap.program:
         shown: list[Shown] = [("The given model", given, ())]
     else:
         shown = [

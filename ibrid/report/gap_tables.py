@@ -20,6 +20,8 @@ from ibrid.report.numbers import hertz, number, percent
 
 #: Rows of a table at most.
 ROWS = 20
+#: Cells for a model that is stable, is not, or was not asked.
+STABLE = {True: '<td class="good">yes</td>', False: '<td class="bad">NO</td>', None: "<td>not asked</td>"}
 
 
 def effect_html(gap: Gap, effect: NamedEffect) -> str:
@@ -158,7 +160,7 @@ def _candidate_row(one: Candidate, best: float) -> str:
         value_cell(one.gain),
         value_cell(one.bic - best),
         _yes(one.adequate),
-        '<td class="good">yes</td>' if one.stable else '<td class="bad">NO</td>',
+        STABLE[one.stable],
         cell(one.reason, wraps=True),
     ]
     return f'<tr><th scope="row"><code>{escape(one.id)}</code></th>{"".join(cells)}</tr>'

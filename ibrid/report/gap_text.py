@@ -28,7 +28,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
         _wrapped(f"{gap.verdict}: {gap.sentence}", "", "", 5),
         effects,
         _errors(gap),
-        [*_located(gap), *_ports(gap), *_moved(gap), *_unseen(gap), *_entry("noise", gap.noise)],
+        [*_located(gap), *_ports(gap), *_suggested(gap), *_moved(gap), *_unseen(gap), *_entry("noise", gap.noise)],
     ]
     if folder is not None:
         parts.append(list(_entry("files", f"{Path(folder)}: {', '.join(FILES)}", 2)))
@@ -76,6 +76,17 @@ def _ports(gap: Gap) -> Iterator[str]:
         yield from _entry("place", f"one unknown transfer explains all at {'; '.join(found[:PORTS])}{left}", 2)
     elif gap.ports and gap.verdict != "data-convention":
         yield from _entry("place", "no single place explains it all")
+
+
+def _suggested(gap: Gap) -> Iterator[str]:
+    if gap.suggested and gap.suggested[0].reason:
+        yield from _entry("suggested", f"none of {len(gap.suggested)} edits outside the catalogue passes all tests")
+    elif gap.suggested:
+        one, passed = gap.suggested[0], sum(not other.reason for other in gap.suggested)
+        more = f" and {passed - 1} more" if passed > 1 else ""
+        yield from _entry(
+            "suggested", f"{one.words} (by {one.source}){more} would explain it; a lead, not a finding", 2
+        )
 
 
 def _moved(gap: Gap) -> Iterator[str]:

@@ -91,7 +91,8 @@ _EVIDENCE = {
     "runner_up_bic": ("how much worse it is (BIC)", number),
     "noise_scale": ("factor on the assumed noise", number),
 }
-_HELD_OUT = {"frequencies": "every fourth frequency, not fitted", "points": "each operating point, not fitted"}
+#: Data that a refit did not see.
+HELD_OUT = {"frequencies": "every fourth frequency, not fitted", "points": "each operating point, not fitted"}
 
 
 def evidence_words(evidence: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -108,7 +109,7 @@ def evidence_words(evidence: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _held_out_words(value: Mapping[str, Mapping[str, float | None]]) -> Iterator[tuple[str, str]]:
     before, after = value.get("before", {}), value.get("after", {})
-    for key, words in _HELD_OUT.items():
+    for key, words in HELD_OUT.items():
         if before.get(key) is not None or after.get(key) is not None:
             yield f"misfit over noise at {words}", f"{number(before.get(key), 3)} → {number(after.get(key), 3)}"
 

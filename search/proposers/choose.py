@@ -75,12 +75,12 @@ def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> Weighted
     for word in text.split(","):
         name, _, number = word.strip().partition(":")
         if name not in makers:
-            raise IbridError(f"--proposer knows {', '.join(makers)}, found {name[:40]!r}; {near(name, makers)}")
+            raise IbridError(f"there is no proposer {name[:40]!r}; known are {', '.join(makers)}; {near(name, makers)}")
         try:
             weight = float(number) if number else 1.0
         except ValueError:
             weight = 0.0
         if not _is_weight(weight):
-            raise IbridError(f"--proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
+            raise IbridError(f"the proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
         found.append((makers[name](), weight))
     return tuple(found)

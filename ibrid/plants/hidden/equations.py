@@ -11,9 +11,12 @@ import casadi as ca
 import numpy as np
 
 from ibrid.plants.hidden.controller import Measured, current_reference, phase_locked_loop, voltage_command
+from ibrid.plants.hidden.nonlinear import dead_zone, limited
 from ibrid.plants.hidden.parameters import Device, Structure
 from ibrid.plants.hidden.plant import beside_the_inverter, l_filter, lcl_filter
 from ibrid.plants.hidden.states import J, R, States, Symbols
+
+_THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +26,7 @@ class Equations:
     states : names of x. cut : m, 2 for the command or 4 with a comb. numbers : names of n, omega_0 (rad/s) the last.
     at_rest : -> what is zero at rest beside the asked power, (n + m,), then p, q at the capacitor and at the PCC, (2,)
     each; and the Jacobians of the three by (x, s, r). linearised : -> the nine matrices of (x', s_out, i_DQ) by (x, s, v).
+    moving : -> x', s_out and i_DQ themselves.
     """
 
     states: tuple[str, ...]
@@ -30,12 +34,16 @@ class Equations:
     numbers: tuple[str, ...]
     at_rest: ca.Function
     linearised: ca.Function
+    moving: ca.Function
 
 
 @cache
-def equations(structure: Structure) -> Equations:
-    """The equations of all devices of one structure; built once."""
-    m, numbers, symbols = _symbols(structure)
+def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
+    """The equations of all devices of one structure; built once.
+
+    nonlinear : with a dead zone before the PLL and a limit of the current reference, whose numbers then follow in n.
+    """
+    m, numbers, symbols = _symbols((*structure, *_THRESHOLDS) if nonlinear else structure)
     states = States()
     cut = 4 if m.comb_gain is not None else 2
     s, v_DQ, r = ca.SX.sym("s", cut), ca.SX.sym("v_DQ", 2), ca.SX.sym("r", 2)
@@ -45,10 +53,13 @@ def equations(structure: Structure) -> Equations:
     delta = states.add("delta") if locked else ca.SX(0)
     rotation = R(delta)
     plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, rotation @ v_DQ, u)
-    delta_omega = phase_locked_loop(m, states, plant.e[1], delta) if locked else ca.SX(0)
+    e_q = dead_zone(plant.e[1], m.deadband) if nonlinear else plant.e[1]
+    delta_omega = phase_locked_loop(m, states, e_q, delta) if locked else ca.SX(0)
     plant.turn(m.omega_0 + delta_omega)
     seen = Measured(plant.e, plant.i_ti, plant.i_g, delta_omega)
     i_ref = current_reference(m, states, seen, u, r)
+    if nonlinear:
+        i_ref = limited(i_ref, m.limit)
     command, heard = voltage_command(m, states, seen, i_ref, s[2:])
     i_own = rotation.T @ plant.i_g
     i_DQ = i_own - beside_the_inverter(m, states, v_DQ)
@@ -68,6 +79,7 @@ def equations(structure: Structure) -> Equations:
         numbers=numbers,
         at_rest=ca.Function("at_rest", arguments, resting + [ca.jacobian(one, unknown) for one in resting]),
         linearised=ca.Function("linearised", arguments, matrices),
+        moving=ca.Function("moving", arguments, list(outputs)),
     )
 
 

@@ -1,0 +1,45 @@
+"""Where a question leaves what was measured: operating points and frequencies, in sentences."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import OperatingPoint
+
+#: Part by which a frequency may pass the last measured one.
+ROUNDING = 1e-6
+
+
+def beyond_points(record: Record, op: OperatingPoint) -> Iterator[str]:
+    """A sentence when p, q or v of `op` lies outside the range of the fitted operating points."""
+    points = record.settings["operating_points"]
+    seen = [points[name] for name in record.settings.get("fitted_points", points)]
+    beyond = []
+    for key in "pqv":
+        low, high = min(float(one[key]) for one in seen), max(float(one[key]) for one in seen)
+        value = getattr(op, key)
+        if not low - 1e-9 <= value <= high + 1e-9:
+            measured = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            beyond.append(f"{key} = {value:g} (measured {measured})")
+    if beyond:
+        yield (
+            f"{op.name} lies outside the measured range in {' and '.join(beyond)}: the answer assumes that the diagram holds "
+            "there too"
+        )
+
+
+def beyond_frequencies(record: Record, frequency: np.ndarray) -> Iterator[str]:
+    """A sentence when frequencies (K,), Hz, ascending, pass the measured range."""
+    low, high = measured_frequencies(record)
+    if frequency[0] < low * (1 - ROUNDING) or frequency[-1] > high * (1 + ROUNDING):
+        yield (
+            f"frequencies from {frequency[0]:g} to {frequency[-1]:g} Hz were asked, {low:g} to {high:g} Hz measured: what "
+            "acts only beyond cannot be known"
+        )
+
+
+def measured_frequencies(record: Record) -> tuple[float, float]:
+    """Lowest and highest measured frequency, Hz."""
+    low, high = record.settings["frequency_hz"]
+    return float(low), float(high)

@@ -1,0 +1,106 @@
+"""Modes of a state matrix: frequency, damping, which states take part, and how sure all that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eig
+
+from ibrid.analysis.participation import participation
+
+#: A real part (rad/s) below this counts as stable; above zero only to forgive rounding.
+STABLE_BELOW = 1e-6
+#: Damping ratio from which on a pole pair does not oscillate visibly.
+OVERDAMPED = 0.99
+#: Two-sided 95 % of a normal distribution.
+QUANTILE = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A real pole, or a pair by its upper one.
+
+    `pole` : rad/s. `states` : (name, share) of the states that take part most.
+    `real_deviation`, `imag_deviation` : one standard deviation of both parts, rad/s; `damping_deviation` : of the damping
+    ratio; None where the parameters have no covariance.
+    """
+
+    pole: complex
+    states: tuple[tuple[str, float], ...]
+    real_deviation: float | None = None
+    imag_deviation: float | None = None
+    damping_deviation: float | None = None
+
+    @property
+    def frequency(self) -> float:
+        """|Im p| / 2 pi, the frequency of oscillation in Hz; 0 for a real pole."""
+        return abs(self.pole.imag) / (2 * np.pi)
+
+    @property
+    def damping(self) -> float:
+        """-Re p / |p|; 1 for a stable real pole, negative when unstable."""
+        return -self.pole.real / abs(self.pole) if self.pole != 0 else 0.0
+
+    @property
+    def stable(self) -> bool:
+        """Its real part is not positive."""
+        return self.pole.real < STABLE_BELOW
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "pole": [self.pole.real, self.pole.imag],
+            "frequency_hz": self.frequency,
+            "damping": self.damping,
+            "deviation": None
+            if self.real_deviation is None
+            else {"real": self.real_deviation, "imag": self.imag_deviation, "damping": self.damping_deviation},
+            "states": dict(self.states),
+        }
+
+
+def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | None = None) -> tuple[Mode, ...]:
+    """Modes of A (n, n), the rightmost first.
+
+    slopes : derivatives of A along independent standard normal directions; by the delta method
+        d(lambda) = w' dA v / w' v the deviations follow. None: no deviations.
+    """
+    found = participation(A, states)
+    upper = [k for k in np.argsort(-found.poles.real, kind="stable") if found.poles[k].imag >= 0]
+    moved = None if slopes is None else pole_slopes(A, slopes)
+    return tuple(
+        Mode(complex(found.poles[k]), found.largest(k), *(_deviations(found.poles[k], moved[:, k]) if moved is not None else ()))
+        for k in upper
+    )  # fmt: skip
+
+
+def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:
+    """(R, n) derivatives of the poles of A along R directions, in the order of `participation`."""
+    if not len(A):
+        return np.zeros((len(slopes), 0), dtype=complex)
+    _, left, right = eig(A, left=True, right=True)
+    sums = np.einsum("ki,ki->i", left.conj(), right)
+    return np.array([np.einsum("ki,kl,li->i", left.conj(), one, right) / sums for one in slopes]).reshape(-1, len(A))
+
+
+def least_damped(found: Sequence[Mode], highest: float = np.inf) -> list[Mode]:
+    """Modes that oscillate visibly, up to `highest` (Hz), the least damped first."""
+    inside = [one for one in found if one.damping < OVERDAMPED and 0 < one.pole.imag and abs(one.pole) <= 2 * np.pi * highest]
+    return sorted(inside, key=lambda one: one.damping)
+
+
+def rightmost(A: np.ndarray) -> complex:
+    """The pole with the largest real part, of a pair the upper one; -inf without states."""
+    poles = np.linalg.eigvals(A)
+    if not len(poles):
+        return complex(-np.inf, 0.0)
+    one = poles[np.argmax(poles.real)]
+    return complex(one.real, abs(one.imag))
+
+
+def _deviations(pole: complex, moved: np.ndarray) -> tuple[float, float, float]:
+    size = abs(pole) or 1.0
+    damping = -(moved.real * pole.imag**2 - moved.imag * pole.real * pole.imag) / size**3  # d(-Re p / |p|)
+    parts = [float(np.sqrt((part**2).sum())) for part in (moved.real, moved.imag, damping)]
+    return parts[0], parts[1], parts[2]

@@ -1,0 +1,193 @@
+"""What a model says about an operating point that nobody measured: admittance, matrices and poles, with bands."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
+from ibrid.analysis.measured_range import beyond_frequencies, beyond_points
+from ibrid.analysis.modes import QUANTILE, Mode, modes
+from ibrid.analysis.parametric import ParametricModel
+from ibrid.analysis.uncertainty import Uncertainty, uncertainty
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+
+#: Part of |Y| by which an invisible direction must move a prediction to be named.
+MATTERS = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A model at one operating point.
+
+    `frequency` (K,) Hz; `admittance` (K, 2, 2) complex, per unit, current out, q leading, delays exact, in the frame of the
+    measurement. `deviation` (2, K, 2, 2) : one standard deviation of the real and of the imaginary parts, None without a
+    covariance. `model` : (A, B, C, D) in the frame of the PCC voltage. `modes` : the rightmost first, with deviations.
+    `warnings` : where the answer is less sure than the bands say, in sentences.
+    """
+
+    op: OperatingPoint
+    frequency: np.ndarray
+    admittance: np.ndarray
+    deviation: np.ndarray | None
+    model: LinearModel
+    modes: tuple[Mode, ...]
+    frame_angle: float
+    warnings: tuple[str, ...]
+
+    A = property(lambda self: self.model.A, doc="(n, n)")
+    B = property(lambda self: self.model.B, doc="(n, 2)")
+    C = property(lambda self: self.model.C, doc="(2, n)")
+    D = property(lambda self: self.model.D, doc="(2, 2)")
+
+    @property
+    def poles(self) -> np.ndarray:
+        """(n,) rad/s."""
+        return np.linalg.eigvals(self.model.A)
+
+    @property
+    def stable(self) -> bool:
+        """On an ideal grid."""
+        return all(one.stable for one in self.modes)
+
+    @property
+    def band(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Lower and upper ends (K, 2, 2) complex of the 95 % band of each real and each imaginary part."""
+        if self.deviation is None:
+            return None
+        half = QUANTILE * (self.deviation[0] + 1j * self.deviation[1])
+        return self.admittance - half, self.admittance + half
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """(K, 2, 2) root mean square of the deviations of both parts, as the columns sigma_dd .. of a sweep mean it.
+
+        Not below 1e-9 of |Y|, which is believed of no model.
+        """
+        if self.deviation is None:
+            return None
+        floor = MODEL_FLOOR * np.linalg.norm(self.admittance, axis=(1, 2))[:, None, None]
+        return np.hypot(np.sqrt((self.deviation**2).mean(axis=0)), floor)
+
+    @property
+    def relative_band(self) -> np.ndarray | None:
+        """(K,) half width of the 95 % band of the whole matrix over |Y|."""
+        if self.deviation is None:
+            return None
+        return QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / np.linalg.norm(
+            self.admittance, axis=(1, 2)
+        )
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        band = self.relative_band
+        return {
+            "op": self.op.name,
+            "p": self.op.p,
+            "q": self.op.q,
+            "v": self.op.v,
+            "stable": self.stable,
+            "largest_band": None if band is None else float(band.max()),
+            "modes": [one.plain() for one in self.modes],
+            "frame_angle": self.frame_angle,
+            "warnings": list(self.warnings),
+            "states": list(self.model.states),
+            **{part: getattr(self.model, part).tolist() for part in "ABCD"},
+        }
+
+
+def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:
+    """Admittance, matrices and poles of a record at an operating point, with bands from its covariance.
+
+    Parameters
+    ----------
+    record : with shared parameters and the exact equilibrium.
+    op : a point of the record, or "p=0.5,q=0[,v=1]" or an OperatingPoint anywhere, p and q at the record's power node.
+    frequency : (K,) Hz, positive, ascending.
+
+    Bands: the delta method, dY/dx by the model's exact derivatives, on `uncertainty`: the covariance of the fit, and the
+    boxes along what the data cannot see. They hold for the structure of the diagram; a wrong structure is not in them.
+
+    Raises IbridError for a record that cannot predict, OperatingPointError for a point that does not exist.
+    """
+    _require_able(record)
+    text = op if isinstance(op, str) else f"p={op.p!r},q={op.q!r},v={op.v!r}"
+    with whole_record():
+        whole, name = with_point(record, text)
+        model = linear_model(whole, name)
+        point = OperatingPoint(name, model.p, model.q, model.v)
+        parametric = ParametricModel(whole, point)
+        frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
+        sure = uncertainty(whole, parametric)
+        angle = float(record.settings.get("frame_angle", 0.0))
+        warnings = [*beyond_points(record, point), *beyond_frequencies(record, frequency)]
+        deviation, slopes = None, None
+        if sure is not None:
+            moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)
+            deviation = np.sqrt(np.stack([(moved.real**2).sum(axis=0), (moved.imag**2).sum(axis=0)]))
+            slopes = parametric.matrix_slopes(sure.directions, lambda matrices: matrices[0])
+            warnings += _from_the_boxes(sure, moved, parametric.admittance(frequency))
+        else:
+            warnings.append("the record holds no covariance, so that no band can be given")
+        found = modes(model.A, model.states, slopes)
+        admittance = _turned(parametric.admittance(frequency), angle)
+    if not all(one.stable for one in found):
+        warnings.insert(0, _unstable(point, found))
+    return Prediction(point, frequency, admittance, deviation, model, found, angle, tuple(warnings))
+
+
+def predicted_sweep(record: Record, predictions: Sequence[Prediction]) -> Sweep:
+    """The predictions as a sweep, sigma being one standard deviation of each; SweepError when a point is there twice."""
+    return Sweep(
+        points=tuple(PointSweep(one.op, one.frequency, one.admittance, sigma=one.sigma) for one in predictions),
+        f0_hz=float(record.settings["f0_hz"]),
+        power_node=record.settings["power_node"],
+        source="prediction",
+    )
+
+
+def _require_able(record: Record) -> None:
+    if record.outcome != "ok":
+        return  # linear_model says why
+    found = record.settings.get("parameters"), record.settings.get("equilibrium")
+    if found != ("shared", "exact"):
+        raise IbridError(
+            "only a record with shared parameters and the exact equilibrium predicts, found "
+            f"{found[0]} parameters and the {found[1]} equilibrium; fit again with "
+            "--parameters shared --equilibrium exact"
+        )
+
+
+def _turned(admittance: np.ndarray, angle: float) -> np.ndarray:
+    """R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]: in a measuring frame that leads by a (rad)."""
+    if angle == 0.0:
+        return admittance
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    return turn @ admittance @ turn.T
+
+
+def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> list[str]:
+    """Where a prediction depends on what the data cannot see."""
+    size = np.linalg.norm(admittance, axis=(1, 2))
+    reach = np.array([(np.linalg.norm(one, axis=(1, 2)) / size).max() for one in moved[sure.root.shape[1] :]])
+    names = sure.open_parameters(reach > MATTERS)
+    if not names:
+        return []
+    return [
+        f"the data do not see {', '.join(names)} well enough, and the prediction depends on "
+        f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the parameters"
+    ]
+
+
+def _unstable(op: OperatingPoint, found: Sequence[Mode]) -> str:
+    worst = found[0].pole
+    return (
+        f"the model is unstable at {op.name} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
+        f"{abs(worst.imag) / (2 * np.pi):.3g} Hz): this admittance is a formal transfer function that no measurement on a stiff "
+        "grid would show; ibrid stability tells which grids make it stable"
+    )

@@ -1,0 +1,47 @@
+"""The source behind the grid that keeps the operating point at the PCC: v_Th = v - Z i."""
+
+import numpy as np
+
+from ibrid.analysis.grid import J, SeriesRL
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.operating_point import BRANCHES, plant_equilibrium
+from ibrid.evaluation.record import Record
+from ibrid.modules.branch import BRANCH
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.parameters import kind_parameters, parameter_table
+from ibrid.structure.wiring import split_port, wire
+
+
+def terminal_current(record: Record, op: str) -> np.ndarray | None:
+    """(2,) [i_D, i_Q] that leaves the PCC at an operating point of the record, shunt branches included; per unit.
+
+    None for a plant whose equilibrium is not known in closed form.
+    """
+    settings, values = record.settings, record.parameters[op]
+    wiring = wire(record.diagram, record.vocabulary)
+    plant, point = wiring.kinds[wiring.plant], settings["operating_points"][op]
+    if plant.name not in BRANCHES:
+        return None
+    at = (float(point["p"]), float(point["q"]), float(point["v"]))
+    table = parameter_table(wiring, settings["equilibrium"])
+    bound = {name: table.of(wiring.plant, name) for name in kind_parameters(plant, settings["equilibrium"])}
+    numbers = {name: values[one] if isinstance(one, str) else one for name, one in bound.items()}
+    current = np.array(plant_equilibrium(plant.name, numbers, *at, settings["power_node"])["i_g"], dtype=float)
+    shunts = [
+        split_port(source)[0]
+        for source in wiring.sources[TERMINAL_CURRENT]
+        if source != TERMINAL_VOLTAGE and wiring.kinds[split_port(source)[0]].family == BRANCH
+    ]
+    if shunts:
+        physics = {key: settings[key] for key in ("equilibrium", "power_node")}
+        omega_0 = 2 * np.pi * float(settings["f0_hz"])
+        matrices = module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics) if shunts else {}
+        for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
+            a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
+            current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]
+    return current if np.isfinite(current).all() else None
+
+
+def thevenin_voltage(v: float, current: np.ndarray, grid: SeriesRL) -> float:
+    """|v_Th|, per unit, of v_Th = [v, 0] - (r + x J) i."""
+    return float(np.linalg.norm(np.array([v, 0.0]) - (grid.r * np.eye(2) + grid.x * J) @ current))

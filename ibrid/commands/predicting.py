@@ -1,0 +1,126 @@
+"""`ibrid predict RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
+
+import shlex
+from argparse import Namespace
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
+from ibrid.errors import IbridError
+from ibrid.writing import require_place, write_whole
+
+if TYPE_CHECKING:
+    from ibrid.analysis.grid import MeasuredGrid, SeriesRL
+    from ibrid.analysis.stability import Stability
+    from ibrid.evaluation.record import Record
+
+OP_HELP = "a point of the record, or p=..,q=..[,v=..] anywhere, repeatable"
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    predict = commands.add_parser("predict", help="the admittance at an operating point that nobody measured, with bands")
+    predict.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
+    predict.add_argument("--op", metavar="OP", action="append", required=True, help=OP_HELP)
+    predict.add_argument("--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)")
+    predict.add_argument("--out", required=True, metavar="DATA", help="the sweep file to write, sigma being one deviation")
+    add_json_option(predict)
+    predict.set_defaults(run=run_predict)
+    stability = commands.add_parser("stability", help="poles, Nyquist, passivity and critical SCR of the model in a grid")
+    stability.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
+    stability.add_argument("--scr", metavar="A:B[:N]", help="short-circuit ratios from weak to strong, or one; per unit 1/|Z|")
+    stability.add_argument("--xr", type=inputs.positive, metavar="X/R", help="of these grids (10)")
+    stability.add_argument("--grid", metavar="r=..,x=..|FILE", help="one grid instead: per unit, or its measured impedance")
+    stability.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)")
+    stability.add_argument("--freq", metavar="A:B:N", help="frequencies of the passivity index (default: the measured range)")
+    stability.add_argument("--report", metavar="OUT.html", help="write a page with figures")
+    add_json_option(stability)
+    stability.set_defaults(run=run_stability)
+
+
+def run_predict(arguments: Namespace) -> int:
+    """Write the sweep and print what is predicted."""
+    _require_places(arguments, {"--out": arguments.out})
+
+    from ibrid.analysis.prediction import predict, predicted_sweep
+    from ibrid.evaluation.record import read_record
+    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.plants.sweeping import frequency_grid
+    from ibrid.report.prediction_text import format_predictions
+
+    frequency = frequency_grid(arguments.freq)
+    record = read_record(Path(arguments.record))
+    found = [predict(record, op, frequency) for op in arguments.op]
+    sweep = predicted_sweep(record, found)
+    made = f"predicted, not measured: {_command(arguments)}"
+    bands = "sigma: one standard deviation of the prediction, from the covariance of the parameters"
+    write_sweep(sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,))
+    content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in found]}
+    if not give_json(content, arguments.json):
+        print(format_predictions(found))
+        print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(sweep.names)}")
+    return 0
+
+
+def run_stability(arguments: Namespace) -> int:
+    """Answer, write the files, print the tables; 0 whatever the answer."""
+    _require_places(arguments, {"--report": arguments.report})
+    if (arguments.scr is None) == (arguments.grid is None):
+        raise IbridError("stability needs --scr 1.5:10 or --grid r=..,x=.. or --grid FILE; give one of them")
+    if arguments.grid is not None and arguments.xr is not None:
+        raise IbridError("--xr belongs to --scr; a --grid brings its own r and x")
+
+    from ibrid.analysis.grid import ratios
+    from ibrid.analysis.stability import stability
+    from ibrid.evaluation.record import read_record
+    from ibrid.plants.sweeping import frequency_grid
+    from ibrid.report.stability_text import format_stability
+
+    scr = () if arguments.scr is None else ratios(arguments.scr)
+    frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
+    record = read_record(Path(arguments.record))
+    grid = None if arguments.grid is None else _grid(arguments.grid, record)
+    found = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
+    printed = give_json(found.plain(), arguments.json)
+    _write_page(found, arguments)
+    if not printed:
+        print(format_stability(found).rstrip("\n"))
+    return 0
+
+
+def _write_page(found: "Stability", arguments: Namespace) -> None:
+    if arguments.report is not None:
+        from ibrid.report.stability_page import stability_page
+
+        write_whole(arguments.report, stability_page(found, Path(arguments.record).name))
+
+
+def _grid(text: str, record: "Record") -> "SeriesRL | MeasuredGrid":
+    """Values when written so, else the impedance in a file."""
+    from ibrid.analysis.grid import RL_FORM, measured_grid, series_rl
+    from ibrid.analysis.linear_model import whole_record
+
+    with whole_record():
+        f0_hz = float(record.settings["f0_hz"])
+    if "=" in text and not Path(text).exists():
+        return series_rl(text, 2 * pi * f0_hz)
+    if not Path(text).exists():
+        raise IbridError(f"--grid {text[:200]!r}: there is no such file; {RL_FORM}")
+    return measured_grid(inputs.data(text), f0_hz)
+
+
+def _require_places(arguments: Namespace, outputs: dict[str, str | None]) -> None:
+    require_json_place(arguments.json)
+    for place in outputs.values():
+        if place is not None:
+            require_place(place)
+    grid = getattr(arguments, "grid", None)
+    require_distinct({**outputs, "--json": arguments.json}, {"RECORD": arguments.record, "--grid": grid})
+
+
+def _command(arguments: Namespace) -> str:
+    """The command line that makes the same numbers again."""
+    words = ["ibrid", "predict", arguments.record, *(word for op in arguments.op for word in ("--op", op))]
+    return shlex.join([*words, "--freq", arguments.freq])

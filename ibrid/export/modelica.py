@@ -1,0 +1,84 @@
+"""Modelica: a block with named connectors and named states, one file that needs the standard library's connectors."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ibrid.analysis.linear_model import UNITS, LinearModel
+
+INPUT, OUTPUT = "Modelica.Blocks.Interfaces.RealInput", "Modelica.Blocks.Interfaces.RealOutput"
+
+_KEYWORDS = frozenset(
+    """
+    algorithm and annotation block break class connect connector constant constrainedby der discrete each else elseif
+    elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if import
+    impure in initial inner input loop model not operator or outer output package parameter partial protected public
+    pure record redeclare replaceable return stream then true type when while within time
+    Real Integer Boolean String StateSelect
+    """.split()  # noqa: SIM905
+)
+
+
+def modelica(model: LinearModel) -> bytes:
+    """The file's content: `block LinearInverter` with v_D, v_Q in, i_D, i_Q out, deviations from the operating point.
+
+    State "pll.angle" is called pll_angle, starts at zero and has its own equation.
+    """
+    states = identifiers(model.states)
+    columns = (*states, *model.inputs)
+    derivatives = [(f"der({state})", row) for state, row in zip(states, np.hstack([model.A, model.B]), strict=True)]
+    currents = [(name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)]
+    lines = [
+        f"block LinearInverter {quoted(f'{model.name} at {model.op}, written by ibrid')}",
+        *(f"  {INPUT} {name} {quoted('terminal voltage, deviation, per unit')};" for name in model.inputs),
+        *(
+            f"  {OUTPUT} {name} {quoted('terminal current out of the inverter, deviation, per unit')};"
+            for name in model.outputs
+        ),
+        *(
+            f"  Real {state}(start = 0, fixed = true) {quoted(f'{name}, deviation')};"
+            for state, name in zip(states, model.states, strict=True)
+        ),
+        "equation",
+        *(f"  {left} = {weighted(row, columns)};" for left, row in (*derivatives, *currents)),
+        f"  annotation(Documentation(info = {quoted(documentation(model))}));",
+        "end LinearInverter;",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def identifiers(names: Iterable[str]) -> tuple[str, ...]:
+    """A Modelica identifier for each name: dots become underscores; keywords and doubles get one more."""
+    found: list[str] = []
+    for name in names:
+        word = re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
+        while word in found or word in _KEYWORDS:
+            word += "_"
+        found.append(word)
+    return tuple(found)
+
+
+def quoted(text: str) -> str:
+    """A Modelica string."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def documentation(model: LinearModel) -> str:
+    """What the numbers mean, as HTML without angle brackets in names."""
+    parameters = ", ".join(f"{name} = {value!r}" for name, value in model.parameters.items())
+    delays = ", ".join(f"{name} of order {order}" for name, order in model.pade_orders.items())
+    sentences = [
+        f"{UNITS}.",
+        f"Operating point: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = {model.v!r}, per unit; "
+        f"nominal frequency {model.f0_hz!r} Hz.",
+        *([f"Pade forms of delays: {delays}."] if delays else []),
+        *([f"Fitted parameters: {parameters}."] if parameters else []),
+    ]
+    return "<html>" + "".join(f"<p>{sentence}</p>" for sentence in sentences) + "</html>"
+
+
+def weighted(gains: Sequence[float] | np.ndarray, names: Sequence[str]) -> str:
+    """Sum of number times name, zeros left out; "0" of nothing."""
+    terms = [f"{float(gain)!r}*{name}" for gain, name in zip(gains, names, strict=True) if gain != 0]
+    return " + ".join(terms).replace("+ -", "- ") if terms else "0"

@@ -1,0 +1,232 @@
+"""Where every signal of a diagram rests in absolute quantities, and the constants that keep it there.
+
+References (p* = 1) are constants that a linear model has lost. An input of a module must rest where its law wants it: the
+operating point where the law names one, zero in front of an integrator. What the sources there do not add up to is its
+reference. Signals behind integrators count from their value at rest, so that references hold whatever the gains are.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from inspect import signature
+from math import atan2
+from typing import Any
+
+import numpy as np
+
+from ibrid.assembly.equilibrium import Frame, Pair, equilibria, to_frame
+from ibrid.assembly.interconnection import state_names
+from ibrid.assembly.operating_point import plant_equilibrium
+from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.errors import IbridError
+from ibrid.modules.delay import pade_state_space
+from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
+from ibrid.modules.large_signal import Motion, motion, require_large_signal
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.parameters import ParameterTable
+from ibrid.structure.wiring import PLANT, Wiring
+
+#: A reference below this, per unit or rad, is the rounding of a sum that is zero.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Module:
+    """One module of a diagram, ready to move.
+
+    `arguments` : parameters and what the law takes from the operating point, in numbers. `pade_order` : of a delay.
+    """
+
+    name: str
+    kind: ModuleKind
+    arguments: Mapping[str, Any]
+    pade_order: int | None = None
+
+    @property
+    def states(self) -> list[str]:
+        """Names of its states."""
+        return state_names(self.kind, 2 * (self.pade_order or 0))
+
+    def matrices(self, arguments: Mapping[str, Any]) -> Matrices | None:
+        """The Pade form of a delay; None: the kind's own."""
+        if self.pade_order is None or self.kind.delay is None:
+            return None
+        return pade_state_space(arguments[self.kind.delay], self.pade_order)
+
+    def motion(self, x: Any, inputs: Mapping[str, Any], arguments: Mapping[str, Any] | None = None) -> Motion:
+        """(dx/dt, outputs) at absolute states and inputs, with other arguments where given."""
+        arguments = self.arguments if arguments is None else arguments
+        return motion(self.kind, x, inputs, arguments, self.matrices(arguments))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The operating point of a whole diagram, absolute, per unit and rad.
+
+    `states` : instance -> values. `outputs` : channel -> value, the terminal voltage among them. `references` : input
+    channel -> constant that adds to its sources.
+    """
+
+    modules: tuple[Module, ...]
+    states: Mapping[str, tuple[float, ...]]
+    outputs: Mapping[Channel, float]
+    references: Mapping[Channel, float]
+
+
+def rest(
+    wiring: Wiring,
+    table: ParameterTable,
+    values: Mapping[str, float],
+    point: tuple[float, float, float],
+    *,
+    power_node: str,
+    omega_0: float,
+    pade_orders: Mapping[str, int],
+) -> Rest:
+    """The operating point (p, q, v) of a wired diagram at parameter values.
+
+    Raises ModuleError for a kind without a large-signal law, DiagramError where the operating point of a module does not
+    follow from the plant, IbridError where there is none.
+    """
+    for kind in wiring.kinds.values():
+        require_large_signal(kind)
+    numbers = {
+        name: {one: _value(table.of(name, one), values) for one in kind.parameters}
+        for name, kind in wiring.kinds.items()
+    }
+    frame, ports = equilibria(wiring, numbers, point, power_node, omega_0)
+    modules = tuple(
+        Module(
+            name,
+            kind,
+            _arguments(kind, numbers[name], omega_0, ports[name]),
+            pade_orders[name] if kind.delay is not None else None,
+        )
+        for name, kind in wiring.kinds.items()
+    )
+    settled = _Settled(
+        wiring,
+        frame,
+        ports,
+        plant_equilibrium(wiring.kinds[wiring.plant].name, numbers[wiring.plant], *point, power_node),
+        point[2],
+    )
+    return settled.settle(modules)
+
+
+class _Settled:
+    """Fills the values at rest: what the laws want first, then what follows from it, then loops of linear modules."""
+
+    def __init__(
+        self, wiring: Wiring, frame: Frame, ports: Mapping[str, Mapping[str, Pair]], plant: Mapping[str, Pair], v: float
+    ) -> None:
+        self.wiring, self.frame, self.ports, self.plant = wiring, frame, ports, plant
+        self.states: dict[str, tuple[float, ...]] = {}
+        self.inputs: dict[Channel, float] = {}
+        self.outputs: dict[Channel, float] = {(TERMINAL_VOLTAGE, 0): v, (TERMINAL_VOLTAGE, 1): 0.0}
+
+    def settle(self, modules: tuple[Module, ...]) -> Rest:
+        waiting = []
+        for module in modules:
+            if module.kind.large_signal is not None:
+                self._place(module, self._at_operating_point(module))
+            elif _integrates(module):
+                self._place(module, [0.0] * len(channels_of(module.name, module.kind.inputs)))
+            else:
+                waiting.append(module)
+        while waiting:
+            ready = [one for one in waiting if self._arriving(one) is not None]
+            for module in ready or waiting:  # the rest is a loop of filters and gains: counted from its value at rest
+                arriving = self._arriving(module)
+                zero = [0.0] * len(channels_of(module.name, module.kind.inputs))
+                self._place(module, zero if arriving is None else arriving)
+            waiting = [one for one in waiting if one.name not in self.states]
+        if not np.isfinite([*self.inputs.values(), *self.outputs.values()]).all():
+            raise IbridError("the model has no real operating point here; ask for less power")
+        missing = {
+            channel: wanted - sum(self.outputs[source] for source in sources_of(self.wiring, channel))
+            for channel, wanted in self.inputs.items()
+        }
+        references = {channel: value for channel, value in missing.items() if abs(value) > ROUNDING}
+        return Rest(modules, self.states, self.outputs, references)
+
+    def _place(self, module: Module, inputs: list[float]) -> None:
+        """Give a module its inputs; its states and outputs follow."""
+        name, kind = module.name, module.kind
+        channels = channels_of(name, kind.inputs)
+        self.inputs |= dict(zip(channels, inputs, strict=True))
+        x = self._states_at_rest(module, inputs)
+        _, outputs = module.motion(x, by_port(kind, inputs))
+        self.states[name] = x
+        self.outputs |= {
+            channel: float(value) for channel, value in zip(channels_of(name, kind.outputs), outputs, strict=True)
+        }
+
+    def _states_at_rest(self, module: Module, inputs: list[float]) -> tuple[float, ...]:
+        kind = module.kind
+        if kind.large_signal is not None:
+            if kind.large_signal.at_rest is None:
+                return ()
+            known = {**module.arguments, **{f"{port}{EQUILIBRIUM}": z for port, z in self.ports[module.name].items()}}
+            return tuple(float(one) for one in kind.large_signal.at_rest(**_asked(kind.large_signal.at_rest, known)))
+        if not module.states or not any(inputs):
+            return (0.0,) * len(module.states)
+        matrices = module.matrices(module.arguments) or kind.state_space(**module.arguments)
+        a, b = (np.array(part, dtype=float) for part in matrices[:2])
+        return tuple(np.linalg.solve(a, -b @ inputs).tolist())
+
+    def _at_operating_point(self, module: Module) -> list[float]:
+        """Inputs of a module whose law depends on them: from the plant, else zero; the angle is that of the frame."""
+        found: list[float] = []
+        for port, signal in module.kind.inputs.items():
+            if module.kind.large_signal is not None and port == module.kind.large_signal.angle:
+                found.append(atan2(self.frame[1], self.frame[0]))
+            elif module.kind.family == PLANT and port in self.plant:
+                found += [float(one) for one in to_frame(self.frame, self.plant[port])]
+            else:
+                found += [float(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
+        return found
+
+    def _arriving(self, module: Module) -> list[float] | None:
+        """What the sources of its inputs add up to; None where some are not known yet."""
+        sums = []
+        for channel in channels_of(module.name, module.kind.inputs):
+            sources = sources_of(self.wiring, channel)
+            if not all(source in self.outputs for source in sources):
+                return None
+            sums.append(sum(self.outputs[source] for source in sources))
+        return sums
+
+
+def by_port(kind: ModuleKind, channels: Any) -> dict[str, Any]:
+    """port -> scalar or pair, from the channels of a kind's inputs in order."""
+    found: dict[str, Any] = {}
+    rest_of = iter(channels)
+    for port, signal in kind.inputs.items():
+        found[port] = next(rest_of) if signal.width == 1 else (next(rest_of), next(rest_of))
+    return found
+
+
+def _integrates(module: Module) -> bool:
+    """True for a linear module that rests at no value of its inputs but some: A is singular."""
+    if not module.states:
+        return False
+    matrices = module.matrices(module.arguments) or module.kind.state_space(**module.arguments)
+    a = np.array(matrices[0], dtype=float)
+    return int(np.linalg.matrix_rank(a)) < len(a)
+
+
+def _arguments(
+    kind: ModuleKind, parameters: Mapping[str, float], omega_0: float, ports: Mapping[str, Pair]
+) -> dict[str, Any]:
+    """What the law asks for besides states and inputs."""
+    known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()}}
+    return _asked(kind.state_space if kind.large_signal is None else kind.large_signal.law, known)
+
+
+def _asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the known arguments that a function has."""
+    return {name: known[name] for name in signature(function).parameters if name in known}
+
+
+def _value(bound: str | float, values: Mapping[str, float]) -> float:
+    return float(values[bound] if isinstance(bound, str) else bound)

@@ -1,0 +1,224 @@
+"""The fit of one nonlinearity at one port: its threshold and the parameters of the model, over all amplitudes together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from ibrid.errors import IbridError
+from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
+from ibrid.gap.nonlinear_data import AmplitudeData
+from ibrid.gap.nonlinear_places import Place, values_at_rest
+from ibrid.gap.nonlinear_shapes import rest_size
+from ibrid.gap.open_port import OpenPort
+from ibrid.gap.prior import Beliefs, Prior
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+
+#: Thresholds to begin with, and their box: of a dead zone or saturation per unit; of a limit its distance from the largest
+#: value at rest, relative to that.
+BANK = tuple(np.geomspace(3e-4, 0.1, 9))
+BOX = (1e-5, 1.0)
+#: Starts that are descended, steps of each and of the best, and the step of numeric slopes.
+KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 3, 8, 40, 1e-5
+GREATEST_DAMPING, LARGEST_STEP, ENOUGH = 1e7, 1.0, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A point of the search. `x` : (P + 1,), the last is ln of the threshold as it is searched for. `chi2` : of the data,
+    `cost` : with the prior. `Y` : (K, M, L, 2, 2). `rest` : (M, r). `linear`, `motion` : of all cells."""
+
+    x: np.ndarray
+    threshold: float
+    chi2: float
+    cost: float
+    Y: np.ndarray
+    rest: np.ndarray
+    linear: Linear
+    motion: Motion
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearFit:
+    """A nonlinearity at its best threshold and parameters.
+
+    `interval` : of the threshold, 95 %. `values` : fitted parameters by name. `chi2`, `penalty` : of the data and of the
+    prior. `dof` : degrees of freedom of chi2. `state` : the motion behind it.
+    """
+
+    place: Place
+    threshold: float
+    interval: tuple[float, float]
+    values: Mapping[str, float]
+    chi2: float
+    penalty: float
+    dof: float
+    state: State
+
+    @property
+    def cost(self) -> float:
+        """chi2 and prior."""
+        return self.chi2 + self.penalty
+
+    @property
+    def p_value(self) -> float:
+        """Probability of so large a misfit if the model is right."""
+        return float(chi2_law.sf(self.chi2, self.dof))
+
+
+class NonlinearSearch:
+    """The fits of one place to one set of data."""
+
+    def __init__(self, place: Place, diagram: Diagram, kinds: Vocabulary, data: AmplitudeData, prior: Prior) -> None:
+        self.place, self.diagram, self.kinds, self.data = place, diagram, kinds, data
+        self.model = at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
+        self.parameters = self.model.symbolic.parameters
+        self.coordinates = self.model.coordinates
+        self.beliefs = Beliefs(self.parameters, prior)
+        self.low = np.append(self.coordinates.x_low, np.log(BOX[0]))
+        self.high = np.append(self.coordinates.x_high, np.log(BOX[1]))
+
+    def best(self, starts: Sequence[Mapping[str, float]]) -> NonlinearFit | None:
+        """The best fit from parameter values, each with every threshold of the bank; None where nothing has a response."""
+        begun = [
+            state
+            for start in starts
+            for threshold in BANK
+            if (state := self.at(np.append(self._x(start), np.log(threshold)))) is not None
+        ]
+        if not begun:
+            return None
+        begun.sort(key=lambda one: one.cost)
+        ended = [self._descended(one, FIRST_STEPS) for one in begun[:KEPT]]
+        best = self._descended(min(ended, key=lambda one: one.cost), MOST_STEPS)
+        return self._described(best)
+
+    def _x(self, values: Mapping[str, float]) -> np.ndarray:
+        nominal = self.beliefs.nominal
+        theta = np.array([values.get(one.name, nominal[k]) for k, one in enumerate(self.parameters)])
+        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
+
+    def at(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
+        """The motion at x, begun from another one's `entering`; None where there is none."""
+        made = self._linear(x)
+        if made is None:
+            return None
+        linear, rest, threshold = made
+        motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold, start)
+        if start is not None and not motion.converged.all():
+            motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold)
+        Y = self._matrices(response(linear, motion.leaving))
+        misfit = self.data.weight * (Y - self.data.admittance)
+        chi2 = float((np.abs(misfit) ** 2).sum())
+        if not np.isfinite(chi2):
+            return None
+        cost = chi2 + float((self.beliefs.sigmas(self.coordinates.to_theta(x[:-1])) ** 2).sum())
+        return State(x, threshold, chi2, cost, Y, rest, linear, motion)
+
+    def _linear(self, x: np.ndarray) -> tuple[Linear, np.ndarray, float] | None:
+        theta = self.coordinates.to_theta(x[:-1])
+        with np.errstate(all="ignore"):
+            opened = self.model.at(theta)
+        if opened is None:
+            return None
+        linear = linear_part(opened, self.data.amplitude)
+        rest = np.zeros((self.data.amplitude.shape[1], opened.z_u.shape[-2]))
+        if self.place.resting:
+            values = {one.name: float(theta[k]) for k, one in enumerate(self.parameters)}
+            try:
+                rest = values_at_rest(self.place, self.diagram, self.kinds, self.data.sweep, values)
+            except IbridError:
+                return None
+        threshold = float(np.exp(x[-1]))
+        if self.place.shape.limits:
+            threshold = float(rest_size(self.place.shape, rest).max() * (1.0 + threshold))
+        finite = np.isfinite(linear.back).all() and np.isfinite(linear.drive).all() and np.isfinite(rest).all()
+        return (linear, rest, threshold) if finite else None
+
+    def _by_cell(self, rest: np.ndarray) -> np.ndarray:
+        shape = (*self.data.amplitude.shape, 2)
+        return np.broadcast_to(rest[None, :, None, None], (*shape, rest.shape[1])).reshape(-1, rest.shape[1])
+
+    def _matrices(self, columns: np.ndarray) -> np.ndarray:
+        """(C, 2) columns -> (K, M, L, 2, 2)."""
+        return np.swapaxes(columns.reshape(*self.data.amplitude.shape, 2, 2), -1, -2)
+
+    def _slopes(self, state: State) -> np.ndarray:
+        """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance anew."""
+        columns = []
+        for k in range(len(state.x)):
+            x = state.x.copy()
+            step = SLOPE if x[k] + SLOPE <= self.high[k] else -SLOPE
+            x[k] += step
+            made = self._linear(x)
+            if made is None:
+                columns.append(np.zeros(2 * state.Y.size))
+                continue
+            linear, rest, threshold = made
+            if threshold == state.threshold and np.array_equal(rest, state.rest):
+                leaving = moved_along(state.motion, linear)
+            else:
+                again = balanced(linear, self.place.shape, self._by_cell(rest), threshold, state.motion.entering)
+                leaving = again.leaving
+            white = self.data.weight * (self._matrices(response(linear, leaving)) - state.Y) / step
+            columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
+        return np.nan_to_num(np.array(columns).T)
+
+    def _prior(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Half the gradient of the prior's cost, and its curvature, (P + 1,) each."""
+        theta = self.coordinates.to_theta(x[:-1])
+        slope = self.beliefs.slope(theta) * self.coordinates.slope(theta)
+        return np.append(self.beliefs.sigmas(theta) * slope, 0.0), np.append(slope**2, 0.0)
+
+    def _descended(self, best: State, steps: int) -> State:
+        damping = 1e-3
+        jacobian = gradient = None
+        for _ in range(steps):
+            if jacobian is None:
+                jacobian = self._slopes(best)
+                misfit = self.data.weight * (best.Y - self.data.admittance)
+                misfit = np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
+                gradient = jacobian.T @ misfit
+            pull, hold = self._prior(best.x)
+            down = gradient + pull
+            matrix = jacobian.T @ jacobian + np.diag(hold)
+            held = ((best.x <= self.low) & (down > 0)) | ((best.x >= self.high) & (down < 0))
+            down = np.where(held, 0.0, down)
+            matrix[held] = matrix[:, held] = 0.0
+            diagonal = np.diag(matrix)
+            damped = damping * (diagonal + 1e-6 * diagonal.max(initial=0.0)) + np.where(held, 1.0, 1e-12)
+            step = -np.linalg.solve(matrix + np.diag(damped), down)
+            step *= min(1.0, LARGEST_STEP / max(np.abs(step).max(initial=0.0), 1e-300))
+            expected = -2 * down @ step - step @ matrix @ step
+            if damping > GREATEST_DAMPING or expected < ENOUGH * (1.0 + 1e-3 * best.cost):
+                break
+            trial = self.at(np.clip(best.x + step, self.low, self.high), best.motion.entering)
+            if trial is not None and trial.cost < best.cost:
+                best, damping, jacobian = trial, max(damping / 5.0, 1e-9), None
+            else:
+                damping *= 6.0
+        return best
+
+    def _described(self, state: State) -> NonlinearFit:
+        jacobian = self._slopes(state)
+        box = (self.high - self.low) ** -2.0
+        data, prior = jacobian.T @ jacobian, np.diag(self._prior(state.x)[1] + box)
+        unit = np.diag(data + prior) ** -0.5
+        covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit
+        effective = float(np.trace(covariance @ data))
+        spread = 1.96 * float(np.sqrt(max(covariance[-1, -1], 0.0)))
+        ends = [self._linear(np.append(state.x[:-1], state.x[-1] + one)) for one in (-spread, spread)]
+        low, high = (np.inf if end is None else end[2] for end in ends)
+        theta = self.coordinates.to_theta(state.x[:-1])
+        return NonlinearFit(
+            place=self.place,
+            threshold=state.threshold,
+            interval=(low, high),
+            values={one.name: float(theta[k]) for k, one in enumerate(self.parameters)},
+            chi2=state.chi2,
+            penalty=state.cost - state.chi2,
+            dof=max(self.data.numbers - effective, 1.0),
+            state=replace(state),
+        )

@@ -1,0 +1,117 @@
+"""Where a nonlinearity may act in a model: a port, the shape, and the value at which the port's signal rests."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.assembly.controller_frame import controller_frame
+from ibrid.assembly.operating_point import plant_equilibrium
+from ibrid.assembly.signals_at_rest import carried, signals_at_rest, to_frame
+from ibrid.errors import IbridError
+from ibrid.gap.axes import packs
+from ibrid.gap.effect import Model, model_of
+from ibrid.gap.nonlinear_shapes import D_LIMIT, DEAD_ZONE, MAGNITUDE_LIMIT, Q_LIMIT, SATURATION, Shape
+from ibrid.gap.paths import path
+from ibrid.gap.ports import Port, ports
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """One nonlinearity at one port. `id` : of the effect that this is, "" for one that has no name in the catalogue.
+    `where` : in names of the user's program. `resting` : output channels of the diagram whose sum is minus the value at
+    rest; () where that is zero or does not matter."""
+
+    id: str
+    shape: Shape
+    port: Port
+    where: str
+    resting: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return f"a {self.shape.name} at {self.port.words}"
+
+
+def places(diagram: Diagram, kinds: Vocabulary) -> tuple[Place, ...]:
+    """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a command."""
+    model = model_of(diagram, kinds)
+    if model is None:
+        return ()
+    found = {one.name: one for one in ports(diagram, kinds)}
+    return tuple(_places(model, found))
+
+
+def _places(model: Model, found: Mapping[str, Port]) -> Iterator[Place]:
+    for pll in model.draft.named("SRF_PLL"):
+        port = found.get(f"{pll}.e_q")
+        if port is not None:
+            yield Place("pll_deadband", DEAD_ZONE, port, port.name)
+            yield Place("", SATURATION, port, port.name)
+    if model.roles.current_loop is not None:
+        for pack in packs(model):
+            port, others = found.get(f"{pack}.out"), _beside(model, pack)
+            if port is not None and others:
+                for shape in (MAGNITUDE_LIMIT, D_LIMIT, Q_LIMIT):
+                    yield Place("current_limit", shape, port, port.name, others)
+                yield Place("", DEAD_ZONE, port, port.name)
+    for block in model.roles.power:
+        for name, port in found.items():
+            if name.startswith(f"{block}.") and port.words.startswith("the measured"):
+                yield Place("", DEAD_ZONE, port, name)
+    command = found.get(model.roles.command)
+    if command is not None:
+        yield Place("", MAGNITUDE_LIMIT, command, command.name, (model.roles.command,))
+
+
+def _beside(model: Model, pack: str) -> tuple[str, ...]:
+    """What the current loop subtracts from the reference of a PackDQ; () where that is not clear."""
+    draft, reference = model.draft, model.roles.reference
+    if path(draft, f"{pack}.out", reference) is None:
+        return ()
+    return tuple(
+        one for one in draft.sources(reference) if one != f"{pack}.out" and path(draft, f"{pack}.out", one) is None
+    )
+
+
+def values_at_rest(
+    place: Place, diagram: Diagram, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
+) -> np.ndarray:
+    """(M, 2) the port's operating value at each operating point, at parameter values by name; for a place with `resting`.
+
+    An integrating current loop makes its input zero, so the reference is minus what else enters there; the command at rest
+    is that of the plant. Raises IbridError where it does not follow from the plant.
+    """
+    wiring = wire(diagram, kinds)
+    table = parameter_table(wiring, "exact")
+    parameters = {
+        name: {key: _number(table.of(name, key), values) for key in kind.parameters} for name, kind in wiring.kinds.items()
+    }
+    flow = carried(wiring)
+    found = []
+    for point in sweep.points:
+        op = (point.op.p, point.op.q, point.op.v)
+        plant = wiring.plant
+        in_grid = plant_equilibrium(wiring.kinds[plant].name, parameters[plant], *op, sweep.power_node)
+        frame = controller_frame(wiring, flow, parameters, in_grid, sweep.omega_0)
+        if place.resting == (f"{plant}.u_r",):
+            found.append(to_frame(frame, in_grid["u_r"]))
+            continue
+        channels = [(name, axis) for name in place.resting for axis in (0, 1)]
+        if unknown := [channel for channel in channels if channel not in flow.known]:
+            raise IbridError(f"the operating value of {unknown[0][0]} does not follow from the plant")
+        signals = signals_at_rest(wiring, flow, parameters, in_grid, sweep.omega_0, frame, channels)
+        found.append([-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)])
+    return np.array(found, dtype=float)
+
+
+def _number(bound: str | float, values: Mapping[str, float]) -> float:
+    return float(values[bound]) if isinstance(bound, str) else float(bound)
+
+

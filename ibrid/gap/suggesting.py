@@ -1,0 +1,123 @@
+"""Located, but not in the catalogue: suggested edits pass the tests of an effect, or are shown with what they fail.
+
+Blocks of low order at the places that could explain everything are always tried; who asks may bring suggestions of
+their own: rules, a language model, a colleague.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.gap.effect import Edit, NotInVocabulary
+from ibrid.gap.held_out import held_out, weighed
+from ibrid.gap.port_map import PortFit
+from ibrid.gap.ports import PORT_KINDS
+from ibrid.gap.result import Suggested
+from ibrid.gap.trial import Model, Workshop, significant
+from ibrid.gap.verdict import Findings, fits
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.signals import Signal
+from ibrid.structure.check import violations
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import program_text
+
+#: Kinds of low order, by the signal they shape.
+SHAPES: Mapping[Signal, tuple[str, ...]] = {
+    Signal.SCALAR: ("Gain", "LPF1", "Notch", "Pade1"),
+    Signal.DQ_VEC: ("Gain_dq", "LPF1_dq", "Delay", "Pade1_dq"),
+}
+NAME = "residual_block"
+#: Places at which blocks are tried, and random starts of every suggestion.
+PLACES, DRAWS = 6, 24
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What whoever suggests is told: the model and its record, and the places where one unknown transfer explains all, best
+    first, with the transfer that was measured there."""
+
+    diagram: Diagram
+    record: Record
+    ports: tuple[PortFit, ...]
+    kinds: Vocabulary
+    sweep: Sweep
+
+
+@dataclass(frozen=True, eq=False)
+class Suggestion:
+    """A diagram that may be the device's. `words` : the change in words. `source` : whose idea. `values` : where a fit may
+    begin, besides the nominal values and those of the refitted model."""
+
+    diagram: Diagram
+    words: str
+    source: str
+    values: Mapping[str, float] | None = None
+
+
+Suggest = Callable[[Question], Iterable[Suggestion]]
+
+
+def low_order_blocks(question: Question) -> Iterator[Suggestion]:
+    """A block of low order in place of the unknown transfer, at each of the first places."""
+    for fit in question.ports[:PLACES]:
+        kinds = (*question.kinds, *PORT_KINDS)
+        signal = Edit(fit.port.diagram, kinds).signal(f"{fit.port.block}.in_")
+        for kind in SHAPES.get(signal, ()):
+            draft = Edit(fit.port.diagram, kinds)
+            try:
+                draft.replace(fit.port.block, kind, NAME)
+            except NotInVocabulary:
+                continue
+            yield Suggestion(draft.diagram(), f"{kind} at {fit.port.words}", "block of low order", fit.values)
+
+
+def suggested(
+    found: Findings, shop: Workshop, question: Question, suggest: Sequence[Suggest] = (low_order_blocks,)
+) -> tuple[Suggested, ...]:
+    """Every suggestion, refitted and put to the tests of a named effect; what passes first, then by the fit.
+
+    An illegal diagram, and one without a response, is told with its reason; the same diagram is weighed once.
+    """
+    ideas: dict[str, Suggestion] = {}
+    for source in suggest:
+        for one in source(question):
+            ideas.setdefault(program_text(one.diagram), one)
+    tests = found.tests + len(ideas)
+    rows = [_weighed(found, shop, one, text, tests) for text, one in ideas.items()]
+    return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
+
+
+def _weighed(found: Findings, shop: Workshop, idea: Suggestion, text: str, tests: int) -> Suggested:
+    given, before = found.given, found.given.refit.chi2 / found.given.refit.dof
+    if wrong := violations(idea.diagram, shop.kinds):
+        return Suggested(idea.words, idea.source, text, float("inf"), before, reason=f"not legal: {wrong[0].message}")
+    starts = [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
+    try:
+        refit = shop.refitter(given.convention).refit(idea.diagram, starts, draws=DRAWS)
+    except (IbridError, ArithmeticError):
+        refit = None
+    if refit is None:
+        return Suggested(idea.words, idea.source, text, float("inf"), before, reason="has no response")
+    model = Model(idea.diagram, given.convention, refit, given.edits)
+    reason = _fails(found, shop, model, tests)
+    return Suggested(
+        idea.words,
+        idea.source,
+        text,
+        refit.chi2 / refit.dof,
+        before,
+        {name: value for name, value in refit.values.items() if name not in given.refit.values},
+        {} if reason else weighed(held_out(shop, given), held_out(shop, model)),
+        reason,
+    )
+
+
+def _fails(found: Findings, shop: Workshop, model: Model, tests: int) -> str:
+    """Which test of an effect a suggestion fails, "" when none."""
+    if not significant(found.given, model, tests, found.scale):
+        return "does not pay"
+    if not fits(model, found.noise, found.scale):
+        return "does not fit as well as the noise allows"
+    return "" if shop.stable(model) else "unstable"

@@ -1,0 +1,57 @@
+"""A state space that `ibrid export --format control-json` wrote, read as a sweep of its operating point."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.files import read_bytes
+from ibrid.measurement.frd import MODEL_GRID
+from ibrid.measurement.header import known_keys
+from ibrid.measurement.response import sweep_of_response
+from ibrid.measurement.sweep import Sweep
+
+SCHEMA = "ibrid.state-space/1"
+
+
+def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
+    """C (j omega I - A)^-1 B + D on `MODEL_GRID`, with the operating point, f0 and power node of the file.
+
+    keys : as in `read_sweep`; they win over the file.
+
+    Raises SweepError: the file is no such model, or has no finite response at a frequency.
+    """
+    path = Path(path)
+    data = _content(path)
+    found = data.get("schema") if isinstance(data, dict) else type(data).__name__
+    if found == "ibrid.record/1":
+        raise SweepError(f"{path} must be a sweep; found a record, make one with ibrid export --format csv.")
+    if found != SCHEMA:
+        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {found!r}, make it with ibrid export.")
+    try:
+        a, b, c, d = (np.array(data[part], dtype=float) for part in "ABCD")
+        s = 2j * np.pi * MODEL_GRID[:, None, None]
+        response = c @ np.linalg.solve(s * np.eye(len(a)) - a, b + 0j) + d
+        point = data["operating_point"]
+        inside = {"op": point["name"], **{key: point[key] for key in ("p", "q", "v", "power_node")}}
+        inside["f0_hz"] = data["f0_hz"]
+    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        raise SweepError(
+            f"{path}: the matrices and the operating point must fit together; found {type(error).__name__}: {error}, "
+            "export again."
+        ) from None
+    if response.shape[1:] != (2, 2):
+        raise SweepError(f"{path} must have two inputs and two outputs; found {response.shape[:0:-1]}.")
+    return sweep_of_response(MODEL_GRID, response, inside | known_keys(keys), where=str(path))
+
+
+def _content(path: Path) -> Any:
+    try:
+        return json.loads(read_bytes(path).decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise SweepError(
+            f"{path} must be a sweep or a model; found JSON that cannot be read, make it with ibrid export "
+            "--format control-json."
+        ) from None

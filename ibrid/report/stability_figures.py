@@ -1,0 +1,120 @@
+"""Figures of stability in a grid: root locus over the short-circuit ratio, eigenloci, passivity index."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ibrid.analysis.stability import GridCase, PointStability
+from ibrid.report.style import DANGER, INK, MUTED, series
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Linear part of the root locus's scales: 1/s for the real part, Hz for the frequency.
+LINEAR = 1.0
+#: Circles of the eigenloci's plane that are drawn.
+RINGS = (0.1, 1.0, 10.0, 100.0)
+#: Grids whose eigenloci are drawn at most.
+SHOWN = 3
+
+
+def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
+    """Poles in the upper half plane while the short-circuit ratio goes from the weakest to the strongest grid."""
+    (plane,) = axes
+    ratios, poles = one.locus
+    if not len(ratios):
+        ratios, poles = np.array([1.0]), np.array([[mode.pole for mode in one.cases[0].modes or one.ideal]])
+    upper = poles.imag >= 0
+    right = max(2.0, 3.0 * float(poles.real.max()))
+    reach = 2.0 * max(10.0, float(-poles.real.min()))
+    height = 2.0 * max(10.0, float(poles.imag.max()) / (2 * np.pi))
+    plane.set_xscale("symlog", linthresh=LINEAR)
+    plane.set_yscale("symlog", linthresh=LINEAR)
+    plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
+    plane.axvline(0, color=DANGER, linewidth=1.0)
+    colour, _, _ = series(0)
+    plane.plot(poles[upper].real, poles[upper].imag / (2 * np.pi), linestyle="none", marker=".", markersize=3, color=colour)
+    for row, marker in ((0, "o"), (len(ratios) - 1, "s")):
+        ends = poles[row][upper[row]]
+        plane.plot(ends.real, ends.imag / (2 * np.pi), linestyle="none", marker=marker, markersize=7, markerfacecolor="none",
+                   markeredgewidth=1.5, color=colour)  # fmt: skip
+    for found in one.critical:
+        plane.plot(0.0, found.mode.frequency, marker="X", markersize=8, color=DANGER, linestyle="none")
+        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-7, 7), textcoords="offset points",
+                       ha="right", color=DANGER)  # fmt: skip
+    plane.set_xlim(-reach, right)
+    plane.set_ylim(-0.4, height)
+    plane.set_xticks([-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1))
+    plane.set_yticks([0.0] + [10.0**n for n in range(9) if 10.0**n <= height])
+    plane.set_xlabel("real part  (1/s)")
+    plane.set_ylabel("imaginary part / 2π  (Hz)")
+    plane.minorticks_off()
+
+
+def shown_cases(one: PointStability) -> list[GridCase]:
+    """The weakest grid, the one nearest to a critical ratio or in the middle, and the strongest."""
+    cases = list(one.cases)
+    if len(cases) <= SHOWN:
+        return cases
+    middle = len(cases) // 2
+    changes = [k for k in range(1, len(cases) - 1) if cases[k].stable != cases[k - 1].stable]
+    return [cases[0], cases[changes[0] if changes else middle], cases[-1]]
+
+
+def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
+    """Both eigenvalues of Z (-Y) over frequency; radii are log2(1 + size), which leaves the unit circle as it is."""
+    (plane,) = axes
+    turn = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+    largest = 1.0
+    for index, case in enumerate(shown_cases(one)):
+        colour, _, dashes = series(index)
+        for locus in case.nyquist.loci.T:
+            drawn = _squeezed(_dense(locus))
+            largest = max(largest, float(np.abs(drawn).max()))
+            plane.plot(drawn.real, drawn.imag, color=colour, linestyle=dashes, linewidth=1.5)  # type: ignore[arg-type]
+            plane.plot(drawn.real, -drawn.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)  # type: ignore[arg-type]
+    for ring in RINGS:
+        radius = float(np.log2(1 + ring))
+        if radius <= largest * 1.2 or ring == 1.0:
+            circle = radius * turn
+            plane.plot(circle.real, circle.imag, color=MUTED, linewidth=1.0 if ring == 1.0 else 0.6, linestyle=(0, (4, 3)))
+            plane.annotate(f"{ring:g}", (0.0, radius), color=MUTED, fontsize=9, ha="center", va="bottom")
+    plane.plot(-1.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
+    plane.annotate("-1", (-1.0, 0.0), xytext=(-6, 6), textcoords="offset points", color=DANGER, ha="right")
+    plane.set_xlim(-1.1 * largest, 1.1 * largest)
+    plane.set_ylim(-1.1 * largest, 1.1 * largest)
+    plane.set_aspect("equal")
+    plane.set_xticks([])
+    plane.set_yticks([])
+    plane.axhline(0, color=MUTED, linewidth=0.6)
+    plane.axvline(0, color=MUTED, linewidth=0.6)
+
+
+def draw_passivity(axes: Sequence["Axes"], points: Sequence[PointStability]) -> None:
+    """Smallest eigenvalue of the Hermitian part of -Y over frequency; below zero the inverter is active."""
+    (plane,) = axes
+    plane.set_xscale("log")
+    plane.set_yscale("symlog", linthresh=0.01)
+    lowest = min(float(one.passivity.smallest.min()) for one in points)
+    plane.axhspan(2.0 * min(lowest, -0.02), 0.0, color=DANGER, alpha=0.10, linewidth=0)
+    plane.axhline(0, color=INK, linewidth=0.9)
+    for index, one in enumerate(points):
+        colour, _, dashes = series(index)
+        plane.plot(one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6)  # type: ignore[arg-type]
+    plane.set_xlim(points[0].frequency[0], points[0].frequency[-1])
+    plane.set_ylim(bottom=2.0 * min(lowest, -0.02))
+    plane.set_xlabel("frequency  (Hz)")
+    plane.set_ylabel("passivity index  (pu)")
+
+
+def _dense(locus: np.ndarray) -> np.ndarray:
+    """Straight lines between neighbours with points on them, which the squeezed plane bends."""
+    parts = np.linspace(0.0, 1.0, 4, endpoint=False)
+    between = locus[:-1, None] + parts * np.diff(locus)[:, None]
+    return np.append(between.ravel(), locus[-1])
+
+
+def _squeezed(values: np.ndarray) -> np.ndarray:
+    size = np.abs(values)
+    return values / np.where(size > 0, size, 1.0) * np.log2(1 + size)

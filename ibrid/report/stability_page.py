@@ -1,0 +1,151 @@
+"""The page of stability in a grid: the answer on top, grids, root locus, eigenloci, passivity, modes."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from ibrid.analysis.grid import SeriesRL
+from ibrid.analysis.modes import QUANTILE, Mode
+from ibrid.analysis.stability import PointStability, Stability
+from ibrid.report.figure import inline_svg
+from ibrid.report.legend import points_legend
+from ibrid.report.markup import bullets, cell, data, escape, head, page, paragraph, row, table
+from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.prediction_text import shown_modes
+from ibrid.report.stability_figures import draw_eigenloci, draw_locus, draw_passivity, shown_cases
+from ibrid.report.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words
+
+Section = tuple[str, str, str]
+
+
+def stability_page(found: Stability, source: str = "") -> str:
+    """The page as text; `source` : the record's name."""
+    headline = "; ".join(found.sentences)
+    title = "Stability in a grid"
+    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in _facts(found))
+    header = (
+        f'<p class="eyebrow">Identified inverter model{": " + escape(source) if source else ""}</p><h1>{title}</h1>'
+        f'<p class="verdict">{escape(headline)}.</p><dl class="facts">{shown}</dl>'
+    )
+    footer = (
+        "Written by ibrid. Per unit on the inverter's base; SCR = 1/|Z| at 1 per unit of voltage; Nyquist and passivity use the "
+        "load admittance -Y; v, p, q at the PCC stay those of the operating point."
+    )
+    return page(title, header, list(_sections(found)), escape(footer))
+
+
+def _facts(found: Stability) -> Iterator[tuple[str, str]]:
+    for one in found.points:
+        for critical in one.critical:
+            word = f"critical SCR at {one.op}"
+            yield word, data(critical.scr, number(critical.scr, 4))
+        if not one.critical:
+            fine = all(case.stable for case in one.cases)
+            words = f'<span class="{"good" if fine else "bad"}">{"stable" if fine else "UNSTABLE"}</span>'
+            yield one.op, words
+    if found.xr is not None:
+        yield "X/R", number(found.xr)
+    yield "nominal frequency", hertz(found.f0_hz)
+
+
+def _sections(found: Stability) -> Iterator[Section]:
+    points = found.points
+    if any(one.critical for one in points):
+        yield "critical", "Critical short-circuit ratios", _critical(points)
+    yield "grids", "On each grid", "".join(map(_grids, points))
+    if any(one.cases[0].modes is not None for one in points):
+        yield "locus", "Root locus over the short-circuit ratio", _each(points, _locus)
+    yield "eigenloci", "Eigenloci of Z (-Y)", _each(points, _eigenloci)
+    yield "passivity", "Passivity", _passivity(points)
+    yield "modes", "Modes on an ideal grid", "".join(map(_modes, points))
+    warnings = list(dict.fromkeys(words for one in points for words in one.warnings))
+    if warnings:
+        yield "warnings", "Warnings", bullets(warnings)
+
+
+def _critical(points: Sequence[PointStability]) -> str:
+    lines = head(["operating point", "from poles", "from Nyquist", "95 %", "unstable", "mode", "states"], numeric=(1, 2))
+    for one in points:
+        for found in one.critical:
+            band = "-" if found.interval is None else " to ".join(number(end, 4) for end in found.interval)
+            nyquist = found.scr_nyquist
+            cells = [
+                f'<td class="n">{data(found.scr, number(found.scr, 5))}</td>',
+                f'<td class="n">{data(nyquist, number(nyquist, 5))}</td>',
+                cell(band),
+                cell(f"{found.unstable} it"),
+                cell(hertz(found.mode.frequency) if found.mode.frequency else "no oscillation"),
+                cell(_states(found.mode), wraps=True),
+            ]
+            lines += row(one.op, cells)
+    caption = "Where a pole crosses the imaginary axis, and independently where the Nyquist count changes."
+    return table("Critical short-circuit ratios", caption, lines)
+
+
+def _grids(one: PointStability) -> str:
+    first = "SCR" if isinstance(one.cases[0].grid, SeriesRL) else "grid"
+    lines = head([first, *CASE_HEAD], numeric=(1, 6, 7))
+    for case in one.cases:
+        texts = case_cells(case)
+        cells = [
+            f'<td class="bad">{escape(text)}</td>' if "UNSTABLE" in text else cell(text, numeric=index in (0, 5, 6))
+            for index, text in enumerate(texts)
+        ]
+        lines += row(grid_name(case), cells)
+    caption = (
+        f"{one.op}. |v_Th|: the source that keeps the operating point. Distance: of the nearest eigenlocus from -1. Gain: factor on "
+        "the impedance up to instability. Phase in degrees."
+    )
+    return table(f"Grids at {one.op}", caption, lines)
+
+
+def _each(points: Sequence[PointStability], drawn: Callable[[int, PointStability], str]) -> str:
+    return '<div class="four">' + "".join(drawn(index, one) for index, one in enumerate(points)) + "</div>"
+
+
+def _locus(index: int, one: PointStability) -> str:
+    label = f"Poles at {one.op} over the short-circuit ratio, real part against frequency."
+    svg = inline_svg(lambda axes: draw_locus(axes, one), name=f"locus-{index}", label=label, size=(5.2, 4.2))
+    words = "Circles: the weakest grid; squares: the strongest; crosses: critical. Scales logarithmic away from zero."
+    return f"<figure><figcaption>{escape(one.op)}</figcaption>{svg}<figcaption>{words}</figcaption></figure>"
+
+
+def _eigenloci(index: int, one: PointStability) -> str:
+    label = f"Eigenloci of Z (-Y) at {one.op}; the table gives counts and distances from -1."
+    svg = inline_svg(lambda axes: draw_eigenloci(axes, one), name=f"loci-{index}", label=label, size=(5.2, 5.0))
+    first = "SCR " if isinstance(one.cases[0].grid, SeriesRL) else ""
+    names = [f"{first}{grid_name(case)}: {'stable' if case.stable else 'UNSTABLE'}" for case in shown_cases(one)]
+    words = "Radius log2(1 + size): the unit circle stays. Faint: negative frequencies."
+    return (
+        f"<figure><figcaption>{escape(one.op)}</figcaption>{points_legend(names, lines=True)}{svg}"
+        f"<figcaption>{words}</figcaption></figure>"
+    )
+
+
+def _passivity(points: Sequence[PointStability]) -> str:
+    svg = inline_svg(
+        lambda axes: draw_passivity(axes, points),
+        name="passivity",
+        label="Smallest eigenvalue of the Hermitian part of -Y over frequency.",
+        size=(7.4, 3.6),
+    )
+    words = bullets(f"{one.op}: {passivity_words(one)}" for one in points)
+    note = "Where the index of every device in a grid is positive, no oscillation can grow at that frequency."
+    legend = points_legend([one.op for one in points], lines=True)
+    return paragraph(note, "note") + words + legend + f'<figure style="max-width:52rem">{svg}</figure>'
+
+
+def _modes(one: PointStability) -> str:
+    lines = head(["frequency", "damping ratio", "real part (1/s)", "95 %", "states that take part"], numeric=(1, 2, 3))
+    for mode in shown_modes(one.ideal):
+        band = "-" if mode.real_deviation is None else f"± {number(QUANTILE * mode.real_deviation, 2)}"
+        cells = [
+            f'<td class="n">{data(mode.damping, percent(mode.damping) if mode.frequency else "-")}</td>',
+            f'<td class="n">{data(mode.pole.real, number(mode.pole.real, 4))}</td>',
+            cell(band, numeric=True),
+            cell(_states(mode), wraps=True),
+        ]
+        lines += row(hertz(mode.frequency), cells)
+    return table(f"Modes at {one.op}", f"{one.op}, on an ideal grid.", lines)
+
+
+def _states(mode: Mode) -> str:
+    return ", ".join(f"{name} {percent(share)}" for name, share in mode.states)

@@ -1,0 +1,92 @@
+"""What `ibrid stability` prints: the answer, a table over the grids, passivity, modes; at most 110 columns wide."""
+
+from ibrid.analysis.grid import SeriesRL
+from ibrid.analysis.modes import least_damped
+from ibrid.analysis.stability import GridCase, PointStability, Stability
+from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.prediction_text import mode_words, shown_modes, warning_lines, wrapped
+from ibrid.report.text import table
+
+
+def format_stability(found: Stability) -> str:
+    """One part for each operating point."""
+    return "\n\n\n".join(_point(one, sentence) for one, sentence in zip(found.points, found.sentences, strict=True)) + "\n"
+
+
+def _point(one: PointStability, sentence: str) -> str:
+    parts = [wrapped(sentence, "  "), _grids(one), wrapped(passivity_words(one), "  ")]
+    parts += [_critical(one)] if one.critical else []
+    parts.append(_modes(one))
+    parts += [warning_lines(one.warnings)] if one.warnings else []
+    return "\n\n".join("\n".join(part) for part in parts)
+
+
+def passivity_words(one: PointStability) -> str:
+    """Where the inverter is active, in a sentence."""
+    index, bands = one.passivity.smallest, one.passivity.bands
+    worst = int(index.argmin())
+    least = f"its smallest value is {number(float(index[worst]), 3)} at {hertz(float(one.frequency[worst]))}"
+    if not bands:
+        return f"passivity index of -Y: positive from {hertz(one.frequency[0])} to {hertz(one.frequency[-1])}; {least}"
+    words = ", ".join(hertz(low) if low == high else f"{hertz(low)} to {hertz(high)}" for low, high in bands)
+    return f"passivity index of -Y: negative, so that the inverter can feed an oscillation, in {words}; {least}"
+
+
+def case_cells(case: GridCase) -> list[str]:
+    """Verdicts, the mode that matters, and margins, without the name of the grid."""
+    nyquist = case.nyquist
+    if case.modes is None:
+        poles, mode = "-", "-"
+    else:
+        lost = sum(1 if one.frequency == 0 else 2 for one in case.modes if not one.stable)
+        poles = "stable" if case.stable else f"{lost} UNSTABLE"
+        first = case.modes[0]
+        mode = f"{number(first.pole.real, 3)} 1/s, {hertz(first.frequency)}" if lost else _least(case)
+    count = "stable" if nyquist.stable else f"{nyquist.unstable_poles} UNSTABLE"
+    count += "" if nyquist.certain else " ?"
+    return [
+        number(case.thevenin, 3),
+        poles,
+        count,
+        mode,
+        f"{number(nyquist.vector_margin, 2)} at {hertz(nyquist.vector_margin_hz)}",
+        number(nyquist.gain_margin, 3) if nyquist.stable else "-",
+        number(nyquist.phase_margin, 2) if nyquist.stable else "-",
+    ]
+
+
+def _least(case: GridCase) -> str:
+    found = least_damped(case.modes or ())
+    return f"{hertz(found[0].frequency)} at {percent(found[0].damping)}" if found else "no oscillation"
+
+
+CASE_HEAD = ("|v_Th|", "poles", "Nyquist", "least damped or unstable", "distance to -1", "gain", "phase")
+
+
+def grid_name(case: GridCase) -> str:
+    """The grid in a table: its short-circuit ratio, or its file."""
+    return number(case.grid.scr, 4) if isinstance(case.grid, SeriesRL) else case.grid.name
+
+
+def _grids(one: PointStability) -> list[str]:
+    rows = [[grid_name(case), *case_cells(case)] for case in one.cases]
+    name = "SCR" if isinstance(one.cases[0].grid, SeriesRL) else "grid"
+    return table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
+
+
+def _critical(one: PointStability) -> list[str]:
+    rows = []
+    for found in one.critical:
+        band = "-" if found.interval is None else " to ".join(number(end, 4) for end in found.interval)
+        nyquist = "not found" if found.scr_nyquist is None else number(found.scr_nyquist, 5)
+        kind = hertz(found.mode.frequency) if found.mode.frequency else "no oscillation"
+        states = ", ".join(f"{name} {percent(share)}" for name, share in found.mode.states)
+        rows.append([number(found.scr, 5), nyquist, band, found.unstable, kind, states])
+    head = ["critical SCR", "by Nyquist", "95 %", "unstable", "mode", "states that take part"]
+    return table(head, rows, right=(0, 1))
+
+
+def _modes(one: PointStability) -> list[str]:
+    rows = [mode_words(mode) for mode in shown_modes(one.ideal)]
+    head = ["frequency", "damping ratio", "real part (1/s)", "states that take part"]
+    return [f"modes on an ideal grid at {one.op} (95 % bands)", *table(head, rows, right=(0,))]
