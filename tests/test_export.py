@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+import scipy.signal
 
 import ibrid
+from ibrid import cli
 from ibrid.commands import results
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.export import FORMAT_NAMES, FORMATS, export, linear_model, read_control_json
@@ -80,12 +82,14 @@ def test_the_same_model_gives_the_same_bytes(record: ibrid.Record, name: str):
     assert FORMATS[name](model) == FORMATS[name](model)
 
 
-def test_octave_gives_the_same_frequency_response(record: ibrid.Record, tmp_path: Path):
+def test_octave_gives_the_same_frequency_and_time_response(record: ibrid.Record, tmp_path: Path):
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None:
         pytest.skip("GNU Octave is not installed (apt-get install octave octave-control)")
     export(record, tmp_path / "model.mat", "mat", OP)
     np.savetxt(tmp_path / "omega.txt", 2 * np.pi * FREQUENCY, fmt="%.17g")
+    v = np.random.default_rng(3).normal(scale=1e-2, size=(200, 2))
+    np.savetxt(tmp_path / "v.txt", v, fmt="%.17g")
     script = """
     pkg load control
     load model.mat
@@ -93,7 +97,9 @@ def test_octave_gives_the_same_frequency_response(record: ibrid.Record, tmp_path
     sys = ss(A, B, C, D, "stname", state_names, "inname", input_names, "outname", output_names);
     H = freqresp(sys, omega);
     names = get(sys, "stname");
-    save("-v6", "answer.mat", "H", "names");
+    v = load("v.txt");
+    y = lsim(c2d(sys, 1e-4, "zoh"), v);
+    save("-v6", "answer.mat", "H", "names", "y");
     """
     (tmp_path / "check.m").write_text(script, encoding="utf-8")
     answer = subprocess.run(
@@ -105,7 +111,11 @@ def test_octave_gives_the_same_frequency_response(record: ibrid.Record, tmp_path
     held = scipy.io.loadmat(tmp_path / "answer.mat", squeeze_me=True)
     found = np.moveaxis(held["H"], 2, 0)
     assert largest_difference(found, record.response(OP, FREQUENCY)) < 1e-9  # rounding in a 13-state solve
-    assert [str(name) for name in held["names"]] == list(linear_model(record, OP).states)
+    model = linear_model(record, OP)
+    assert [str(name) for name in held["names"]] == list(model.states)
+    sampled = scipy.signal.cont2discrete((model.A, model.B, model.C, model.D), 1e-4)
+    expected = scipy.signal.dlsim(sampled, v)[1]
+    np.testing.assert_allclose(held["y"], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("format", "name"), [("csv", "y.csv"), ("touchstone", "y.y2p"), ("touchstone", "y.s2p")])
@@ -201,6 +211,36 @@ def test_per_op_records_answer_only_where_they_were_fitted(record: ibrid.Record)
 def test_a_record_without_a_fit_is_refused(record: ibrid.Record):
     with pytest.raises(IbridError, match="has no fit"):
         linear_model(replace(record, outcome="failed", parameters={}), OP)
+
+
+@pytest.mark.parametrize("format", FORMAT_NAMES)
+@pytest.mark.parametrize("nonlinear", [False, True])
+def test_a_record_without_a_fit_leaves_no_file(record: ibrid.Record, tmp_path: Path, format: str, nonlinear: bool):
+    with pytest.raises(IbridError):
+        export(replace(record, outcome="failed", parameters={}), tmp_path / "m", format, OP, nonlinear=nonlinear)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_nonlinear_model_is_exported_from_the_command_line(
+    record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    record.write(tmp_path / "fit.json")
+    words = ["export", str(tmp_path / "fit.json"), "--op", "p=0.5,q=0", "--format", "modelica", "--nonlinear"]
+    assert cli.main([*words, "--out", str(tmp_path / "n.mo")]) == 0
+    assert "13 states at p=0.5,q=0, nonlinear" in capsys.readouterr().out
+    assert "block PQ_calc" in (tmp_path / "n.mo").read_text()
+
+
+def test_frequencies_are_chosen_on_the_command_line(record: ibrid.Record, tmp_path: Path):
+    record.write(tmp_path / "fit.json")
+    words = ["export", str(tmp_path / "fit.json"), "--op", OP, "--format", "csv", "--out", str(tmp_path / "y.csv")]
+    assert cli.main([*words, "--freq", "10:1000:5"]) == 0
+    np.testing.assert_allclose(
+        ibrid.read_sweep(tmp_path / "y.csv").points[0].frequency, np.geomspace(10, 1000, 5), rtol=1e-11
+    )
+    (tmp_path / "y.csv").unlink()
+    assert cli.main([*words, "--freq", "10:1:5"]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
 
 
 def test_a_damaged_record_is_refused_in_a_sentence(record: ibrid.Record):

@@ -10,6 +10,7 @@ import ibrid
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.gap.convention import Convention, rotation
+from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
 from ibrid.plants.hidden.case import Case, draw_case, write_case
 from ibrid.structure.program import parse_program
@@ -173,3 +174,19 @@ def test_nominal_values_that_mean_nothing_are_refused_in_a_sentence(values, said
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match=said):
         find_gap(ibrid.textbook("gfl"), sweep, values)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "points", "good"),
+    [
+        (HeldOut(5.0, 8.0), HeldOut(1.0, 1.1), 4, True),
+        (HeldOut(1.0, 1.0), HeldOut(1.1, 1.1), 4, True),
+        (HeldOut(1.0, 1.0), HeldOut(1.5, 0.9), 4, False),
+        (HeldOut(1.0, 1.0), HeldOut(0.9, 1.5), 4, False),
+        (HeldOut(1.0, 1.0), HeldOut(0.9, 1.5), 2, True),
+        (HeldOut(1.0, None), HeldOut(None, None), 1, False),
+        (HeldOut(None, None), HeldOut(None, None), 1, True),
+    ],
+)
+def test_a_repair_must_not_predict_worse_than_what_it_repairs(before, after, points, good):
+    assert predicts(before, after, points) is good

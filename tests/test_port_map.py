@@ -16,6 +16,7 @@ from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import Target, eliminated
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.ports import Port, ports
+from ibrid.gap.prior import Belief, Beliefs
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
@@ -285,8 +286,7 @@ def test_without_noise_the_true_parameters_give_the_transfer_at_once(hidden):
     at = opened(port_called(given, hidden.port), values_of(given))
     data = measured(device)
     weight = np.broadcast_to(1e9 / np.linalg.norm(data, axis=(2, 3))[..., None, None], data.shape)
-    size = len(typical(given))
-    g = eliminated(at, Target(data, weight, np.zeros(size), np.zeros(size)))
+    g = eliminated(at, Target(data, weight, Beliefs([], {})))
     np.testing.assert_allclose(at.response(g), data, rtol=0, atol=1e-9 * np.abs(data).max())
     seen = np.abs(weight * at.slope_by_transfer(g)).max(axis=(1, 2, 3)) > 1e6
     assert seen.sum() >= 12
@@ -306,10 +306,10 @@ def off(values: dict[str, float], seed: int = 1) -> dict[str, float]:
     return {name: value * np.exp(0.1 * rng.standard_normal()) for name, value in values.items()}
 
 
-def believed(values: dict[str, float], width: float | None = None) -> dict[str, tuple[float, float]]:
-    """The prior that goes with values; all have positive boxes, so the coordinate is the logarithm."""
+def believed(values: dict[str, float], width: float | None = None) -> dict[str, Belief]:
+    """The prior that goes with values."""
     usual = {name: 0.25 if name.startswith("plant.") else np.log(2) for name in values}
-    return {name: (float(np.log(value)), width or usual[name]) for name, value in values.items()}
+    return {name: Belief(value, width or usual[name]) for name, value in values.items()}
 
 
 def mapped(diagram: Diagram, sweep: Sweep, **options) -> tuple[PortFit, ...]:
@@ -457,6 +457,6 @@ def test_unknown_names_of_ports_and_parameters_get_the_near_ones():
     with pytest.raises(IbridError, match=r"no port 'pll.e'; did you mean pll.e_q"):
         mapped(given, sweep, only=["pll.e"])
     with pytest.raises(IbridError, match=r"the prior names 'pll.kP', .* did you mean .*pll.kP_pll"):
-        port_map(given, VOCABULARY, sweep, {"pll.kP": (0.0, 1.0)}, [true])
+        port_map(given, VOCABULARY, sweep, {"pll.kP": Belief(1.0, 1.0)}, [true])
     with pytest.raises(IbridError, match=r"a start names 'plant.L', .* did you mean"):
         port_map(given, VOCABULARY, sweep, believed(true), [{"plant.L": 0.1}])

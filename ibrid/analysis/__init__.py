@@ -1,5 +1,20 @@
 """What an identified model says: its matrices anywhere, predictions, stability in a grid."""
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.modes import Mode, modes
+from ibrid.analysis.participation import Participation, participation
+from ibrid.analysis.prediction import Prediction, predict
+from ibrid.analysis.stability import Stability, stability
 
-__all__ = ["LinearModel", "linear_model"]
+__all__ = [
+    "LinearModel",
+    "Mode",
+    "Participation",
+    "Prediction",
+    "Stability",
+    "linear_model",
+    "modes",
+    "participation",
+    "predict",
+    "stability",
+]

@@ -51,22 +51,40 @@ class SeriesRL:
 class MeasuredGrid:
     """A measured impedance, v_PCC = v_Th + Z i with the current i out of the inverter into the grid, per unit.
 
-    `frequency` (K,) Hz, ascending. `values` (K, 2, 2) complex. `warnings` : what looks wrong, in sentences. Between its
-    frequencies the entries are interpolated (monotone cubic, over the logarithm of the frequency); beyond them nothing is known.
+    `frequency` (K,) Hz, ascending. `values` (K, 2, 2) complex. `omega_0` : rad/s. `warnings` : what looks wrong, in sentences.
+    Between its frequencies the entries are interpolated (monotone cubic, over the logarithm of the frequency). Beyond them
+    nothing is known; there it goes on from its end points as a series R and L does, so that the Nyquist locus can be closed.
     """
 
     name: str
     frequency: np.ndarray
     values: np.ndarray
+    omega_0: float
     warnings: tuple[str, ...] = field(default=())
 
     def impedance(self, frequency: np.ndarray) -> np.ndarray:
-        """(K, 2, 2) complex at frequencies within the measured range."""
+        """(K, 2, 2) complex."""
+        frequency = np.asarray(frequency, dtype=float)
+        inside = np.clip(frequency, self.frequency[0], self.frequency[-1])
+        found: np.ndarray = self._interpolated(inside)
+        for end, where in ((0, frequency < self.frequency[0]), (-1, frequency > self.frequency[-1])):
+            line = self.continued(end)
+            beyond, here = line.impedance(frequency[where]), line.impedance(self.frequency[[end]])
+            found[where] = self.values[end] + beyond - here
+        return found
+
+    def continued(self, end: int) -> SeriesRL:
+        """The series R and L that continues the first (0) or the last (-1) point: r and x of its mean diagonal."""
+        mean = np.trace(self.values[end]) / 2
+        x = float(mean.imag) * self.omega_0 / (2 * np.pi * float(self.frequency[end]))
+        return SeriesRL(max(float(mean.real), 0.0), max(x, 1e-9), self.omega_0)
+
+    def _interpolated(self, frequency: np.ndarray) -> np.ndarray:
         if len(self.frequency) == 1:
-            return np.broadcast_to(self.values, (len(frequency), 2, 2))
-        at = np.log(np.clip(frequency, self.frequency[0], self.frequency[-1]))
+            return np.repeat(self.values, len(frequency), axis=0)
         known = np.log(self.frequency)
-        parts = [PchipInterpolator(known, part, axis=0)(at) for part in (self.values.real, self.values.imag)]
+        at = np.clip(np.log(frequency), known[0], known[-1])
+        parts = [PchipInterpolator(known, part, axis=0)(at) for part in (np.real(self.values), np.imag(self.values))]
         return parts[0] + 1j * parts[1]
 
 
@@ -106,7 +124,7 @@ def ratios(text: str) -> np.ndarray:
         raise IbridError(f"{SCR_FORM}, the weaker grid first; found {text!r}, write {ends[1]:g}:{ends[0]:g}")
     if not 2 <= count <= 1000:
         raise IbridError(f"{SCR_FORM}, from 2 to 1000 of them; found {count}")
-    return np.array([float(f"{one:.12g}") for one in np.geomspace(*ends, count)])
+    return np.array([float(f"{one:.12g}") for one in np.geomspace(ends[0], ends[1], count)])
 
 
 def series_rl(text: str, omega_0: float) -> SeriesRL:
@@ -158,4 +176,4 @@ def measured_grid(sweep: Sweep, f0_hz: float) -> MeasuredGrid:
         if active > 0.5
         else ()
     )
-    return MeasuredGrid(name, np.array(point.frequency), impedance, warnings)
+    return MeasuredGrid(name, np.array(point.frequency), impedance, sweep.omega_0, warnings)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eig
 
-from ibrid.analysis.participation import participation
+from ibrid.analysis.participation import eigenvectors, participation
 
 #: A real part (rad/s) below this counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
@@ -67,40 +66,43 @@ def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | N
         d(lambda) = w' dA v / w' v the deviations follow. None: no deviations.
     """
     found = participation(A, states)
-    upper = [k for k in np.argsort(-found.poles.real, kind="stable") if found.poles[k].imag >= 0]
-    moved = None if slopes is None else pole_slopes(A, slopes)
-    return tuple(
-        Mode(complex(found.poles[k]), found.largest(k), *(_deviations(found.poles[k], moved[:, k]) if moved is not None else ()))
-        for k in upper
-    )  # fmt: skip
+    poles = [complex(one) for one in found.poles]
+    order = sorted((k for k, one in enumerate(poles) if one.imag >= 0), key=lambda k: -poles[k].real)
+    if slopes is None:
+        return tuple(Mode(poles[k], found.largest(k)) for k in order)
+    moved = pole_slopes(A, slopes)
+    return tuple(Mode(poles[k], found.largest(k), *_deviations(poles[k], moved[:, k])) for k in order)
 
 
 def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:
     """(R, n) derivatives of the poles of A along R directions, in the order of `participation`."""
     if not len(A):
         return np.zeros((len(slopes), 0), dtype=complex)
-    _, left, right = eig(A, left=True, right=True)
+    left, right = eigenvectors(A)[1:]
     sums = np.einsum("ki,ki->i", left.conj(), right)
     return np.array([np.einsum("ki,kl,li->i", left.conj(), one, right) / sums for one in slopes]).reshape(-1, len(A))
 
 
 def least_damped(found: Sequence[Mode], highest: float = np.inf) -> list[Mode]:
     """Modes that oscillate visibly, up to `highest` (Hz), the least damped first."""
-    inside = [one for one in found if one.damping < OVERDAMPED and 0 < one.pole.imag and abs(one.pole) <= 2 * np.pi * highest]
+    inside = [
+        one for one in found if one.damping < OVERDAMPED and one.pole.imag > 0 and abs(one.pole) <= 2 * np.pi * highest
+    ]
     return sorted(inside, key=lambda one: one.damping)
 
 
 def rightmost(A: np.ndarray) -> complex:
     """The pole with the largest real part, of a pair the upper one; -inf without states."""
-    poles = np.linalg.eigvals(A)
-    if not len(poles):
+    if not len(A):
         return complex(-np.inf, 0.0)
-    one = poles[np.argmax(poles.real)]
+    poles = [complex(one) for one in np.linalg.eigvals(A)]
+    one = max(poles, key=lambda pole: pole.real)
     return complex(one.real, abs(one.imag))
 
 
 def _deviations(pole: complex, moved: np.ndarray) -> tuple[float, float, float]:
     size = abs(pole) or 1.0
-    damping = -(moved.real * pole.imag**2 - moved.imag * pole.real * pole.imag) / size**3  # d(-Re p / |p|)
-    parts = [float(np.sqrt((part**2).sum())) for part in (moved.real, moved.imag, damping)]
+    real, imag = np.real(moved), np.imag(moved)
+    damping = (real * pole.imag**2 - imag * pole.real * pole.imag) / size**3  # of -Re p / |p|, up to the sign
+    parts = [float(np.linalg.norm(part)) for part in (real, imag, damping)]
     return parts[0], parts[1], parts[2]

@@ -67,7 +67,7 @@ def nyquist(
     loci = _continuous(np.linalg.eigvals(loop))
     phase = np.unwrap(np.angle(_determinant(loop, frequency, growth)))
     ends = np.round(phase[[0, -1]] / np.pi)
-    turns = int(round(ends[1] - ends[0]))
+    turns = round(float(ends[1] - ends[0]))
     distance = np.abs(1.0 + loci).min(axis=1)
     nearest = int(np.argmin(distance))
     return Nyquist(
@@ -89,7 +89,7 @@ def start_frequencies(poles: np.ndarray) -> np.ndarray:
     slow, fast = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     decades = np.log10(1e9 * fast / slow)
     grid = [np.geomspace(1e-6 * slow, 1e3 * fast, int(30 * decades))]
-    for pole in poles[poles.imag > 0]:
+    for pole in poles[np.imag(poles) > 0]:
         grid.append(pole.imag + np.linspace(-6.0, 6.0, 25) * abs(pole.real))
     found = np.unique(np.concatenate(grid))
     return found[found > 0] / (2 * np.pi)
@@ -134,11 +134,11 @@ def _gain_margin(loci: np.ndarray) -> float | None:
     """Smallest factor above 1 that brings a crossing of the negative real axis to -1."""
     factors = []
     for locus in loci.T:
-        imaginary = locus.imag
+        imaginary, reals = np.imag(locus), np.real(locus)
         crossing = np.flatnonzero(imaginary[1:] * imaginary[:-1] < 0)
         part = imaginary[crossing] / (imaginary[crossing] - imaginary[crossing + 1])
-        real = locus.real[crossing] + part * (locus.real[crossing + 1] - locus.real[crossing])
-        real = np.append(real, locus.real[0])  # at zero frequency both loci end on the real axis, or are a pair
+        real = reals[crossing] + part * (reals[crossing + 1] - reals[crossing])
+        real = np.append(real, reals[0])  # at zero frequency both loci end on the real axis, or are a pair
         if abs(imaginary[0]) > 1e-3 * abs(locus[0]):
             real = real[:-1]
         factors += [-1.0 / one for one in real if -1.0 < one < 0.0]

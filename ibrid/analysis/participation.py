@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eig
@@ -40,8 +41,14 @@ def participation(A: np.ndarray, states: Sequence[str]) -> Participation:
     """
     if not len(A):
         return Participation((), np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
-    poles, left, right = eig(A, left=True, right=True)
+    poles, left, right = eigenvectors(A)
     products = left.conj() * right
     sums = products.sum(axis=0)
     safe = np.where(np.abs(sums) > np.finfo(float).tiny, sums, 1.0)  # zero where a pole is defective
     return Participation(tuple(states), poles, products / safe)
+
+
+def eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poles (n,), left eigenvectors (n, n) with w' A = lambda w', and right ones, as columns."""
+    found: Any = eig(A, left=True, right=True)
+    return found[0], found[1], found[2]

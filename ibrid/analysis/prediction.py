@@ -78,8 +78,8 @@ class Prediction:
         """(K,) half width of the 95 % band of the whole matrix over |Y|."""
         if self.deviation is None:
             return None
-        return QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / np.linalg.norm(
-            self.admittance, axis=(1, 2)
+        return (
+            QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / np.linalg.norm(self.admittance, axis=(1, 2))
         )
 
     def plain(self) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         deviation, slopes = None, None
         if sure is not None:
             moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)
-            deviation = np.sqrt(np.stack([(moved.real**2).sum(axis=0), (moved.imag**2).sum(axis=0)]))
+            deviation = np.sqrt(np.stack([(part**2).sum(axis=0) for part in (np.real(moved), np.imag(moved))]))
             slopes = parametric.matrix_slopes(sure.directions, lambda matrices: matrices[0])
             warnings += _from_the_boxes(sure, moved, parametric.admittance(frequency))
         else:

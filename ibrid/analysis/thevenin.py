@@ -35,7 +35,9 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     if shunts:
         physics = {key: settings[key] for key in ("equilibrium", "power_node")}
         omega_0 = 2 * np.pi * float(settings["f0_hz"])
-        matrices = module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics) if shunts else {}
+        matrices = (
+            module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics) if shunts else {}
+        )
         for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
             a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
             current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]

@@ -1,5 +1,6 @@
 """`ibrid predict RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
 
+import re
 import shlex
 from argparse import Namespace
 from math import pi
@@ -21,23 +22,42 @@ OP_HELP = "a point of the record, or p=..,q=..[,v=..] anywhere, repeatable"
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    predict = commands.add_parser("predict", help="the admittance at an operating point that nobody measured, with bands")
+    predict = commands.add_parser(
+        "predict", help="the admittance at an operating point that nobody measured, with bands"
+    )
     predict.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
     predict.add_argument("--op", metavar="OP", action="append", required=True, help=OP_HELP)
-    predict.add_argument("--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)")
-    predict.add_argument("--out", required=True, metavar="DATA", help="the sweep file to write, sigma being one deviation")
+    predict.add_argument(
+        "--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)"
+    )
+    predict.add_argument(
+        "--out", required=True, metavar="DATA", help="the sweep file to write, sigma being one deviation"
+    )
     add_json_option(predict)
     predict.set_defaults(run=run_predict)
-    stability = commands.add_parser("stability", help="poles, Nyquist, passivity and critical SCR of the model in a grid")
+    stability = commands.add_parser(
+        "stability", help="poles, Nyquist, passivity and critical SCR of the model in a grid"
+    )
     stability.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    stability.add_argument("--scr", metavar="A:B[:N]", help="short-circuit ratios from weak to strong, or one; per unit 1/|Z|")
+    stability.add_argument(
+        "--scr", metavar="A:B[:N]", help="short-circuit ratios from weak to strong, or one; per unit 1/|Z|"
+    )
     stability.add_argument("--xr", type=inputs.positive, metavar="X/R", help="of these grids (10)")
-    stability.add_argument("--grid", metavar="r=..,x=..|FILE", help="one grid instead: per unit, or its measured impedance")
-    stability.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)")
-    stability.add_argument("--freq", metavar="A:B:N", help="frequencies of the passivity index (default: the measured range)")
+    stability.add_argument(
+        "--grid", metavar="r=..,x=..|FILE", help="one grid instead: per unit, or its measured impedance"
+    )
+    stability.add_argument(
+        "--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)"
+    )
+    stability.add_argument(
+        "--freq", metavar="A:B:N", help="frequencies of the passivity index (default: the measured range)"
+    )
     stability.add_argument("--report", metavar="OUT.html", help="write a page with figures")
     add_json_option(stability)
     stability.set_defaults(run=run_stability)
+    stability._negative_number_matcher = re.compile(
+        r"-\d"
+    )  # so that --scr -1:10 is a value, and told to be a wrong one
 
 
 def run_predict(arguments: Namespace) -> int:

@@ -28,6 +28,7 @@ def declare(commands: Any) -> None:
     export.add_argument(
         "--freq", metavar="A:B:N", help="of csv and touchstone: N frequencies from A to B Hz (5:5000:60)"
     )
+    export.add_argument("--nonlinear", action="store_true", help="of modelica: the averaged model before linearisation")
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
     export.set_defaults(run=run_export)
     report = commands.add_parser("report", help="(re)write the HTML page of a record")
@@ -49,8 +50,15 @@ def run_export(arguments: Namespace) -> int:
 
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
     record = read_record(Path(arguments.record))
-    model = export(record, arguments.out, arguments.format, arguments.op, frequency=frequency)
-    print(f"{arguments.out}: {len(model.states)} states at {model.op}")
+    model = export(
+        record,
+        arguments.out,
+        arguments.format,
+        arguments.op,
+        frequency=frequency,
+        nonlinear=arguments.nonlinear,
+    )
+    print(f"{arguments.out}: {len(model.states)} states at {model.op}{', nonlinear' if arguments.nonlinear else ''}")
     return 0
 
 

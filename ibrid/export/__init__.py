@@ -2,7 +2,19 @@
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.export.admittance import admittance
+from ibrid.export.averaged import NonlinearModel
 from ibrid.export.control_json import read_control_json
 from ibrid.export.formats import FORMAT_NAMES, FORMATS, export
+from ibrid.export.nonlinear_model import nonlinear_model
 
-__all__ = ["FORMATS", "FORMAT_NAMES", "LinearModel", "admittance", "export", "linear_model", "read_control_json"]
+__all__ = [
+    "FORMATS",
+    "FORMAT_NAMES",
+    "LinearModel",
+    "NonlinearModel",
+    "admittance",
+    "export",
+    "linear_model",
+    "nonlinear_model",
+    "read_control_json",
+]

@@ -35,7 +35,7 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
 
 
 def _write_csv(sweep: Sweep, path: str | Path) -> None:
-    write_sweep(sweep, path, header=("admittance of a fitted model, not a measurement",))
+    write_sweep(sweep, path, header=("admittance of a fitted model, not a measurement; delays are exact",))
 
 
 def _write_touchstone(sweep: Sweep, path: str | Path) -> None:

@@ -25,7 +25,8 @@ def modelica(model: LinearModel) -> bytes:
 
     State "pll.angle" is called pll_angle, starts at zero and has its own equation.
     """
-    states = identifiers(model.states)
+    outer = (*model.inputs, *model.outputs)
+    states = identifiers([*outer, *model.states])[len(outer) :]
     columns = (*states, *model.inputs)
     derivatives = [(f"der({state})", row) for state, row in zip(states, np.hstack([model.A, model.B]), strict=True)]
     currents = [(name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)]
@@ -64,12 +65,12 @@ def quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def documentation(model: LinearModel) -> str:
-    """What the numbers mean, as HTML without angle brackets in names."""
+def documentation(model: LinearModel, units: str = UNITS) -> str:
+    """What the numbers mean, as HTML; names hold no angle brackets."""
     parameters = ", ".join(f"{name} = {value!r}" for name, value in model.parameters.items())
     delays = ", ".join(f"{name} of order {order}" for name, order in model.pade_orders.items())
     sentences = [
-        f"{UNITS}.",
+        f"{units}.",
         f"Operating point: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = {model.v!r}, per unit; "
         f"nominal frequency {model.f0_hz!r} Hz.",
         *([f"Pade forms of delays: {delays}."] if delays else []),

@@ -3,72 +3,112 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.analysis.linear_model import LinearModel, linear_model, with_point
+from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
-from ibrid.export.nonlinear_model import reference_names, rest_of_record
-from ibrid.export.rest import Module, Rest, by_port
+from ibrid.export.module_motion import Module, by_port
+from ibrid.export.nonlinear_assembly import channel_names
+from ibrid.export.nonlinear_model import rest_of_record
+from ibrid.export.rest import Rest
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.large_signal import is_linear
+from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.wiring import Wiring, split_port
 
+_UNITS = (
+    "Absolute quantities, per unit on the inverter's base, time in s, angles in rad; current out of the inverter, q axis "
+    "leading d; averaged over a switching period"
+)
 _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 
 
 def nonlinear_modelica(record: Record, op: str | None = None) -> tuple[LinearModel, bytes]:
     """The linear model at the operating point, and the file: `package NonlinearInverter` with `block Inverter` in it.
 
-    v_D, v_Q in and i_D, i_Q out are absolute, per unit. Parameters are those of the diagram; references (p*, q*) and
-    what else keeps the inverter at its operating point are parameters called reference_.
+    v_D, v_Q in and i_D, i_Q out are absolute, per unit; vectors are (d, q). Parameters are those of the diagram;
+    references (p*, q*) and what else keeps the inverter at its operating point are parameters called reference_.
 
     Raises as `nonlinear_model`.
     """
     model = linear_model(record, op)
-    wiring, at, parameters, bound = _parts(record, model)
-    blocks = {_block_name(module): module for module in at.modules}
+    with whole_record():
+        whole, name = with_point(record, model.op)
+        wiring, at = rest_of_record(whole, name)
+        values = whole.parameters[name]
+    words = _Words(wiring, at)
+    blocks = {words.blocks[module.name]: module for module in at.modules}
     lines = [
         f"package NonlinearInverter {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
-        *(f"  {line}" for line in _inverter(wiring, at, parameters, bound, model)),
-        f"  annotation(Documentation(info = {quoted(documentation(model))}));",
+        *(f"  {line}" for line in _inverter(words, at, values, model.op)),
+        f"  annotation(Documentation(info = {quoted(documentation(model, _UNITS))}));",
         "end NonlinearInverter;",
     ]
     return model, ("\n".join(lines) + "\n").encode()
 
 
-def _parts(record: Record, model: LinearModel) -> tuple[Wiring, Rest, dict[str, float], dict[tuple[str, str], Any]]:
-    """Wiring, operating point, the free parameters by identifier, and what each module's parameter is set to."""
-    whole, name = with_point(record, model.op)
-    wiring, at = rest_of_record(whole, name)
-    table = parameter_table(wiring, "exact")
-    words = dict(zip(table.names, identifiers(table.names), strict=True))
-    parameters = {words[one]: float(whole.parameters[name][one]) for one in table.names}
-    bound = {key: words[value] if isinstance(value, str) else value for key, value in table.bound.items()}
-    return wiring, at, parameters, bound
+class _Words:
+    """Identifiers of everything in the inverter, no two alike, so that no name hides another."""
 
+    def __init__(self, wiring: Wiring, at: Rest) -> None:
+        self.wiring = wiring
+        self.table = parameter_table(wiring, "exact")
+        outer = [word for pair in _OUTER.values() for word in pair]
+        orders = {module.name: str(module.pade_order or "") for module in at.modules}
+        titles = {module.name: f"{module.kind.name}{orders[module.name]}" for module in at.modules}
+        kinds = tuple(dict.fromkeys(titles.values()))
+        references = [f"reference_{one}" for one in channel_names(list(at.references), wiring)]
+        found = iter(identifiers(["Inverter", *outer, *kinds, *wiring.kinds, *self.table.names, *references])[5:])
+        block = dict(zip(kinds, found, strict=False))
+        self.blocks = {name: block[title] for name, title in titles.items()}
+        self.instances = dict(zip(wiring.kinds, found, strict=False))
+        self.parameters = dict(zip(self.table.names, found, strict=False))
+        self.references = dict(zip(at.references, found, strict=True))
 
-def _block_name(module: Module) -> str:
-    return module.kind.name if module.pade_order is None else f"{module.kind.name}{module.pade_order}"
+    def parameter(self, instance: str, name: str, value: float) -> str:
+        """What a module's parameter is set to: a parameter of the inverter, or a number."""
+        bound = self.table.bound.get((instance, name), value)
+        return self.parameters[bound] if isinstance(bound, str) else repr(float(bound))
+
+    def port(self, channel: Channel) -> str:
+        """A channel of a module, seen from outside, or of the terminals."""
+        if channel[0] in _OUTER:
+            return _OUTER[channel[0]][channel[1]]
+        name, port = split_port(channel[0])
+        kind = self.wiring.kinds[name]
+        word = f"{self.instances[name]}.{port}"
+        return f"{word}[{channel[1] + 1}]" if {**kind.inputs, **kind.outputs}[port].width == 2 else word
+
+    def arriving(self, channel: Channel) -> str:
+        """What adds up at an input."""
+        terms = [self.port(source) for source in sources_of(self.wiring, channel)]
+        return " + ".join([*terms, *([self.references[channel]] if channel in self.references else [])]) or "0"
 
 
 def _block(name: str, module: Module) -> list[str]:
     """The declaration of a kind, from its law."""
     kind = module.kind
+    _require_own_words(kind, module.arguments)
     arguments = {one: _symbol(one, value) for one, value in module.arguments.items()}
     x = [f"x_{state}" for state in module.states]
-    inputs, outputs = _variables(kind.inputs), _variables(kind.outputs)
-    rates, values = module.motion(
-        [Formula(one) for one in x], by_port(kind, [Formula(one) for one in inputs]), arguments
-    )
-    words = [word for value in arguments.values() for word in (value if isinstance(value, tuple) else (value,))]
-    told = {one: f"{box.meaning}, {box.unit}" for one, box in kind.parameters.items()}
+    inputs, outputs = _channels(kind.inputs), _channels(kind.outputs)
+    symbols = by_port(kind, [Formula(one) for one in inputs])
+    rates, values = module.motion([Formula(one) for one in x], symbols, arguments)
+    meanings = {one: f"{box.meaning}, {box.unit}" for one, box in kind.parameters.items()}
+    meanings["omega_0"] = "nominal angular frequency, rad/s"
     return [
-        f"block {name} {quoted(kind.law)}",
-        *(f"  parameter Real {word.text} {quoted(told.get(word.text, 'constant'))};" for word in words),
-        *(f"  input Real {one};" for one in inputs),
-        *(f"  output Real {one};" for one in outputs),
+        f"block {name} {quoted(kind.law if is_linear(kind) else f'{kind.name}, {kind.family}, absolute quantities')}",
+        *(
+            f"  parameter Real {_declared(one, value)} {quoted(meanings.get(one, 'operating point, pu'))};"
+            for one, value in module.arguments.items()
+        ),
+        *(f"  input Real {_declared(port, signal)};" for port, signal in kind.inputs.items()),
+        *(f"  output Real {_declared(port, signal)};" for port, signal in kind.outputs.items()),
         *(f"  Real {one}(start = 0, fixed = true);" for one in x),
         "equation",
         *(f"  der({one}) = {formula(rate).text};" for one, rate in zip(x, rates, strict=True)),
@@ -77,77 +117,66 @@ def _block(name: str, module: Module) -> list[str]:
     ]
 
 
-def _inverter(
-    wiring: Wiring, at: Rest, parameters: Mapping[str, float], bound: Mapping[tuple[str, str], Any], model: LinearModel
-) -> list[str]:
+def _require_own_words(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
+    """Ports and parameters are variables of one block, so their names must differ, also from Modelica's words."""
+    names = [*kind.inputs, *kind.outputs, *arguments]
+    for name in names:
+        if names.count(name) > 1 or identifiers([name]) != (name,):
+            raise IbridError(
+                f"{kind.name} cannot be written in Modelica: {name} must name one port or one parameter and be no word "
+                "of the language; rename it"
+            )
+
+
+def _inverter(words: _Words, at: Rest, values: Mapping[str, float], op: str) -> list[str]:
     """The block in which the modules are wired."""
-    names = dict(zip(wiring.kinds, identifiers(wiring.kinds), strict=True))
-    references = dict(
-        zip(at.references, identifiers(f"reference_{one}" for one in reference_names(list(at.references), wiring)))
-    )
-    rest_voltage = [at.outputs[TERMINAL_VOLTAGE, axis] for axis in (0, 1)]
-
-    def arriving(channel: Channel) -> str:
-        terms = [_port(names, wiring, source) for source in sources_of(wiring, channel)]
-        return " + ".join([*terms, *([references[channel]] if channel in references else [])]) or "0"
-
+    inputs = [one for module in at.modules for one in channels_of(module.name, module.kind.inputs)]
     return [
-        f"block Inverter {quoted(model.op)}",
+        f"block Inverter {quoted(op)}",
         *(
-            f"  {INPUT} {one}(start = {value!r}) {quoted('terminal voltage, per unit')};"
-            for one, value in zip(_OUTER[TERMINAL_VOLTAGE], rest_voltage, strict=True)
+            f"  {INPUT} {word}(start = {at.outputs[TERMINAL_VOLTAGE, axis]!r}) {quoted('terminal voltage, per unit')};"
+            for axis, word in enumerate(_OUTER[TERMINAL_VOLTAGE])
         ),
-        *(f"  {OUTPUT} {one} {quoted('current out of the inverter, per unit')};" for one in _OUTER[TERMINAL_CURRENT]),
-        *(f"  parameter Real {name} = {value!r};" for name, value in parameters.items()),
+        *(f"  {OUTPUT} {word} {quoted('current out of the inverter, per unit')};" for word in _OUTER[TERMINAL_CURRENT]),
+        *(f"  parameter Real {word} = {float(values[name])!r};" for name, word in words.parameters.items()),
         *(
-            f"  parameter Real {references[channel]} = {value!r} {quoted('holds the operating point')};"
-            for channel, value in at.references.items()
+            f"  parameter Real {word} = {at.references[channel]!r} {quoted('holds the operating point')};"
+            for channel, word in words.references.items()
         ),
-        *(f"  {_instance(names, module, at, bound)}" for module in at.modules),
+        *(f"  {_instance(words, module, at)}" for module in at.modules),
         "equation",
+        *(f"  {words.port(channel)} = {words.arriving(channel)};" for channel in inputs),
         *(
-            f"  {_port(names, wiring, channel)} = {arriving(channel)};"
-            for module in at.modules
-            for channel in channels_of(module.name, module.kind.inputs)
+            f"  {word} = {words.arriving((TERMINAL_CURRENT, axis))};"
+            for axis, word in enumerate(_OUTER[TERMINAL_CURRENT])
         ),
-        *(f"  {_OUTER[TERMINAL_CURRENT][axis]} = {arriving((TERMINAL_CURRENT, axis))};" for axis in (0, 1)),
         "end Inverter;",
     ]
 
 
-def _instance(names: Mapping[str, str], module: Module, at: Rest, bound: Mapping[tuple[str, str], Any]) -> str:
+def _instance(words: _Words, module: Module, at: Rest) -> str:
     """One module with its parameters and the values at which its states start."""
-    changes = []
-    for one, value in module.arguments.items():
-        if isinstance(value, tuple):
-            changes += [f"{one}_{axis} = {float(part)!r}" for axis, part in zip("dq", value, strict=True)]
-        else:
-            given = bound.get((module.name, one), value)
-            changes.append(f"{one} = {given if isinstance(given, str) else repr(float(given))}")
+    changes = [
+        f"{one} = {{{float(value[0])!r}, {float(value[1])!r}}}"
+        if isinstance(value, tuple)
+        else f"{one} = {words.parameter(module.name, one, value)}"
+        for one, value in module.arguments.items()
+    ]
     starts = zip(module.states, at.states[module.name], strict=True)
     changes += [f"x_{state}(start = {value!r})" for state, value in starts if value]
     changed = f"({', '.join(changes)})" if changes else ""
-    return f"{_block_name(module)} {names[module.name]}{changed};"
+    return f"{words.blocks[module.name]} {words.instances[module.name]}{changed};"
 
 
 def _symbol(name: str, value: Any) -> Any:
-    return (Formula(f"{name}_d"), Formula(f"{name}_q")) if isinstance(value, tuple) else Formula(name)
+    return (Formula(f"{name}[1]"), Formula(f"{name}[2]")) if isinstance(value, tuple) else Formula(name)
 
 
-def _variables(ports: Mapping[str, Any]) -> list[str]:
-    """A scalar variable for each channel of some ports."""
-    return [
-        f"{port}_{axis}" if signal.width == 2 else port
-        for port, signal in ports.items()
-        for axis in "dq"[: signal.width]
-    ]
+def _declared(name: str, of: Signal | float | tuple[float, float]) -> str:
+    """A scalar, or an array of the two axes."""
+    return f"{name}[2]" if isinstance(of, tuple) or (isinstance(of, Signal) and of.width == 2) else name
 
 
-def _port(names: Mapping[str, str], wiring: Wiring, channel: Channel) -> str:
-    """A channel of a module, seen from outside, or of the terminals."""
-    if channel[0] in _OUTER:
-        return _OUTER[channel[0]][channel[1]]
-    name, _, port = channel[0].rpartition(".")
-    kind = wiring.kinds[name]
-    signal = {**kind.inputs, **kind.outputs}[port]
-    return f"{names[name]}.{port}_{'dq'[channel[1]]}" if signal.width == 2 else f"{names[name]}.{port}"
+def _channels(ports: Mapping[str, Signal]) -> list[str]:
+    """The channels of some ports, seen from inside the block."""
+    return [f"{port}[{k}]" if one.width == 2 else port for port, one in ports.items() for k in range(1, one.width + 1)]

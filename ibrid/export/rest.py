@@ -5,57 +5,25 @@ operating point where the law names one, zero in front of an integrator. What th
 reference. Signals behind integrators count from their value at rest, so that references hold whatever the gains are.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from inspect import signature
 from math import atan2
-from typing import Any
 
 import numpy as np
 
 from ibrid.assembly.equilibrium import Frame, Pair, equilibria, to_frame
-from ibrid.assembly.interconnection import state_names
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import IbridError
-from ibrid.modules.delay import pade_state_space
-from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
-from ibrid.modules.large_signal import Motion, motion, require_large_signal
+from ibrid.export.module_motion import Module, asked, by_port, module_at
+from ibrid.modules.kind import EQUILIBRIUM
+from ibrid.modules.large_signal import require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.parameters import ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
 ROUNDING = 1e-12
-
-
-@dataclass(frozen=True)
-class Module:
-    """One module of a diagram, ready to move.
-
-    `arguments` : parameters and what the law takes from the operating point, in numbers. `pade_order` : of a delay.
-    """
-
-    name: str
-    kind: ModuleKind
-    arguments: Mapping[str, Any]
-    pade_order: int | None = None
-
-    @property
-    def states(self) -> list[str]:
-        """Names of its states."""
-        return state_names(self.kind, 2 * (self.pade_order or 0))
-
-    def matrices(self, arguments: Mapping[str, Any]) -> Matrices | None:
-        """The Pade form of a delay; None: the kind's own."""
-        if self.pade_order is None or self.kind.delay is None:
-            return None
-        return pade_state_space(arguments[self.kind.delay], self.pade_order)
-
-    def motion(self, x: Any, inputs: Mapping[str, Any], arguments: Mapping[str, Any] | None = None) -> Motion:
-        """(dx/dt, outputs) at absolute states and inputs, with other arguments where given."""
-        arguments = self.arguments if arguments is None else arguments
-        return motion(self.kind, x, inputs, arguments, self.matrices(arguments))
 
 
 @dataclass(frozen=True)
@@ -95,22 +63,11 @@ def rest(
     }
     frame, ports = equilibria(wiring, numbers, point, power_node, omega_0)
     modules = tuple(
-        Module(
-            name,
-            kind,
-            _arguments(kind, numbers[name], omega_0, ports[name]),
-            pade_orders[name] if kind.delay is not None else None,
-        )
+        module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
         for name, kind in wiring.kinds.items()
     )
-    settled = _Settled(
-        wiring,
-        frame,
-        ports,
-        plant_equilibrium(wiring.kinds[wiring.plant].name, numbers[wiring.plant], *point, power_node),
-        point[2],
-    )
-    return settled.settle(modules)
+    plant = plant_equilibrium(wiring.kinds[wiring.plant].name, numbers[wiring.plant], *point, power_node)
+    return _Settled(wiring, frame, ports, plant, point[2]).settle(modules)
 
 
 class _Settled:
@@ -129,7 +86,7 @@ class _Settled:
         for module in modules:
             if module.kind.large_signal is not None:
                 self._place(module, self._at_operating_point(module))
-            elif _integrates(module):
+            elif module.integrates:
                 self._place(module, [0.0] * len(channels_of(module.name, module.kind.inputs)))
             else:
                 waiting.append(module)
@@ -167,11 +124,10 @@ class _Settled:
             if kind.large_signal.at_rest is None:
                 return ()
             known = {**module.arguments, **{f"{port}{EQUILIBRIUM}": z for port, z in self.ports[module.name].items()}}
-            return tuple(float(one) for one in kind.large_signal.at_rest(**_asked(kind.large_signal.at_rest, known)))
+            return tuple(float(one) for one in kind.large_signal.at_rest(**asked(kind.large_signal.at_rest, known)))
         if not module.states or not any(inputs):
             return (0.0,) * len(module.states)
-        matrices = module.matrices(module.arguments) or kind.state_space(**module.arguments)
-        a, b = (np.array(part, dtype=float) for part in matrices[:2])
+        a, b = (np.array(part, dtype=float) for part in module.linear_matrices[:2])
         return tuple(np.linalg.solve(a, -b @ inputs).tolist())
 
     def _at_operating_point(self, module: Module) -> list[float]:
@@ -195,37 +151,6 @@ class _Settled:
                 return None
             sums.append(sum(self.outputs[source] for source in sources))
         return sums
-
-
-def by_port(kind: ModuleKind, channels: Any) -> dict[str, Any]:
-    """port -> scalar or pair, from the channels of a kind's inputs in order."""
-    found: dict[str, Any] = {}
-    rest_of = iter(channels)
-    for port, signal in kind.inputs.items():
-        found[port] = next(rest_of) if signal.width == 1 else (next(rest_of), next(rest_of))
-    return found
-
-
-def _integrates(module: Module) -> bool:
-    """True for a linear module that rests at no value of its inputs but some: A is singular."""
-    if not module.states:
-        return False
-    matrices = module.matrices(module.arguments) or module.kind.state_space(**module.arguments)
-    a = np.array(matrices[0], dtype=float)
-    return int(np.linalg.matrix_rank(a)) < len(a)
-
-
-def _arguments(
-    kind: ModuleKind, parameters: Mapping[str, float], omega_0: float, ports: Mapping[str, Pair]
-) -> dict[str, Any]:
-    """What the law asks for besides states and inputs."""
-    known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()}}
-    return _asked(kind.state_space if kind.large_signal is None else kind.large_signal.law, known)
-
-
-def _asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the known arguments that a function has."""
-    return {name: known[name] for name in signature(function).parameters if name in known}
 
 
 def _value(bound: str | float, values: Mapping[str, float]) -> float:

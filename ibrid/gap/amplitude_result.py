@@ -1,5 +1,6 @@
 """What the amplitudes of a measurement say: where it is linear, which nonlinearity explains the rest, and its curve."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from ibrid.gap.nonlinear_fit import NonlinearFit
 from ibrid.gap.nonlinear_shapes import D_LIMIT, DEAD_ZONE, Q_LIMIT, SATURATION, rest_size
 from ibrid.measurement.linearity import Linearity
 
+#: Fewest frequencies of every operating point from which a small-signal answer can be had.
+FEWEST = 4
 #: Standard error of a measured gain from which on it says nothing.
 USELESS = 0.2
 
@@ -84,7 +87,9 @@ def port_gain(fit: NonlinearFit, data: AmplitudeData) -> PortGain:
     gain = leaving / entering
     moves = np.einsum("ci,cij->cj", along, inverse) - gain[:, None] * np.einsum("ci,cij,cjk->ck", along, z_w, inverse)
     sigma = np.where(weight > 0, 1.0 / np.where(weight > 0, weight, 1.0), np.inf)
-    deviation = np.linalg.norm(np.where(weight > 0, moves, 0.0) * size * np.where(np.isfinite(sigma), sigma, 0.0), axis=1)
+    deviation = np.linalg.norm(
+        np.where(weight > 0, moves, 0.0) * size * np.where(np.isfinite(sigma), sigma, 0.0), axis=1
+    )
     deviation = deviation / np.abs(entering)
     frequency, level = (np.broadcast_to(one, (*data.amplitude.shape, 2)).reshape(-1) for one in (
         data.frequency[:, None, None, None], np.arange(data.amplitude.shape[2])[None, None, :, None]))  # fmt: skip
@@ -121,3 +126,8 @@ def nrmse_at_all(data: AmplitudeData, response: np.ndarray) -> float:
     whole = (np.abs(data.admittance) ** 2).sum(axis=(-2, -1)) * there
     total = whole.sum(axis=0)
     return float(np.mean(np.sqrt(error.sum(axis=0)[total > 0] / total[total > 0])))
+
+
+def at_every_amplitude(responses: Sequence[np.ndarray], data: AmplitudeData) -> np.ndarray:
+    """Responses of a linear model, (K, 2, 2) for each operating point, as `data.admittance`."""
+    return np.broadcast_to(np.stack(responses, axis=1)[:, :, None], data.admittance.shape)

@@ -1,23 +1,23 @@
 """The gap workflow on sweeps at several injection amplitudes: gate, nonlinearity, and the small-signal answer beside it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ibrid.gap.amplitude_result import AmplitudeAnswer, TriedNonlinearity, nrmse_at_all, port_gain
+from ibrid.gap.amplitude_answer import believed_of, effect_of, sentence_of, steps_of, weighed
+from ibrid.gap.amplitude_result import FEWEST, AmplitudeAnswer, at_every_amplitude, nrmse_at_all
 from ibrid.gap.answer import answer_of
 from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.convention import Convention
-from ibrid.gap.noise import noise_of
+from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.nonlinear_fit import NonlinearFit
 from ibrid.gap.nonlinear_naming import Naming, name_nonlinearity
 from ibrid.gap.nonlinear_places import places
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Nominal, Prior
-from ibrid.gap.result import Gap, NamedEffect, Verdict
+from ibrid.gap.refit import Refitter
+from ibrid.gap.result import Gap, Verdict
 from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings
 from ibrid.measurement.amplitudes import at_amplitudes
@@ -26,8 +26,6 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 
-#: Fewest frequencies of every operating point from which a small-signal answer can be had.
-FEWEST = 4
 #: Verdicts that a band which no amplitude touches may still have.
 STANDING = ("named", "data-convention")
 NEXT = "sweep with smaller amplitudes, and with two more between these"
@@ -73,7 +71,9 @@ def gap_at_amplitudes(asked: Question, found: Linearity) -> Gap:
     if naming is not None and data is not None and naming.named:
         return _answered(asked, small if small is not None and kept >= FEWEST else None, naming, data, answer)
     if small is None or kept < FEWEST:
-        gap = _linear_gap(asked, at_amplitudes(asked.sweep)[0], asked.diagram, {} if naming is None else naming.linear.values)
+        gap = _linear_gap(
+            asked, at_amplitudes(asked.sweep)[0], asked.diagram, {} if naming is None else naming.linear.values
+        )
     else:
         gap = asked.find(small)
         if gap.verdict == "named" and data is not None:
@@ -91,113 +91,46 @@ def _named(asked: Question, diagram: Diagram, data: AmplitudeData) -> Naming | N
 # --- named -----------------------------------------------------------------------------------------------------------
 
 
-def _answered(asked: Question, small: Sweep | None, naming: Naming, data: AmplitudeData, answer: AmplitudeAnswer) -> Gap:
+def _answered(
+    asked: Question, small: Sweep | None, naming: Naming, data: AmplitudeData, answer: AmplitudeAnswer
+) -> Gap:
     """A nonlinearity alone: the linear model at the values that all amplitudes tell."""
-    fit = _of(naming)
+    fit = believed_of(naming)
     sweep = at_amplitudes(asked.sweep)[0] if small is None else small
     gap = _linear_gap(asked, sweep, asked.diagram, fit.values)
-    answer = _weighed(answer, naming, data)
+    answer = weighed(answer, naming, data)
     return replace(
         gap,
         verdict="named",
-        sentence=f"{_sentence(fit, answer)} {answer.linearity.sentence}",
+        sentence=f"{sentence_of(naming, answer)} {answer.linearity.sentence}",
         ports=(),
-        effects=(_effect(naming, answer),),
-        before={**gap.before, "refit": answer.before},
+        effects=(effect_of(naming),),
+        before={**gap.before, "nominal": _as_given(asked, data), "refit": answer.before},
         after={**gap.after, "refit": answer.after},
         noise_floor=answer.floor,
-        steps=(*_steps(naming, answer), *gap.steps),
+        steps=(*steps_of(naming, answer), *gap.steps),
         amplitude=answer,
     )
+
+
+def _as_given(asked: Question, data: AmplitudeData) -> float | None:
+    """Error of the linear model at nominal values over all amplitudes; None where no values were given."""
+    if not asked.values:
+        return None
+    refitter = Refitter(Noise(data.pooled, True, ""), asked.kinds, asked.prior, np.random.default_rng(asked.seed))
+    return nrmse_at_all(data, at_every_amplitude(refitter.at_values(asked.diagram, {}).responses, data))
 
 
 def _answered_beside(gap: Gap, naming: Naming, data: AmplitudeData, answer: AmplitudeAnswer) -> Gap:
     """A nonlinearity beside what the small-signal workflow named."""
-    answer = _weighed(answer, naming, data)
+    answer = weighed(answer, naming, data)
     return replace(
         gap,
-        sentence=f"{gap.sentence} {_sentence(_of(naming), answer)} {answer.linearity.sentence}",
-        effects=(*gap.effects, _effect(naming, answer)),
-        steps=(*gap.steps, *_steps(naming, answer)),
+        sentence=f"{gap.sentence} {sentence_of(naming, answer)} {answer.linearity.sentence}",
+        effects=(*gap.effects, effect_of(naming)),
+        steps=(*gap.steps, *steps_of(naming, answer)),
         amplitude=answer,
     )
-
-
-def _of(naming: Naming) -> NonlinearFit:
-    if naming.best is None:
-        raise ValueError("no nonlinearity is believed")
-    return naming.best
-
-
-def _sentence(fit: NonlinearFit, answer: AmplitudeAnswer) -> str:
-    side = "far above" if fit.place.shape.rises else "below"
-    what = "its width" if fit.place.shape.rises else "the limit"
-    return (
-        f"The device has a {fit.place.id.replace('_', ' ')} ({fit.place.words}, {fit.place.shape.parameter} "
-        f"{fit.threshold:.4g} pu), which the model lacks: over all amplitudes the error falls from {answer.before:.2g} to "
-        f"{answer.after:.2g}. A linear program cannot hold it: model.py is the model for signals {side} {what}."
-    )
-
-
-def _effect(naming: Naming, answer: AmplitudeAnswer) -> NamedEffect:
-    fit = _of(naming)
-    others = [one for one in naming.fits if one.place.id != fit.place.id]
-    evidence: dict[str, Any] = {
-        "gain": naming.linear_cost - fit.cost,
-        "threshold": naming.threshold,
-        "p_after": fit.p_value,
-        "runner_up": others[0].place.words if others else None,
-        "runner_up_bic": others[0].cost - fit.cost if others else None,
-        "tests": len(naming.fits),
-        "form": fit.place.words,
-    }
-    return NamedEffect(
-        id=fit.place.id,
-        change="add",
-        where=fit.place.where,
-        parameters={fit.place.shape.parameter: (fit.threshold, *fit.interval)},
-        evidence=evidence,
-        indistinguishable_from=tuple(one.place.id for one in naming.alike),
-    )
-
-
-def _weighed(answer: AmplitudeAnswer, naming: Naming, data: AmplitudeData) -> AmplitudeAnswer:
-    """The answer with every place that was tried, the errors over all amplitudes, and the gain of the best one's port."""
-    linear = np.stack(naming.linear.responses, axis=1)[:, :, None]
-    tried = tuple(
-        TriedNonlinearity(
-            one.place.id,
-            one.place.words,
-            one.place.where,
-            naming.linear_cost - one.cost,
-            one.chi2 / one.dof,
-            one.p_value,
-            one.threshold,
-        )
-        for one in naming.fits
-    )
-    fit = naming.best
-    return replace(
-        answer,
-        words="" if fit is None else fit.place.words,
-        parameter="" if fit is None else fit.place.shape.parameter,
-        tried=tried,
-        before=nrmse_at_all(data, np.broadcast_to(linear, data.admittance.shape)),
-        after=None if fit is None else nrmse_at_all(data, fit.state.Y),
-        floor=data.floor,
-        port_gain=None if fit is None else port_gain(fit, data),
-    )
-
-
-def _steps(naming: Naming, answer: AmplitudeAnswer) -> tuple[str, ...]:
-    found = answer.linearity
-    steps = [
-        f"compared {len(found.amplitudes)} amplitudes at {found.tests} numbers, noise: {found.noise}; left out of the "
-        f"small-signal model: {len(found.refused)} frequencies",
-        f"fitted the linear model to all amplitudes: cost {naming.linear_cost:.4g}",
-    ]
-    steps += [f"tried {one.place.words}: cost {one.cost:.4g}, p {one.p_value:.2g}" for one in naming.fits[:3]]
-    return tuple(steps)
 
 
 # --- not named -------------------------------------------------------------------------------------------------------
@@ -210,8 +143,8 @@ def _unnamed(
     words = [answer.linearity.sentence]
     steps = gap.steps
     if naming is not None and data is not None:
-        answer = _weighed(answer, naming, data)
-        steps = (*_steps(naming, answer), *steps)
+        answer = weighed(answer, naming, data)
+        steps = (*steps_of(naming, answer), *steps)
     verdict: Verdict = gap.verdict
     ports: tuple[PortFit, ...] = gap.ports
     if naming is not None and naming.best is not None:
@@ -244,11 +177,15 @@ def _ports_at_all(asked: Question, data: AmplitudeData) -> tuple[PortFit, ...]:
             continue
         asked.tell(level, data.amplitude.shape[2], "the port map of an amplitude")
         points = tuple(
-            replace(point, admittance=data.admittance[:, m, level], sigma=1.0 / data.weight[:, m, level], amplitude=None)
+            replace(
+                point, admittance=data.admittance[:, m, level], sigma=1.0 / data.weight[:, m, level], amplitude=None
+            )
             for m, point in enumerate(data.sweep.points)
         )
         sweep = replace(data.sweep, points=points)
-        by_level.append({one.port.name: one for one in port_map(asked.diagram, asked.kinds, sweep, asked.prior, [{}], only=names)})
+        by_level.append(
+            {one.port.name: one for one in port_map(asked.diagram, asked.kinds, sweep, asked.prior, [{}], only=names)}
+        )
     found = [
         max((level[name] for level in by_level), key=lambda one: one.chi2_per_dof)
         for name in names

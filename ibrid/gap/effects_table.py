@@ -22,3 +22,12 @@ def effects_table(catalogue: Sequence[Effect]) -> str:
     ]
     lines = [HEADER, ("---",) * len(HEADER), *(tuple(cell.replace("|", r"\|") for cell in row) for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def effects_list(effects: Sequence[Effect]) -> str:
+    """The same as a list, for effects that no edit of a program describes."""
+    return "".join(
+        f"- `{one.id}`: {one.law}. Tried: {one.places}. Shows: {one.signature}. Looks like: "
+        f"{', '.join(f'`{other}`' for other in one.confused_with)}. Told apart by: {one.told_apart_by}.\n"
+        for one in effects
+    )

@@ -33,6 +33,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "null_space": gap.null_space,
             "frame_angle": gap.angle,
             "suggested": [vars(one) for one in gap.suggested],
+            **_amplitudes(gap),
             "steps": gap.steps,
             "seconds": gap.seconds,
             "program": gap.program,
@@ -46,6 +47,19 @@ def write_gap(gap: Gap, folder: str | Path) -> None:
     write_whole(folder / PROGRAM, gap.program)
     gap.repaired.write(folder / RECORD)
     write_whole(folder / GAP, json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n")
+
+
+def _amplitudes(gap: Gap) -> dict[str, Any]:
+    """What data with several injection amplitudes say beside; nothing where there is one amplitude."""
+    if gap.amplitude is None:
+        return {}
+    found = gap.amplitude.linearity
+    return {
+        "amplitudes": found.amplitudes,
+        "amplitude_dependent": [vars(one) for one in found.bands],
+        "refused_hz": found.refused.tolist(),
+        "nonlinear_candidates": [vars(one) for one in gap.amplitude.tried],
+    }
 
 
 def _plain(value: Any) -> Any:

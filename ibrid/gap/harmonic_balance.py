@@ -17,7 +17,8 @@ from ibrid.gap.open_port import Opened, OpenPort
 HARMONICS, SAMPLES = 3, 96
 #: rad/s, real: stands for s = 0, where integrators have no response; on the imaginary axis theirs would be imaginary.
 SLOWEST = 1e-3
-STEPS, HALVINGS, CONVERGED = 25, 5, 1e-9
+#: Steps of Newton's method and of halving, what is left over (of the drive) that ends them, and that still counts as balanced.
+STEPS, HALVINGS, CONVERGED, BALANCED = 15, 3, 1e-9, 1e-4
 
 _PHASE = 2.0 * np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES
 _WAVES = [np.ones(SAMPLES)]
@@ -92,7 +93,9 @@ class Motion:
     converged: np.ndarray
 
 
-def balanced(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None) -> Motion:
+def balanced(
+    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None
+) -> Motion:
     """Solve the balance of all cells by Newton's method with halved steps.
 
     rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; None: both without the
@@ -127,40 +130,47 @@ def moved_along(before: Motion, linear: Linear) -> np.ndarray:
 
 
 def _newton(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray) -> Motion:
+    """From entering coefficients z (C, n); cells that are balanced, or cannot be, rest while the others go on."""
     cells, r = rest.shape
+    z = z.copy()
     scale = 1.0 / (1.0 + np.abs(linear.back).sum(axis=2))
     size = np.maximum(np.abs(linear.drive).max(axis=1), 1e-12)
 
-    def at(one: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        samples = one.reshape(cells, r, COEFFICIENTS) @ BASIS.T
-        behind, slopes = shape.law(samples, rest[..., None], threshold)
-        leaving = (behind @ PROJECTION.T).reshape(cells, -1)
-        left = scale * (one - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving))
-        return leaving, slopes, left, np.abs(left).max(axis=1) / size
+    def at(one: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much that is."""
+        samples = one.reshape(len(where), r, COEFFICIENTS) @ BASIS.T
+        behind, slopes = shape.law(samples, rest[where][..., None], threshold)
+        leaving = (behind @ PROJECTION.T).reshape(len(where), -1)
+        back = np.einsum("cij,cj->ci", linear.back[where], leaving)
+        left = scale[where] * (one - linear.drive[where] - back)
+        return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
 
-    leaving, slopes, left, error = at(z)
+    moving = np.arange(cells)
+    _, slopes, left, error = at(z, moving)
     for _ in range(STEPS):
-        through = _through(slopes)
-        if (error < CONVERGED).all():
+        going = error >= CONVERGED
+        if not going.any():
             break
-        slope = np.eye(z.shape[1]) - linear.back @ through
-        step = -np.linalg.solve(scale[..., None] * slope, left[..., None])[..., 0]
-        part = np.ones(cells)
+        moving, slopes, left, error = moving[going], slopes[going], left[going], error[going]
+        slope = np.eye(z.shape[1]) - linear.back[moving] @ _through(slopes)
+        step = -np.linalg.solve(scale[moving][..., None] * slope, left[..., None])[..., 0]
+        part = np.ones(len(moving))
         for _ in range(HALVINGS):
-            tried = at(z + part[:, None] * step)
-            worse = ~(tried[3] < error) & (error >= CONVERGED)
+            tried = at(z[moving] + part[:, None] * step, moving)
+            worse = ~(tried[3] < error)
             if not worse.any():
                 break
             part = np.where(worse, part / 2, part)
-        z = z + part[:, None] * step
-        leaving, slopes, left, error = at(z)
+        z[moving] += part[:, None] * step
+        _, slopes, left, error = at(z[moving], moving)
+    leaving, slopes, _, error = at(z, np.arange(cells))
     through = _through(slopes)
     return Motion(
         entering=z.reshape(cells, r, COEFFICIENTS),
         leaving=leaving.reshape(cells, r, COEFFICIENTS),
         slope=np.eye(z.shape[1]) - linear.back @ through,
         through=through,
-        converged=error < 1e-4,
+        converged=error < BALANCED,
     )
 
 
@@ -169,4 +179,3 @@ def _through(slopes: np.ndarray) -> np.ndarray:
     cells, r = slopes.shape[:2]
     pairs = (slopes.reshape(-1, SAMPLES) @ _TWICE).reshape(cells, r, r, COEFFICIENTS, COEFFICIENTS)
     return np.moveaxis(pairs, 2, 3).reshape(cells, r * COEFFICIENTS, r * COEFFICIENTS)
-

@@ -23,8 +23,28 @@ class HeldOut:
         return vars(self).copy()
 
 
+#: Factor of a held-out error by which a repair may be worse than what it repairs: noise alone does as much.
+WORSE = 1.2
+#: Operating points from which on those left out decide; what one alone leaves open, its prediction does not show.
+ENOUGH = 3
+
+
+def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
+    """True when a repair is not worse at data that it was not fitted to. points : measured operating points."""
+    pairs = [(before.frequencies, after.frequencies)]
+    if points >= ENOUGH:
+        pairs.append((before.points, after.points))
+    return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)
+
+
 def held_out(shop: Workshop, model: Model) -> HeldOut:
     """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
+    if model not in shop.held_out:
+        shop.held_out[model] = _held_out(shop, model)
+    return shop.held_out[model]
+
+
+def _held_out(shop: Workshop, model: Model) -> HeldOut:
     sweep = shop.refitter(model.convention).sweep
     thin = _error(shop, model, thinned(sweep, hold=False), thinned(sweep, hold=True)) if can_be_thinned(sweep) else None
     squares = []

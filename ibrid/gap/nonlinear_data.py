@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.measurement.amplitudes import at_amplitudes
-from ibrid.measurement.linearity import with_products
 from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.products import with_products
 from ibrid.measurement.sweep import Sweep
 
 #: Part of the measured change with the amplitude that a describing function may be wrong by: it neglects high harmonics and
@@ -67,7 +67,9 @@ def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
     mean = (weight**2 * admittance).sum(axis=2) / total
     within = float((np.abs(weight * (admittance - mean[:, :, None])) ** 2).sum())
     points = tuple(
-        replace(point, frequency=frequency, admittance=mean[:, m], sigma=total[:, m] ** -0.5, repeats=None, amplitude=None)
+        replace(
+            point, frequency=frequency, admittance=mean[:, m], sigma=total[:, m] ** -0.5, repeats=None, amplitude=None
+        )
         for m, point in enumerate(levels[0].points)
     )
     smallest = tuple(

@@ -1,7 +1,7 @@
 """The fit of one nonlinearity at one port: its threshold and the parameters of the model, over all amplitudes together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
@@ -82,12 +82,12 @@ class NonlinearSearch:
 
     def best(self, starts: Sequence[Mapping[str, float]]) -> NonlinearFit | None:
         """The best fit from parameter values, each with every threshold of the bank; None where nothing has a response."""
-        begun = [
-            state
-            for start in starts
-            for threshold in BANK
-            if (state := self.at(np.append(self._x(start), np.log(threshold)))) is not None
-        ]
+        begun: list[State] = []
+        for start in starts:
+            x = self._x(start)
+            beside = self._beside(x)
+            found = [] if beside is None else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
+            begun += [state for state in found if state is not None]
         if not begun:
             return None
         begun.sort(key=lambda one: one.cost)
@@ -102,10 +102,14 @@ class NonlinearSearch:
 
     def at(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
         """The motion at x, begun from another one's `entering`; None where there is none."""
-        made = self._linear(x)
-        if made is None:
-            return None
-        linear, rest, threshold = made
+        beside = self._beside(x[:-1])
+        return None if beside is None else self._moving(x, beside, start)
+
+    def _moving(
+        self, x: np.ndarray, beside: tuple[Linear, np.ndarray], start: np.ndarray | None = None
+    ) -> State | None:
+        linear, rest = beside
+        threshold = self._threshold(x[-1], rest)
         motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold, start)
         if start is not None and not motion.converged.all():
             motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold)
@@ -117,8 +121,9 @@ class NonlinearSearch:
         cost = chi2 + float((self.beliefs.sigmas(self.coordinates.to_theta(x[:-1])) ** 2).sum())
         return State(x, threshold, chi2, cost, Y, rest, linear, motion)
 
-    def _linear(self, x: np.ndarray) -> tuple[Linear, np.ndarray, float] | None:
-        theta = self.coordinates.to_theta(x[:-1])
+    def _beside(self, x: np.ndarray) -> tuple[Linear, np.ndarray] | None:
+        """What the model does beside the port, and the value at rest (M, r), at parameters x (P,); None where it has none."""
+        theta = self.coordinates.to_theta(x)
         with np.errstate(all="ignore"):
             opened = self.model.at(theta)
         if opened is None:
@@ -131,11 +136,13 @@ class NonlinearSearch:
                 rest = values_at_rest(self.place, self.diagram, self.kinds, self.data.sweep, values)
             except IbridError:
                 return None
-        threshold = float(np.exp(x[-1]))
-        if self.place.shape.limits:
-            threshold = float(rest_size(self.place.shape, rest).max() * (1.0 + threshold))
         finite = np.isfinite(linear.back).all() and np.isfinite(linear.drive).all() and np.isfinite(rest).all()
-        return (linear, rest, threshold) if finite else None
+        return (linear, rest) if finite else None
+
+    def _threshold(self, x: float, rest: np.ndarray) -> float:
+        """Per unit, of the coordinate that is searched; a limit counts from the largest value at rest."""
+        found = float(np.exp(x))
+        return float(rest_size(self.place.shape, rest).max() * (1.0 + found)) if self.place.shape.limits else found
 
     def _by_cell(self, rest: np.ndarray) -> np.ndarray:
         shape = (*self.data.amplitude.shape, 2)
@@ -152,11 +159,12 @@ class NonlinearSearch:
             x = state.x.copy()
             step = SLOPE if x[k] + SLOPE <= self.high[k] else -SLOPE
             x[k] += step
-            made = self._linear(x)
-            if made is None:
+            beside = (state.linear, state.rest) if k == len(x) - 1 else self._beside(x[:-1])
+            if beside is None:
                 columns.append(np.zeros(2 * state.Y.size))
                 continue
-            linear, rest, threshold = made
+            linear, rest = beside
+            threshold = self._threshold(x[-1], rest)
             if threshold == state.threshold and np.array_equal(rest, state.rest):
                 leaving = moved_along(state.motion, linear)
             else:
@@ -209,16 +217,20 @@ class NonlinearSearch:
         covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit
         effective = float(np.trace(covariance @ data))
         spread = 1.96 * float(np.sqrt(max(covariance[-1, -1], 0.0)))
-        ends = [self._linear(np.append(state.x[:-1], state.x[-1] + one)) for one in (-spread, spread)]
-        low, high = (np.inf if end is None else end[2] for end in ends)
+        ends = [self._threshold(np.clip(state.x[-1] + one, -50.0, 50.0), state.rest) for one in (-spread, spread)]
+        # products of signals shift the mean in front of a limit by a^2/2, which no linear model tells
+        shift = float(self.data.amplitude.max()) ** 2 / 2.0 if self.place.shape.limits else 0.0
+        low, high = (
+            state.threshold + np.copysign(np.hypot(one - state.threshold, shift), one - state.threshold) for one in ends
+        )
         theta = self.coordinates.to_theta(state.x[:-1])
         return NonlinearFit(
             place=self.place,
             threshold=state.threshold,
-            interval=(low, high),
+            interval=(float(low), float(high)),
             values={one.name: float(theta[k]) for k, one in enumerate(self.parameters)},
             chi2=state.chi2,
             penalty=state.cost - state.chi2,
             dof=max(self.data.numbers - effective, 1.0),
-            state=replace(state),
+            state=state,
         )

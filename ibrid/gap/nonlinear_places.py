@@ -91,7 +91,8 @@ def values_at_rest(
     wiring = wire(diagram, kinds)
     table = parameter_table(wiring, "exact")
     parameters = {
-        name: {key: _number(table.of(name, key), values) for key in kind.parameters} for name, kind in wiring.kinds.items()
+        name: {key: _number(table.of(name, key), values) for key in kind.parameters}
+        for name, kind in wiring.kinds.items()
     }
     flow = carried(wiring)
     found = []
@@ -113,5 +114,3 @@ def values_at_rest(
 
 def _number(bound: str | float, values: Mapping[str, float]) -> float:
     return float(values[bound]) if isinstance(bound, str) else float(bound)
-
-

@@ -33,13 +33,16 @@ def _saturation(x: np.ndarray, rest: np.ndarray, limit: float) -> tuple[np.ndarr
 
 def _magnitude_limit(x: np.ndarray, rest: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
     whole = rest + x
-    size = np.maximum(np.sqrt((whole**2).sum(axis=-2, keepdims=True)), 1e-300)
-    factor = np.minimum(1.0, limit / size)
-    along = whole / size
-    within = (size <= limit)[..., None, :, :]
-    eye = np.eye(2)[..., None]
-    slope = np.where(within, eye, factor[..., None, :, :] * (eye - along[..., :, None, :] * along[..., None, :, :]))
-    return whole * factor - rest, slope
+    d, q = whole[..., 0, :], whole[..., 1, :]
+    square = np.maximum(d**2 + q**2, 1e-300)
+    factor = limit / np.sqrt(square)
+    within = factor >= 1.0
+    factor = np.where(within, 1.0, factor)
+    along = np.where(within, 0.0, factor / square)  # what is lost of the direction in which the signal points
+    slope = np.empty((*whole.shape[:-2], 2, 2, whole.shape[-1]))
+    slope[..., 0, 0, :], slope[..., 1, 1, :] = factor - along * d**2, factor - along * q**2
+    slope[..., 0, 1, :] = slope[..., 1, 0, :] = -along * d * q
+    return whole * factor[..., None, :] - rest, slope
 
 
 def _axis_limit(axis: int) -> Law:

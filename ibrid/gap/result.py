@@ -127,6 +127,7 @@ class Gap:
     responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
     `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
     `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
+    `amplitude` : of data with several injection amplitudes, how the response depends on them; None for one amplitude.
     """
 
     verdict: Verdict

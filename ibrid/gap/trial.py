@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -74,6 +75,8 @@ class Workshop:
         self.noise, self.kinds, self.prior, self.catalogue, self.rng = noise, kinds, prior, tuple(catalogue), rng
         self._refitters: dict[Convention, Refitter] = {}
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
+        #: Answers of `ibrid.gap.held_out`, which two ask for.
+        self.held_out: WeakKeyDictionary[Model, Any] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""

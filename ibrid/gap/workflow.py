@@ -9,9 +9,11 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.plan import make_plan
 from ibrid.fit import kernel
+from ibrid.gap.amplitude_workflow import Question, gap_at_amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.effect import Effect
+from ibrid.gap.held_out import held_out, predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Nominal, Prior, prior_of
@@ -20,6 +22,7 @@ from ibrid.gap.result import Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, scale_of
+from ibrid.measurement.linearity import linearity
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
@@ -47,7 +50,8 @@ def find_gap(
 
     Parameters
     ----------
-    diagram : the model that is believed in. sweep : the measured device.
+    diagram : the model that is believed in. sweep : the measured device; with several injection amplitudes the response is
+        tested for linearity first, and a current limit or a dead zone is looked for where it fails.
     values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
     holdout_op : operating points that are not fitted, but predicted before and after.
@@ -69,6 +73,16 @@ def find_gap(
     require_legal(diagram, plan.kinds, equilibrium="exact")
     wiring = wire(diagram, plan.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
+    held = tuple(point.op.name for point in plan.held_out)
+    amplitudes = linearity(plan.fitted)
+    if amplitudes is not None:
+
+        def find(small: Sweep) -> Gap:
+            return find_gap(diagram, small, values, holdout_op=held, vocabulary=vocabulary, catalogue=catalogue,
+                            suggest=suggest, seed=seed, tell=tell)  # fmt: skip
+
+        asked = Question(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
+        return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
     noise = noise_of(plan.fitted)
     shop = Workshop(noise, plan.kinds, prior, catalogue, np.random.default_rng(seed))
     tell(0, 1, "the given model refitted")
@@ -82,6 +96,11 @@ def find_gap(
     bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
+    if best is not given and not predicts(held_out(shop, given), held_out(shop, best), len(plan.fitted.points)):
+        bench.steps.append(
+            "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
+        )
+        best, rivals = given, []
     bench.scale = scale_of(noise, [given, best, *trials], ports)
     found = Findings(
         noise,
@@ -94,7 +113,6 @@ def find_gap(
         bench.tests,
         tuple(bench.steps),
     )
-    held = tuple(point.op.name for point in plan.held_out)
     gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
     return replace(gap, seconds=time.perf_counter() - began)
 

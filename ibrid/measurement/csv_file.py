@@ -147,8 +147,14 @@ def _point_at_amplitudes(rows: list[_Row], header: Header, columns: Columns, pat
 
 def _by_amplitude(rows: list[_Row], path: Path) -> list[list[_Row]]:
     """Rows of one operating point by the rank of their amplitude at their frequency, the smallest first."""
-    if any(row.amplitude is None for row in rows):
+    empty = [row for row in rows if row.amplitude is None]
+    if len(empty) == len(rows):
         return [rows]
+    if empty:
+        raise SweepError(
+            f"{path} line {empty[0].line}: amplitude must be there in all rows of operating point {rows[0].op.name} "
+            "or in none."
+        )
     levels: dict[int, list[_Row]] = {}
     by_frequency: dict[float, list[tuple[float, _Row]]] = {}
     for row in rows:
@@ -197,7 +203,7 @@ def _point(rows: list[_Row], header: Header, columns: Columns, path: Path) -> Po
             admittance=repeats.mean(axis=0),
             sigma=sigma,
             repeats=repeats if len(repeats) > 1 else None,
-            amplitude=_amplitude(sorted_runs, path),
+            amplitude=_amplitude(sorted_runs),
         )
     except SweepError as reason:
         raise SweepError(f"{path} line {rows[0].line}: {reason}") from reason
@@ -229,19 +235,10 @@ def _convert(run: list[_Row], header: Header, columns: Columns, path: Path) -> t
     return to_ours(matrix, sigma, header, columns.quantity, lambda k: f"{path} line {run[k].line}")
 
 
-def _amplitude(runs: list[list[_Row]], path: Path) -> np.ndarray | None:
-    """Injected amplitude per frequency, averaged over the repeats of one amplitude."""
-    values = [[row.amplitude for row in run] for run in runs]
-    empty = sum(value is None for run in values for value in run)
-    if empty == sum(len(run) for run in values):
-        return None
-    if empty:
-        line = next(row.line for run in runs for row in run if row.amplitude is None)
-        raise SweepError(
-            f"{path} line {line}: amplitude must be there in all rows of operating point {runs[0][0].op.name} "
-            "or in none."
-        )
-    return np.array(values, dtype=float).mean(axis=0)
+def _amplitude(runs: list[list[_Row]]) -> np.ndarray | None:
+    """Injected amplitude per frequency, averaged over the repeats of one amplitude; None where it is not told."""
+    values = [[row.amplitude for row in run if row.amplitude is not None] for run in runs]
+    return np.array(values, dtype=float).mean(axis=0) if values[0] else None
 
 
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from ibrid.measurement.amplitudes import levels_of
 from ibrid.measurement.conventions import Conventions, check_conventions
 from ibrid.measurement.coverage import (
     Line,
@@ -30,6 +31,8 @@ class PointInspection:
     active_bands : where it is negative beyond twice its uncertainty.
     outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or more).
     above_half_sampling : number of points there; None if the sampling rate is not known.
+    amplitudes : of the injection, the smallest of each sweep of this point, ascending; () where they are not recorded. All
+        other numbers are of the first.
     """
 
     op: OperatingPoint
@@ -52,6 +55,7 @@ class PointInspection:
     lines: tuple[Line, ...]
     outliers: tuple[float, ...]
     above_half_sampling: int | None
+    amplitudes: tuple[float, ...] = ()
 
     @property
     def noise_db(self) -> float | None:
@@ -132,6 +136,7 @@ def _inspect_point(point: PointSweep, noise: PointNoise, f0_hz: float, sampling_
         lines=harmonic_lines(point, f0_hz),
         outliers=() if sticking is None else tuple(float(value) for value in frequency[sticking]),
         above_half_sampling=None if sampling_hz is None else int((frequency > sampling_hz / 2).sum()),
+        amplitudes=tuple(float(one.amplitude.min()) for one in levels_of(point) if one.amplitude is not None),
     )
 
 

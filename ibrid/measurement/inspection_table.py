@@ -43,6 +43,13 @@ def _table(points: tuple[PointInspection, ...]) -> list[str]:
     rows.append(("points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]))
     rows.append(("range", [band(point.lowest, point.highest) for point in points]))
     rows.append(("repeats", ["one run" if point.repeats == 1 else f"{point.repeats} runs" for point in points]))
+    if any(len(point.amplitudes) > 1 for point in points):
+        rows.append(
+            (
+                "amplitudes (shown: the smallest)",
+                [", ".join(f"{one:g}" for one in point.amplitudes) for point in points],
+            )
+        )
     rows.append(("noise, rms of the matrix", [_noise(point) for point in points]))
     if any(point.noise is not None for point in points):
         rows.append(("  known from", [point.noise_source for point in points]))

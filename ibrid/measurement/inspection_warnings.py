@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ibrid.measurement.conventions import Conventions
+from ibrid.measurement.linearity import linearity
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sweep import Sweep
@@ -23,6 +24,8 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
     found = [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
+    amplitudes = linearity(sweep)
+    found += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
     checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
     return tuple(found + [sentence for check in checks for sentence in check(points)])
 

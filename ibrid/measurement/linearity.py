@@ -1,8 +1,7 @@
 """The linearity gate: where the response to a large injection differs from that to a small one by more than noise does.
 
-A small-signal model speaks of the limit of small amplitudes. Products (p = e' i) and rotations change a response by the
-order of the amplitude squared even where every controller is linear: a converter that keeps its power by 3/4 a^2. What goes
-beyond that square is a limit, a dead zone, a dead time.
+A small-signal model speaks of the limit of small amplitudes. Products of signals change a response with the square of the
+amplitude even where every controller is linear; what goes beyond that is a limit, a dead zone, a dead time.
 """
 
 from collections.abc import Iterator
@@ -14,14 +13,11 @@ from scipy.stats import norm
 
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
 from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.products import UNKNOWN, sigma_of, with_products
 from ibrid.measurement.sweep import PointSweep, Sweep
 
 #: Probability of one false alarm in all operating points, frequencies and entries of a measurement.
 FALSE_ALARM = 1e-3
-#: rms error of the matrix over |Y|_F that a sweep of unknown noise is taken to have.
-UNKNOWN = 5e-3
-#: Change of the matrix over |Y|_F that products and rotations cause, over the square of the amplitude.
-PRODUCTS = 1.0
 ENTRIES = ("dd", "dq", "qd", "qq")
 
 
@@ -81,7 +77,7 @@ def linearity(sweep: Sweep) -> Linearity | None:
     Law: at each operating point, frequency and entry, sum |Y_l - mean|^2 / s_l^2 over the L amplitudes follows chi2 with
     2 (L - 1) degrees of freedom under noise alone, s_l of each real and imaginary part; an entry depends on the amplitude
     where that is less likely than FALSE_ALARM over the number of tests. A frequency is refused, at all operating points,
-    where it is still so with PRODUCTS a^2 |Y|_F added to the noise as the rms error of the matrix.
+    where it is still so with PRODUCTS a^2 max(1, |Y|)^2 |Y|_F added to the noise as the rms error of the matrix.
 
     The noise is the sigma of the data, else that of the repeats, else their roughness on dense grids, else UNKNOWN |Y|_F.
     """
@@ -119,14 +115,6 @@ def small_signal(sweep: Sweep, found: Linearity) -> Sweep | None:
     return replace(sweep, points=tuple(points))
 
 
-def with_products(point: PointSweep) -> PointSweep:
-    """A point whose sigma (K, 2, 2) holds what products and rotations may add at its amplitude."""
-    sigma = _sigma(point)
-    if point.amplitude is None:
-        return replace(point, sigma=sigma)
-    return replace(point, sigma=np.hypot(sigma, _of_norm(point, PRODUCTS * point.amplitude**2)))
-
-
 # --- cells -----------------------------------------------------------------------------------------------------------
 
 
@@ -146,7 +134,7 @@ class _Cell:
 
 def _cells(point: PointSweep) -> Iterator[_Cell]:
     levels = levels_of(point)
-    noise, wide = [_sigma(one) for one in levels], [np.asarray(with_products(one).sigma) for one in levels]
+    noise, wide = [sigma_of(one) for one in levels], [np.asarray(with_products(one).sigma) for one in levels]
     for k, frequency in enumerate(point.frequency):
         found = [(j, int(np.flatnonzero(one.frequency == frequency)[0])) for j, one in enumerate(levels)
                  if frequency in one.frequency]  # fmt: skip
@@ -201,17 +189,6 @@ def _band(run: list[_Cell], number: int, entry: str, limit: float) -> AmplitudeD
         amplitudes=(min(cell.amplitudes[0] for cell in run), max(cell.amplitudes[1] for cell in run)),
         products=all(cell.p_products[number] >= limit for cell in run),
     )
-
-
-def _sigma(point: PointSweep) -> np.ndarray:
-    known = estimate_point(point).sigma
-    return _of_norm(point, np.full(len(point.frequency), UNKNOWN)) if known is None else known
-
-
-def _of_norm(point: PointSweep, level: np.ndarray) -> np.ndarray:
-    """Standard deviation of each part (K, 2, 2) for an rms error of the matrix of `level` (K,) |Y|_F."""
-    norm_of_y = np.linalg.norm(point.admittance, axis=(1, 2))
-    return np.broadcast_to((level * norm_of_y / np.sqrt(8.0))[:, None, None], point.admittance.shape)
 
 
 def _smallest(point: PointSweep) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from ibrid.errors import ModuleError
 from ibrid.modules.declaration import width
 from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.linearisation import check_linearisation
 
 #: Two orders of the same operations differ by a few roundings.
 ROUNDING = 1e-15
@@ -22,7 +23,8 @@ def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, poin
     """Check that a kind works as those that ship do.
 
     At random parameters and operating points its law gives the same matrices for floats and CasADi symbols, every
-    argument of `state_space` changes the response, and every state is moved by the inputs and seen by the outputs.
+    argument of `state_space` changes the response, every state is moved by the inputs and seen by the outputs, and a
+    large-signal law linearises to the state space.
 
     Parameters
     ----------
@@ -39,6 +41,7 @@ def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, poin
         _check_symbols(kind, symbolic, arguments)
         _check_effects(kind, arguments)
         _check_states(kind, arguments)
+        check_linearisation(kind, arguments)
 
 
 def _draw(kind: ModuleKind, rng: np.random.Generator) -> dict[str, Any]:

@@ -78,7 +78,14 @@ def step_behind_grid(
 
 
 def critical_ratio(
-    plant: ReferenceInverter, op: OperatingPoint, low: float, high: float, *, xr: float, width: float = 0.01, **options: float
+    plant: ReferenceInverter,
+    op: OperatingPoint,
+    low: float,
+    high: float,
+    *,
+    xr: float,
+    width: float = 0.01,
+    **options: float,
 ) -> float:
     """The short-circuit ratio between `low` and `high` at which a small step begins to grow, by bisection to `width`.
 
@@ -91,14 +98,18 @@ def critical_ratio(
 
     at_low = stable(low)
     if at_low == stable(high):
-        raise IbridError(f"stability must differ between SCR {low:g} and {high:g}; found both {'un' * (not at_low)}stable.")
+        raise IbridError(
+            f"stability must differ between SCR {low:g} and {high:g}; found both {'un' * (not at_low)}stable."
+        )
     while high > low * (1 + width):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if stable(middle) == at_low else (low, middle)
     return float(np.sqrt(low * high))
 
 
-def _motion(plant: ReferenceInverter, op: OperatingPoint, r: float, x: float) -> tuple[np.ndarray, ca.Function, np.ndarray]:
+def _motion(
+    plant: ReferenceInverter, op: OperatingPoint, r: float, x: float
+) -> tuple[np.ndarray, ca.Function, np.ndarray]:
     """Steady state (n,), the rate of the deviation z from it as a function of (z, v_Th), and the v_Th that keeps it."""
     dynamics, x_eq = plant.dynamics, plant.equilibrium(op)
     z, v_th = ca.SX.sym("z", len(x_eq)), ca.SX.sym("v_th", 2)

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from ibrid.gap.result import Gap
 from ibrid.gap.verdict import FAR
 from ibrid.report.figure import inline_svg
+from ibrid.report.gap_amplitude import amplitude_html
 from ibrid.report.gap_curves import PointView, point_views, repaired
 from ibrid.report.gap_errors import part_table, summary_table
 from ibrid.report.gap_measured import missing
@@ -46,6 +47,8 @@ def _header(gap: Gap) -> str:
     facts.append(("NRMSE, refitted", _error(gap.before.get("refit"))))
     if repaired(gap):
         facts.append(("NRMSE, repaired", _error(gap.after.get("refit"))))
+    elif gap.amplitude is not None and gap.amplitude.after is not None:
+        facts.append(("NRMSE, with the effect", _error(gap.amplitude.after)))
     if gap.held_out:
         words = _error(gap.before.get("holdout"))
         facts.append(("held out", f"{words} → {_error(gap.after.get('holdout'))}" if repaired(gap) else words))
@@ -65,6 +68,8 @@ def _error(value: float | None) -> str:
 
 def _sections(gap: Gap, views: Sequence[PointView]) -> Iterator[Section]:
     yield "missing", "What is missing" if gap.verdict == "named" else "What it means", _missing(gap)
+    if gap.amplitude is not None:
+        yield "amplitude", "How the response depends on the amplitude", amplitude_html(gap.amplitude)
     yield "error", "Before and after", summary_table(gap, views) + part_table(views)
     yield "response", "Frequency response", responses_html(gap, views)
     yield "located", "Where the refitted model misses the data", located_table(gap)

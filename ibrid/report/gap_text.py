@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.report.gap_amplitude import amplitude_lines
 from ibrid.report.gap_curves import repaired
 from ibrid.report.gap_errors import closed
 from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
@@ -28,7 +29,15 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
         _wrapped(f"{gap.verdict}: {gap.sentence}", "", "", 5),
         effects,
         _errors(gap),
-        [*_located(gap), *_ports(gap), *_suggested(gap), *_moved(gap), *_unseen(gap), *_entry("noise", gap.noise)],
+        [
+            *_amplitudes(gap),
+            *_located(gap),
+            *_ports(gap),
+            *_suggested(gap),
+            *_moved(gap),
+            *_unseen(gap),
+            *_entry("noise", gap.noise),
+        ],
     ]
     if folder is not None:
         parts.append(list(_entry("files", f"{Path(folder)}: {', '.join(FILES)}", 2)))
@@ -45,10 +54,15 @@ def _effect(gap: Gap, effect: NamedEffect) -> Iterator[str]:
 
 
 def _errors(gap: Gap) -> list[str]:
-    changed = repaired(gap)
+    nonlinear = gap.amplitude is not None and gap.amplitude.after is not None and not repaired(gap)
+    changed = repaired(gap) or nonlinear
     rows = [
         _row(
-            "fitted points", gap.before.get("nominal"), gap.before.get("refit"), gap.after.get("refit"), gap.noise_floor
+            "all amplitudes" if nonlinear else "fitted points",
+            gap.before.get("nominal"),
+            gap.before.get("refit"),
+            gap.after.get("refit"),
+            gap.noise_floor,
         )
     ]
     if gap.held_out:
@@ -87,6 +101,11 @@ def _suggested(gap: Gap) -> Iterator[str]:
         yield from _entry(
             "suggested", f"{one.words} (by {one.source}){more} would explain it; a lead, not a finding", 2
         )
+
+
+def _amplitudes(gap: Gap) -> Iterator[str]:
+    for label, words in amplitude_lines(gap):
+        yield from _entry(label, words)
 
 
 def _moved(gap: Gap) -> Iterator[str]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.effect import Effect
+from ibrid.gap.effects.nonlinear import NONLINEAR
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.report.numbers import error, interval, more_readable, number
@@ -44,7 +45,7 @@ def headline(gap: Gap) -> str:
 
 def declared(name: str) -> Effect | None:
     """The catalogue's declaration of an id; None for an effect of the user's own."""
-    return next((one for one in CATALOGUE if one.id == name), None)
+    return next((one for one in (*CATALOGUE, *NONLINEAR) if one.id == name), None)
 
 
 def change_words(effect: NamedEffect) -> str:

@@ -37,7 +37,9 @@ def mode_words(mode: Mode) -> list[str]:
     if mode.real_deviation is not None:
         real += f" +- {number(QUANTILE * mode.real_deviation, 2)}"
         if mode.frequency:
-            damping = f"{number(100 * mode.damping, 3)} +- {number(100 * QUANTILE * (mode.damping_deviation or 0.0), 2)} %"
+            damping = (
+                f"{number(100 * mode.damping, 3)} +- {number(100 * QUANTILE * (mode.damping_deviation or 0.0), 2)} %"
+            )
     return [hertz(mode.frequency), damping, real, ", ".join(f"{name} {percent(share)}" for name, share in mode.states)]
 
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 #: Linear part of the root locus's scales: 1/s for the real part, Hz for the frequency.
 LINEAR = 1.0
 #: Circles of the eigenloci's plane that are drawn.
-RINGS = (0.1, 1.0, 10.0, 100.0)
+RINGS = (0.1, 0.3, 1.0, 3.0)
+#: Size of an eigenvalue beyond which its locus is cut off.
+FARTHEST = 5.0
 #: Grids whose eigenloci are drawn at most.
 SHOWN = 3
 
@@ -25,24 +27,25 @@ def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
     ratios, poles = one.locus
     if not len(ratios):
         ratios, poles = np.array([1.0]), np.array([[mode.pole for mode in one.cases[0].modes or one.ideal]])
-    upper = poles.imag >= 0
-    right = max(2.0, 3.0 * float(poles.real.max()))
-    reach = 2.0 * max(10.0, float(-poles.real.min()))
-    height = 2.0 * max(10.0, float(poles.imag.max()) / (2 * np.pi))
+    real, hertz = np.real(poles), np.imag(poles) / (2 * np.pi)
+    upper = hertz >= 0
+    right = max(2.0, 3.0 * float(real.max()))
+    reach = 2.0 * max(10.0, float(-real.min()))
+    height = 2.0 * max(10.0, float(hertz.max()))
     plane.set_xscale("symlog", linthresh=LINEAR)
     plane.set_yscale("symlog", linthresh=LINEAR)
     plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
     plane.axvline(0, color=DANGER, linewidth=1.0)
     colour, _, _ = series(0)
-    plane.plot(poles[upper].real, poles[upper].imag / (2 * np.pi), linestyle="none", marker=".", markersize=3, color=colour)
+    plane.plot(real[upper], hertz[upper], linestyle="none", marker=".", markersize=3, color=colour)
     for row, marker in ((0, "o"), (len(ratios) - 1, "s")):
-        ends = poles[row][upper[row]]
-        plane.plot(ends.real, ends.imag / (2 * np.pi), linestyle="none", marker=marker, markersize=7, markerfacecolor="none",
-                   markeredgewidth=1.5, color=colour)  # fmt: skip
-    for found in one.critical:
-        plane.plot(0.0, found.mode.frequency, marker="X", markersize=8, color=DANGER, linestyle="none")
-        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-7, 7), textcoords="offset points",
-                       ha="right", color=DANGER)  # fmt: skip
+        ends = upper[row]
+        plane.plot(real[row][ends], hertz[row][ends], linestyle="none", marker=marker, markersize=7,
+                   markerfacecolor="none", markeredgewidth=1.5, color=colour)  # fmt: skip
+    for index, found in enumerate(one.critical):
+        plane.plot(0.0, found.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none")
+        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-8, 7 - 18 * (index % 2)),
+                       textcoords="offset points", ha="right", color=DANGER)  # fmt: skip
     plane.set_xlim(-reach, right)
     plane.set_ylim(-0.4, height)
     plane.set_xticks([-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1))
@@ -76,14 +79,17 @@ def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
             plane.plot(drawn.real, -drawn.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)  # type: ignore[arg-type]
     for ring in RINGS:
         radius = float(np.log2(1 + ring))
-        if radius <= largest * 1.2 or ring == 1.0:
+        if ring <= FARTHEST:
             circle = radius * turn
-            plane.plot(circle.real, circle.imag, color=MUTED, linewidth=1.0 if ring == 1.0 else 0.6, linestyle=(0, (4, 3)))
+            plane.plot(
+                circle.real, circle.imag, color=MUTED, linewidth=1.0 if ring == 1.0 else 0.6, linestyle=(0, (4, 3))
+            )
             plane.annotate(f"{ring:g}", (0.0, radius), color=MUTED, fontsize=9, ha="center", va="bottom")
     plane.plot(-1.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
     plane.annotate("-1", (-1.0, 0.0), xytext=(-6, 6), textcoords="offset points", color=DANGER, ha="right")
-    plane.set_xlim(-1.1 * largest, 1.1 * largest)
-    plane.set_ylim(-1.1 * largest, 1.1 * largest)
+    reach = 1.1 * min(largest, float(np.log2(1 + FARTHEST)))
+    plane.set_xlim(-reach, reach)
+    plane.set_ylim(-reach, reach)
     plane.set_aspect("equal")
     plane.set_xticks([])
     plane.set_yticks([])

@@ -8,7 +8,7 @@ from ibrid.analysis.stability import PointStability, Stability
 from ibrid.report.figure import inline_svg
 from ibrid.report.legend import points_legend
 from ibrid.report.markup import bullets, cell, data, escape, head, page, paragraph, row, table
-from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.numbers import hertz, interval, number, percent
 from ibrid.report.prediction_text import shown_modes
 from ibrid.report.stability_figures import draw_eigenloci, draw_locus, draw_passivity, shown_cases
 from ibrid.report.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words
@@ -62,10 +62,12 @@ def _sections(found: Stability) -> Iterator[Section]:
 
 
 def _critical(points: Sequence[PointStability]) -> str:
-    lines = head(["operating point", "from poles", "from Nyquist", "95 %", "unstable", "mode", "states"], numeric=(1, 2))
+    lines = head(
+        ["operating point", "from poles", "from Nyquist", "95 %", "unstable", "mode", "states"], numeric=(1, 2)
+    )
     for one in points:
         for found in one.critical:
-            band = "-" if found.interval is None else " to ".join(number(end, 4) for end in found.interval)
+            band = "-" if found.interval is None else interval(found.scr, found.interval, None)
             nyquist = found.scr_nyquist
             cells = [
                 f'<td class="n">{data(found.scr, number(found.scr, 5))}</td>',
@@ -91,8 +93,8 @@ def _grids(one: PointStability) -> str:
         ]
         lines += row(grid_name(case), cells)
     caption = (
-        f"{one.op}. |v_Th|: the source that keeps the operating point. Distance: of the nearest eigenlocus from -1. Gain: factor on "
-        "the impedance up to instability. Phase in degrees."
+        f"{one.op}. |v_Th|: the source that keeps the operating point. Distance: of the nearest eigenlocus from -1. Gain: factor "
+        "on the impedance up to instability. Phase in degrees."
     )
     return table(f"Grids at {one.op}", caption, lines)
 
@@ -113,10 +115,10 @@ def _eigenloci(index: int, one: PointStability) -> str:
     svg = inline_svg(lambda axes: draw_eigenloci(axes, one), name=f"loci-{index}", label=label, size=(5.2, 5.0))
     first = "SCR " if isinstance(one.cases[0].grid, SeriesRL) else ""
     names = [f"{first}{grid_name(case)}: {'stable' if case.stable else 'UNSTABLE'}" for case in shown_cases(one)]
-    words = "Radius log2(1 + size): the unit circle stays. Faint: negative frequencies."
+    words = "Around -1. Radius log2(1 + size), so that the unit circle stays. Faint: negative frequencies."
     return (
-        f"<figure><figcaption>{escape(one.op)}</figcaption>{points_legend(names, lines=True)}{svg}"
-        f"<figcaption>{words}</figcaption></figure>"
+        f"<div><h3>{escape(one.op)}</h3>{points_legend(names, lines=True)}"
+        f"<figure>{svg}<figcaption>{words}</figcaption></figure></div>"
     )
 
 

@@ -3,14 +3,16 @@
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import least_damped
 from ibrid.analysis.stability import GridCase, PointStability, Stability
-from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.numbers import hertz, interval, number, percent
 from ibrid.report.prediction_text import mode_words, shown_modes, warning_lines, wrapped
 from ibrid.report.text import table
 
 
 def format_stability(found: Stability) -> str:
     """One part for each operating point."""
-    return "\n\n\n".join(_point(one, sentence) for one, sentence in zip(found.points, found.sentences, strict=True)) + "\n"
+    return (
+        "\n\n\n".join(_point(one, sentence) for one, sentence in zip(found.points, found.sentences, strict=True)) + "\n"
+    )
 
 
 def _point(one: PointStability, sentence: str) -> str:
@@ -77,7 +79,7 @@ def _grids(one: PointStability) -> list[str]:
 def _critical(one: PointStability) -> list[str]:
     rows = []
     for found in one.critical:
-        band = "-" if found.interval is None else " to ".join(number(end, 4) for end in found.interval)
+        band = "-" if found.interval is None else interval(found.scr, found.interval, None)
         nyquist = "not found" if found.scr_nyquist is None else number(found.scr_nyquist, 5)
         kind = hertz(found.mode.frequency) if found.mode.frequency else "no oscillation"
         states = ", ".join(f"{name} {percent(share)}" for name, share in found.mode.states)

@@ -35,7 +35,7 @@ _EXPRESSIONS = {
 Record = Callable[..., np.ndarray]
 
 
-def compiled(function: ca.Function) -> Callable[..., None]:
+def compiled(function: ca.Function) -> Any:
     """A function of (x, v, a) -> (x', y) as compiled code that writes x' and y, in this order, into its last argument.
 
     Raises IbridError for an operation that is not in the table above.
@@ -56,7 +56,9 @@ def compiled(function: ca.Function) -> Callable[..., None]:
             expression = _EXPRESSIONS[operation].format(*(f"w{one}" for one in taken))
             lines.append(f"    w{given[0]} = {expression}")
         else:
-            raise IbridError(f"the equations hold an operation ({operation}) that is not compiled; add it to the table.")
+            raise IbridError(
+                f"the equations hold an operation ({operation}) that is not compiled; add it to the table."
+            )
     scope: dict[str, Any] = {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos}
     exec("\n".join(lines), scope)
     return njit(scope["written"], error_model="numpy")

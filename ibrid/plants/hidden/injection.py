@@ -24,7 +24,7 @@ STEP, STEPS = 2e-5, 64
 #: Fewest periods and shortest duration (s) of the first record.
 PERIODS, SHORTEST = 4, 0.1
 #: Relative difference of two records that are the same, and the longest simulation (s).
-AGREEMENT, LONGEST = 1e-4, 60.0
+AGREEMENT, LONGEST = 1e-4, 20.0
 
 
 def injected(

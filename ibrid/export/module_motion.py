@@ -1,0 +1,84 @@
+"""One module of a diagram with its numbers, ready to move in absolute quantities."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any
+
+import numpy as np
+
+from ibrid.assembly.equilibrium import Pair
+from ibrid.assembly.interconnection import state_names
+from ibrid.modules.delay import pade_state_space
+from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
+from ibrid.modules.large_signal import Motion, motion
+
+
+@dataclass(frozen=True)
+class Module:
+    """One module of a diagram, ready to move.
+
+    `arguments` : parameters and what the law takes from the operating point, in numbers. `pade_order` : of a delay.
+    """
+
+    name: str
+    kind: ModuleKind
+    arguments: Mapping[str, Any]
+    pade_order: int | None = None
+
+    @property
+    def states(self) -> list[str]:
+        """Names of its states."""
+        return state_names(self.kind, 2 * (self.pade_order or 0))
+
+    def matrices(self, arguments: Mapping[str, Any]) -> Matrices | None:
+        """The Pade form of a delay; None: the kind's own."""
+        if self.pade_order is None or self.kind.delay is None:
+            return None
+        return pade_state_space(arguments[self.kind.delay], self.pade_order)
+
+    def motion(self, x: Any, inputs: Mapping[str, Any], arguments: Mapping[str, Any] | None = None) -> Motion:
+        """(dx/dt, outputs) at absolute states and inputs, with other arguments where given."""
+        arguments = self.arguments if arguments is None else arguments
+        return motion(self.kind, x, inputs, arguments, self.matrices(arguments))
+
+    @property
+    def integrates(self) -> bool:
+        """True for a linear module that rests at some values of its inputs alone: A is singular."""
+        if not self.states or self.kind.large_signal is not None:
+            return False
+        a = np.array(self.linear_matrices[0], dtype=float)
+        return int(np.linalg.matrix_rank(a)) < len(a)
+
+    @property
+    def linear_matrices(self) -> Matrices:
+        """Of a linear module, in numbers."""
+        return self.matrices(self.arguments) or self.kind.state_space(**self.arguments)
+
+
+def module_at(
+    name: str,
+    kind: ModuleKind,
+    parameters: Mapping[str, float],
+    omega_0: float,
+    ports: Mapping[str, Pair],
+    pade_order: int | None,
+) -> Module:
+    """A module with what its law asks for; `ports` : port -> operating point."""
+    known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()}}
+    law = kind.state_space if kind.large_signal is None else kind.large_signal.law
+    return Module(name, kind, asked(law, known), pade_order)
+
+
+def asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the known arguments that a function has."""
+    return {name: known[name] for name in signature(function).parameters if name in known}
+
+
+def by_port(kind: ModuleKind, channels: Any) -> dict[str, Any]:
+    """port -> scalar or pair, from the channels of a kind's inputs in order."""
+    found: dict[str, Any] = {}
+    rest_of = iter(channels)
+    for port, signal in kind.inputs.items():
+        found[port] = next(rest_of) if signal.width == 1 else (next(rest_of), next(rest_of))
+    return found

@@ -1,0 +1,74 @@
+"""Nominal values as a prior: on the scale of ratios for positive ones, also where the sign may change."""
+
+import numpy as np
+import pytest
+from fitted import benchmark
+
+from ibrid.assembly.symbolic import symbolic_model
+from ibrid.fit.problem import Problem
+from ibrid.gap.prior import KNEE, Belief, Beliefs, prior_of
+from ibrid.gap.refit import Penalised
+from ibrid.measurement.noise import add_noise
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.structure.library import textbook
+from ibrid.structure.parameters import Parameter, parameter_table
+from ibrid.structure.wiring import wire
+
+
+def parameter(low: float, high: float) -> Parameter:
+    wiring = wire(textbook("gfl"), VOCABULARY)
+    (one,) = parameter_table(wiring, "exact").free[:1]
+    return type(one)(**{**vars(one), "low": low, "high": high})
+
+
+def sigmas(low: float, high: float, belief: Belief, *values: float) -> list[float]:
+    one = parameter(low, high)
+    beliefs = Beliefs([one], {one.name: belief})
+    return [float(beliefs.sigmas(np.array([value]))[0]) for value in values]
+
+
+def test_a_factor_of_one_tolerance_is_one_standard_deviation_in_a_positive_box():
+    assert sigmas(1e-3, 1e3, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0) == pytest.approx([-1.0, 0.0, 1.0])
+
+
+def test_a_positive_gain_that_may_change_its_sign_is_held_to_ratios_too():
+    found = sigmas(-100.0, 100.0, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0)
+    assert found == pytest.approx([-1.0, 0.0, 1.0], abs=0.01)
+
+
+def test_zero_and_the_other_sign_are_far_off_but_finite():
+    zero, other = sigmas(-100.0, 100.0, Belief(2.0, np.log(2)), 0.0, -2.0)
+    assert zero == pytest.approx(-np.arcsinh(1 / KNEE) / np.log(2))
+    assert other == pytest.approx(2 * zero)
+
+
+def test_a_nominal_value_of_zero_has_an_absolute_tolerance():
+    assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx([-2.0, 0.0, 1.0])
+
+
+def test_slopes_are_those_of_finite_differences_also_across_the_sign():
+    one = parameter(-100.0, 100.0)
+    beliefs = Beliefs([one], {one.name: Belief(0.7, 0.3)})
+    for value in (-1.0, -0.01, 0.0, 0.02, 0.7, 5.0):
+        step = 1e-6
+        ahead, behind = (beliefs.sigmas(np.array([value + sign * step]))[0] for sign in (1, -1))
+        assert beliefs.slope(np.array([value]))[0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
+
+
+def test_the_penalty_has_the_gradient_of_finite_differences_and_says_nothing_of_what_nobody_believes():
+    sweep = add_noise(benchmark(), 60, rng=np.random.default_rng(0))
+    wiring = wire(textbook("gfl"), VOCABULARY)
+    model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
+    problem = Problem(model, sweep.points)
+    names = [one.name for one in problem.numbers]
+    table = parameter_table(wiring, "exact")
+    penalised = Penalised(problem, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
+    x = penalised.start({}) + 0.1
+
+    def cost(at: np.ndarray) -> float:
+        return float(penalised.normal_equations(at[None], "chi2")[0][0, -1])
+
+    gradient = penalised.normal_equations(x[None], "chi2")[1][0, -1]
+    numeric = [(cost(x + step) - cost(x - step)) / 2e-6 for step in 1e-6 * np.eye(len(x))]
+    assert 2 * gradient == pytest.approx(numeric, rel=1e-5, abs=1e-8)
+    assert np.count_nonzero(gradient) == 2
