@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fitted import GRID, benchmark, evaluated
+from fitted import GRID, benchmark, evaluated, measured
 
 import ibrid
 from ibrid.analysis import predict
@@ -177,6 +177,18 @@ def test_an_unstable_prediction_says_that_no_measurement_would_show_it():
     assert not found.stable
     assert "unstable" in found.warnings[0]
     assert "formal transfer function" in found.warnings[0]
+
+
+def test_a_model_that_misses_its_measurement_says_so():
+    assert any("misses its own measurement" in one for one in predict(evaluated("naive"), "p=1,q=0.3", GRID).warnings)
+
+
+def test_the_error_at_a_held_out_point_is_that_of_the_prediction():
+    data = measured(["p=1,q=0.3", "p=1,q=-0.3", ELSEWHERE])
+    record = ibrid.evaluate(ibrid.textbook("gfl_power_filter"), data, holdout_op=ELSEWHERE)
+    found = predict(record, ELSEWHERE, GRID)
+    assert record.holdout[ELSEWHERE] == pytest.approx(relative(found.admittance, truth(ELSEWHERE)), rel=1e-6)
+    assert any("p = 0.5 (measured 1)" in one for one in found.warnings)  # held out is not measured
 
 
 def test_a_frame_angle_in_the_record_turns_the_prediction_into_the_frame_of_the_data():

@@ -1,4 +1,4 @@
-"""Where a question leaves what was measured: operating points and frequencies, in sentences."""
+"""Where a question leaves what was measured, or the model does: operating points, frequencies, a bad fit, in sentences."""
 
 from collections.abc import Iterator
 
@@ -7,6 +7,8 @@ import numpy as np
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint
 
+#: NRMSE from which on a model misses its measurement, and the multiple of the noise up to which it does not.
+BAD_FIT, NOISE = 0.1, 1.5
 #: Part by which a frequency may pass the last measured one.
 ROUNDING = 1e-6
 
@@ -36,6 +38,15 @@ def beyond_frequencies(record: Record, frequency: np.ndarray) -> Iterator[str]:
         yield (
             f"frequencies from {frequency[0]:g} to {frequency[-1]:g} Hz were asked, {low:g} to {high:g} Hz measured: what "
             "acts only beyond cannot be known"
+        )
+
+
+def bad_fit(record: Record) -> Iterator[str]:
+    """A sentence when the model misses the measurement that it was fitted to."""
+    error = record.nrmse or 0.0
+    if error > max(BAD_FIT, NOISE * (record.noise_floor or 0.0)):
+        yield (
+            f"the model misses its own measurement (NRMSE {error:.2g}): something is missing in the diagram, which no band holds"
         )
 
 

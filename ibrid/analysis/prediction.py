@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
-from ibrid.analysis.measured_range import beyond_frequencies, beyond_points
+from ibrid.analysis.measured_range import bad_fit, beyond_frequencies, beyond_points
 from ibrid.analysis.modes import QUANTILE, Mode, modes
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.analysis.uncertainty import Uncertainty, uncertainty
@@ -124,7 +124,7 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
         sure = uncertainty(whole, parametric)
         angle = float(record.settings.get("frame_angle", 0.0))
-        warnings = [*beyond_points(record, point), *beyond_frequencies(record, frequency)]
+        warnings = [*bad_fit(record), *beyond_points(record, point), *beyond_frequencies(record, frequency)]
         deviation, slopes = None, None
         if sure is not None:
             moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)

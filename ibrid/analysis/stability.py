@@ -14,7 +14,7 @@ from ibrid.analysis.device_in_grid import DeviceInGrid
 from ibrid.analysis.grid import MeasuredGrid, SeriesRL, of_ratio
 from ibrid.analysis.grid_case import GridCase
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
-from ibrid.analysis.measured_range import beyond_points, measured_frequencies
+from ibrid.analysis.measured_range import bad_fit, beyond_points, measured_frequencies
 from ibrid.analysis.modes import Mode
 from ibrid.analysis.stability_words import case_warnings, sentence, unstable_warning
 from ibrid.errors import IbridError
@@ -158,7 +158,7 @@ def _at_point(
         if len(scr) > 1:
             critical = device.critical(float(scr[0]), float(scr[-1]), xr)
             locus = device.locus(np.geomspace(scr[0], scr[-1], LOCUS_POINTS), xr)
-    warnings = [*beyond_points(record, device.parametric.op), *case_warnings(cases, high)]
+    warnings = [*bad_fit(record), *beyond_points(record, device.parametric.op), *case_warnings(cases, high)]
     if device.unstable:
         measured = name in record.settings.get("fitted_points", ())
         warnings.insert(0, unstable_warning(name, device.ideal[0], device.unstable, measured=measured))

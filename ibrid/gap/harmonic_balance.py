@@ -19,6 +19,8 @@ HARMONICS, SAMPLES = 3, 96
 SLOWEST = 1e-3
 #: Steps of Newton's method and of halving, what is left over (of the drive) that ends them, and that still counts as balanced.
 STEPS, HALVINGS, CONVERGED, BALANCED = 15, 3, 1e-9, 1e-4
+#: Parts of the signal that a nonlinearity is taken to let through where a search begins, and how many of them are tried.
+THROUGH, TRIED = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.15, 0.0), 4
 
 _PHASE = 2.0 * np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES
 _WAVES = [np.ones(SAMPLES)]
@@ -49,6 +51,10 @@ class Linear:
     y_u: np.ndarray
     y_w: np.ndarray
     amplitude: np.ndarray
+
+    def only(self, cells: np.ndarray) -> "Linear":
+        """Some of the cells."""
+        return Linear(self.drive[cells], self.back[cells], self.y_u[cells], self.y_w[cells], self.amplitude[cells])
 
 
 def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
@@ -93,25 +99,55 @@ class Motion:
     converged: np.ndarray
 
 
-def balanced(
-    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None
-) -> Motion:
+def balanced(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None) -> Motion:
     """Solve the balance of all cells by Newton's method with halved steps.
 
-    rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; None: both without the
-    nonlinearity and with nothing behind it, whichever ends better.
+    rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that does not lead to a
+    balance, or is None, motions with a part of the signal let through are begun from, the nearest to a balance first.
     """
-    if start is not None:
-        return _newton(linear, shape, rest, threshold, start.reshape(len(rest), -1))
-    n = linear.drive.shape[1]
-    closed = np.linalg.solve(np.eye(n) - linear.back, linear.drive[..., None])[..., 0]
-    one, other = (_newton(linear, shape, rest, threshold, begun) for begun in (closed, linear.drive))
-    better = (other.converged & ~one.converged)[:, None, None]
-    return Motion(
-        *(np.where(better, getattr(other, name), getattr(one, name)) for name in ("entering", "leaving", "slope")),
-        through=np.where(better, other.through, one.through),
-        converged=one.converged | other.converged,
-    )
+    cells, n = linear.drive.shape
+    if start is None:
+        motion, lost = None, np.arange(cells)
+    else:
+        motion = _newton(linear, shape, rest, threshold, start.reshape(cells, -1))
+        lost = np.flatnonzero(~motion.converged)
+    if not len(lost):
+        return motion if motion is not None else _newton(linear, shape, rest, threshold, linear.drive)
+    part = linear.only(lost)
+    guesses = np.array([np.linalg.solve(np.eye(n) - g * part.back, part.drive[..., None])[..., 0] for g in THROUGH])
+    errors = np.array([_left_over(part, shape, rest[lost], threshold, one) for one in guesses])
+    order = np.argsort(errors, axis=0)
+    for guess in range(TRIED):
+        begun = guesses[order[guess], np.arange(len(lost))]
+        found = _newton(part, shape, rest[lost], threshold, begun)
+        motion = found if motion is None else _replaced(motion, lost, found)
+        left = np.flatnonzero(~found.converged)
+        if not len(left):
+            break
+        part, lost, guesses, order = part.only(left), lost[left], guesses[:, left], order[:, left]
+    if motion is None:
+        raise ValueError("a balance needs at least one cell")
+    return motion
+
+
+def _replaced(motion: Motion, where: np.ndarray, found: Motion) -> Motion:
+    """A motion with some cells exchanged for others where those are balanced."""
+    better = where[found.converged]
+    fields = {}
+    for name in ("entering", "leaving", "slope", "through", "converged"):
+        value = getattr(motion, name).copy()
+        value[better] = getattr(found, name)[found.converged]
+        fields[name] = value
+    return Motion(**fields)
+
+
+def _left_over(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray) -> np.ndarray:
+    """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port without it."""
+    samples = z.reshape(len(z), rest.shape[1], COEFFICIENTS) @ BASIS.T
+    behind, _ = shape.law(samples, rest[..., None], threshold)
+    leaving = (behind @ PROJECTION.T).reshape(len(z), -1)
+    left = z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
+    return np.abs(left / (1.0 + np.abs(linear.back).sum(axis=2))).max(axis=1)
 
 
 def response(linear: Linear, leaving: np.ndarray) -> np.ndarray:
