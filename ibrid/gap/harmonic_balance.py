@@ -17,10 +17,11 @@ from ibrid.gap.open_port import Opened, OpenPort
 HARMONICS, SAMPLES = 3, 96
 #: rad/s, real: stands for s = 0, where integrators have no response; on the imaginary axis theirs would be imaginary.
 SLOWEST = 1e-3
-#: Steps of Newton's method and of halving, what is left over (of the drive) that ends them, and that still counts as balanced.
-STEPS, HALVINGS, CONVERGED, BALANCED = 15, 3, 1e-9, 1e-4
+#: Steps of Newton's method, parts of a step that are tried where the whole one is no gain, what is left over (of the drive)
+#: that ends them, and that still counts as balanced.
+STEPS, PARTS, CONVERGED, BALANCED = 20, (0.5, 0.25, 0.1, 0.03), 1e-9, 1e-4
 #: Parts of the signal that a nonlinearity is taken to let through where a search begins, and how many of them are tried.
-THROUGH, TRIED = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.15, 0.0), 4
+THROUGH, TRIED = tuple(np.linspace(0.0, 1.0, 21)), 4
 
 _PHASE = 2.0 * np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES
 _WAVES = [np.ones(SAMPLES)]
@@ -100,7 +101,7 @@ class Motion:
 
 
 def balanced(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None) -> Motion:
-    """Solve the balance of all cells by Newton's method with halved steps.
+    """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not help.
 
     rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that does not lead to a
     balance, or is None, motions with a part of the signal let through are begun from, the nearest to a balance first.
@@ -191,12 +192,10 @@ def _newton(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z:
         slope = np.eye(z.shape[1]) - linear.back[moving] @ _through(slopes)
         step = -np.linalg.solve(scale[moving][..., None] * slope, left[..., None])[..., 0]
         part = np.ones(len(moving))
-        for _ in range(HALVINGS):
-            tried = at(z[moving] + part[:, None] * step, moving)
-            worse = ~(tried[3] < error)
-            if not worse.any():
-                break
-            part = np.where(worse, part / 2, part)
+        worse = np.flatnonzero(~(at(z[moving] + step, moving)[3] < error))
+        if len(worse):
+            tried = [at(z[moving[worse]] + one * step[worse], moving[worse])[3] for one in PARTS]
+            part[worse] = np.array(PARTS)[np.argmin(tried, axis=0)]
         z[moving] += part[:, None] * step
         _, slopes, left, error = at(z[moving], moving)
     leaving, slopes, _, error = at(z, np.arange(cells))

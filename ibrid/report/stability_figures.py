@@ -42,9 +42,11 @@ def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
         ends = upper[row]
         plane.plot(real[row][ends], hertz[row][ends], linestyle="none", marker=marker, markersize=7,
                    markerfacecolor="none", markeredgewidth=1.5, color=colour)  # fmt: skip
-    for index, found in enumerate(one.critical):
+    highest = max((found.mode.frequency for found in one.critical), default=0.0)
+    for found in one.critical:
         plane.plot(0.0, found.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none")
-        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-8, 7 - 18 * (index % 2)),
+        lift = 7 if found.mode.frequency == highest else -11
+        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-8, lift),
                        textcoords="offset points", ha="right", color=DANGER)  # fmt: skip
     plane.set_xlim(-reach, right)
     plane.set_ylim(-0.4, height)
