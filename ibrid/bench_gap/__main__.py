@@ -17,6 +17,7 @@ from ibrid.bench_gap.examination import examine
 from ibrid.bench_gap.scoring import Row
 from ibrid.bench_gap.tables import report, trial_line
 from ibrid.bench_gap.trials import NUMBERS, Trial, design
+from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
 from ibrid.ledger import Ledger
 
@@ -97,7 +98,7 @@ def _examined(trials: Sequence[Trial], options: argparse.Namespace, answer: Diag
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m ibrid.bench_gap", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--cases", type=_count, default=None, help=f"in the table ({CASES})")
+    parser.add_argument("--cases", type=count, default=None, help=f"in the table ({CASES})")
     parser.add_argument("--seed", type=int, default=0, help="from which all devices of the table are drawn (0)")
     parser.add_argument(
         "--only",
@@ -106,20 +107,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"a kind ({', '.join(NUMBERS)}), an effect, or one trial as the list of misses calls it; may be repeated",
     )
-    parser.add_argument("--workers", type=_count, default=2, help="cases at a time, one core each (2)")
+    parser.add_argument("--workers", type=count, default=2, help="cases at a time, one core each (2)")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} cases")
     parser.add_argument("--out", type=Path, default=Path("out/bench-gap"), help="folder of the results")
     parser.add_argument(
         "--keep", action="store_true", help="keep cases and answers (OUT/cases) and truths (OUT/truths)"
     )
     return parser
-
-
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be 1 or more, found {number}")
-    return number
 
 
 if __name__ == "__main__":

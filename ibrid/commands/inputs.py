@@ -52,6 +52,13 @@ def positive(text: str) -> float:
     return value
 
 
+def count(text: str) -> int:
+    """A whole number from 1 on, for argparse."""
+    if (value := natural(text)) < 1:
+        raise ArgumentTypeError("must be 1 or more, found 0")
+    return value
+
+
 def natural(text: str) -> int:
     """A whole number from 0 on, for argparse."""
     try:

@@ -100,7 +100,9 @@ class Motion:
     converged: np.ndarray
 
 
-def balanced(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None) -> Motion:
+def balanced(
+    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None
+) -> Motion:
     """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not help.
 
     rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that does not lead to a

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ibrid.commands.inputs import count
 from ibrid.errors import IbridError
 from ibrid.ledger import Ledger
 from search.bench.scoring import Search, perform
@@ -45,8 +46,8 @@ def _search() -> Search:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m search.bench", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--seeds", type=_count, default=None, help="searches of each kind (10)")
-    parser.add_argument("--budget", type=_count, default=None, help="evaluations of each search (500)")
+    parser.add_argument("--seeds", type=count, default=None, help="searches of each kind (10)")
+    parser.add_argument("--budget", type=count, default=None, help="evaluations of each search (500)")
     parser.add_argument(
         "--only",
         action="append",
@@ -55,18 +56,11 @@ def _parser() -> argparse.ArgumentParser:
         help=f"a table ({', '.join((*TABLES, SPEED))}) or an inverter",
     )
     parser.add_argument("--proposer", action="append", default=[], metavar="NAME", help="instead of rules and random")
-    parser.add_argument("--workers", type=_count, default=2, help="workers of each search (2)")
+    parser.add_argument("--workers", type=count, default=2, help="workers of each search (2)")
     parser.add_argument("--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort")
     parser.add_argument("--out", type=Path, default=Path("out/bench-search"), help="folder of the results")
     parser.add_argument("--keep", action="store_true", help="keep the run folders (OUT/runs), for ibrid report")
     return parser
-
-
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be 1 or more, found {number}")
-    return number
 
 
 def _benchmark(options: argparse.Namespace, search: Search) -> int:

@@ -7,7 +7,8 @@ from ibrid.gap.effect import Edit, Effect, Insertion, Model, Strength
 from ibrid.gap.paths import after, row_before
 from ibrid.gap.places import has_line
 from ibrid.gap.strengths import cutoff
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.frames import put_into_frame, put_into_grid_frame
 
 PLL_GAINS = {"kP_pll": Strength((20.0, 60.0, 200.0)), "kI_pll": Strength((150.0, 1500.0, 15000.0))}
 PREFILTERS = ("LPF1", "Notch", "Pade1")
@@ -29,37 +30,12 @@ def _with_a_pll(model: Model) -> Iterator[Insertion]:
 
         def pll(draft: Edit, source: str = source) -> dict[str, Strength]:
             name = draft.add("SRF_PLL", "pll")
-            turned = _rotated(draft, plant, name)
+            turned = put_into_frame(draft, plant, f"{name}.delta_omega", f"{name}.delta")
             e_q = source if source != TERMINAL_VOLTAGE else after(draft, turned, "SliceQ", "v_q")
             draft.connect(e_q, f"{name}.e_q")
             return {f"{name}.{key}": strength for key, strength in PLL_GAINS.items()}
 
         yield from model.edited("pll_missing", "add", f"{where}, with rotations at v_DQ and i_DQ", pll)
-
-
-def _rotated(draft: Edit, plant: str, pll: str) -> str:
-    """Put the controller into the PLL's frame; returns the terminal voltage in it."""
-    for name in (*draft.named("Rot_v"), *draft.named("Rot_i")):
-        for source in draft.sources(f"{name}.delta"):
-            draft.disconnect(source, f"{name}.delta")
-        draft.connect(f"{pll}.delta", f"{name}.delta")
-    for target in (f"{plant}.delta_omega", *(f"{name}.delta_omega" for name in draft.named("JMul_omega"))):
-        for source in draft.sources(target):
-            draft.disconnect(source, target)
-        draft.connect(f"{pll}.delta_omega", target)
-    if not draft.named("Rot_v"):
-        shunts = [f"{name}.v" for name in draft.named("Shunt_RC")]  # at the PCC, in the grid's frame
-        consumers = [one for one in draft.targets(TERMINAL_VOLTAGE) if one not in shunts]
-        name = draft.add("Rot_v", "park_v")
-        for target in consumers:
-            draft.disconnect(TERMINAL_VOLTAGE, target)
-            draft.connect(f"{name}.v_dq", target)
-        draft.chain(TERMINAL_VOLTAGE, f"{name}.v_DQ", f"{pll}.delta", f"{name}.delta")
-    if not draft.named("Rot_i"):
-        name = draft.add("Rot_i", "park_i")
-        draft.disconnect(f"{plant}.i_g", TERMINAL_CURRENT)
-        draft.chain(f"{plant}.i_g", f"{name}.i_dq", f"{pll}.delta", f"{name}.delta", f"{name}.i_DQ", TERMINAL_CURRENT)
-    return f"{draft.named('Rot_v')[0]}.v_dq"
 
 
 def _without_pll(model: Model, pll: str) -> Iterator[Insertion]:
@@ -72,14 +48,7 @@ def _without_pll(model: Model, pll: str) -> Iterator[Insertion]:
 
     def in_the_grids_frame(draft: Edit) -> None:
         nominal(draft)
-        for name in draft.named("Rot_v"):
-            for target in draft.targets(f"{name}.v_dq"):
-                draft.connect(TERMINAL_VOLTAGE, target)
-            draft.remove(name)
-        for name in draft.named("Rot_i"):
-            for source in draft.sources(f"{name}.i_dq"):
-                draft.connect(source, TERMINAL_CURRENT)
-            draft.remove(name)
+        put_into_grid_frame(draft)
 
     def at_a_constant_angle(draft: Edit) -> None:
         nominal(draft)
