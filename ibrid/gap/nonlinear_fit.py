@@ -21,8 +21,8 @@ from ibrid.structure.diagram import Diagram
 BANK = tuple(np.geomspace(3e-4, 0.1, 9))
 BOX = (1e-5, 1.0)
 #: Starts that are descended, steps of each and of the best, and the step of numeric slopes.
-KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 3, 8, 40, 1e-5
-GREATEST_DAMPING, LARGEST_STEP, ENOUGH = 1e7, 1.0, 1e-3
+KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 2, 8, 40, 1e-5
+GREATEST_DAMPING, LARGEST_STEP, ENOUGH = 1e7, 1.0, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class NonlinearSearch:
             step = -np.linalg.solve(matrix + np.diag(damped), down)
             step *= min(1.0, LARGEST_STEP / max(np.abs(step).max(initial=0.0), 1e-300))
             expected = -2 * down @ step - step @ matrix @ step
-            if damping > GREATEST_DAMPING or expected < ENOUGH * (1.0 + 1e-3 * best.cost):
+            if damping > GREATEST_DAMPING or expected < ENOUGH * (10.0 + best.cost):
                 break
             trial = self.at(np.clip(best.x + step, self.low, self.high), best.motion.entering)
             if trial is not None and trial.cost < best.cost:

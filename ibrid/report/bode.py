@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.style import series
 
 if TYPE_CHECKING:
@@ -50,6 +51,24 @@ def curves(record: Record, sweep: Sweep | None, with_model: bool = True) -> tupl
     return tuple(found)
 
 
+def bode_figures(shown: Sequence[Curves], name: str, label: str) -> str:
+    """The four entries as figures of a page; `name` : of this group; `label` : goes on after "Bode plot of Y_dd"."""
+    return f'<div class="four">{"".join(_bode_figure(entry, shown, name, label) for entry in ENTRIES)}</div>'
+
+
+def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str) -> str:
+    svg = inline_svg(
+        lambda axes: draw_bode(axes, entry, shown),
+        name=f"{name}-{entry}",
+        label=f"Bode plot of Y_{entry}{label}",
+        size=(5.2, 3.8),
+        rows=2,
+        heights=(1.25, 1.0),
+        zoom=True,
+    )
+    return figure_html(svg, f"Y<sub>{entry}</sub>")
+
+
 def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> None:
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
@@ -73,7 +92,7 @@ def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> No
         magnitude.set_yscale("log")
     else:
         magnitude.text(0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes)
-    magnitude.set_ylabel(f"|Y_{entry}|  (pu)")
+    magnitude.set_ylabel("magnitude  (pu)")
     phase.set_ylabel("phase  (deg)")
     phase.set_xlabel("frequency  (Hz)")
     phase.set_xscale("log")

@@ -14,17 +14,16 @@ from ibrid.structure.program import parse_program
 Shown = tuple[str, Diagram, tuple[str, ...]]
 #: A drawing may shrink to this before it gets a line of its own.
 WIDEST = "68rem"
-#: Wider than the text where the window is, so that diagrams find room beside each other.
-_BREAKOUT = "width:max(100%,100vw - 3rem);margin-left:calc((100% - max(100%,100vw - 3rem))/2)"
 
 
 def diagrams_beside(shown: Sequence[Shown], kinds: Sequence[ModuleKind], note: str = "") -> str:
-    """HTML of some diagrams; `note` : what their frames mean."""
+    """HTML of some diagrams; a single one needs no title. `note` : what their frames mean."""
     figures = "".join(_drawn(words, block_diagram_svg(diagram, kinds, marked)) for words, diagram, marked in shown)
     words = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
     legend = _families([diagram for _, diagram, _ in shown], kinds)
     words = f"{words} {note}".rstrip()
-    return paragraph(words, "note") + legend + f'<div class="beside" style="{_BREAKOUT}">{figures}</div>'
+    style = "beside breakout" if len(shown) > 1 else "beside"
+    return paragraph(words, "note") + legend + f'<div class="{style}">{figures}</div>'
 
 
 def readable(text: str) -> Diagram | None:
@@ -40,7 +39,8 @@ def _drawn(words: str, svg: str) -> str:
     width = re.search(r"max-width:(\d+)px", svg)
     room = f"min({width[1]}px,{WIDEST})" if width else "auto"
     style = f"flex:0 1 {room};max-width:{width[1] + 'px' if width else 'none'};flex-grow:1"
-    return f'<figure style="{style}"><figcaption>{escape(words)}</figcaption>{scroll(words, svg)}</figure>'
+    title = f"<figcaption>{escape(words)}</figcaption>" if words else ""
+    return f'<figure style="{style}">{title}{scroll(words or "Block diagram", svg)}</figure>'
 
 
 def _families(diagrams: Sequence[Diagram], kinds: Sequence[ModuleKind]) -> str:

@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from ibrid.report.markup import scroll
 from ibrid.report.style import INK, MUTED, RULE, STAND_INS
+from ibrid.report.ticks import plain_decades
+from ibrid.report.zoom import zoom_attributes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +34,9 @@ _SETTINGS: Any = {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
     "legend.frameon": False,
-    "path.simplify_threshold": 0.3,
 }
+#: Deviation, in units of 1/72 inch, that a simplified line may have; less where one can look closely.
+SIMPLIFIED, SIMPLIFIED_ZOOM = 0.3, 0.02
 
 
 def inline_svg(
@@ -43,28 +47,50 @@ def inline_svg(
     size: tuple[float, float],
     rows: int = 1,
     heights: Sequence[float] | None = None,
+    zoom: bool = False,
 ) -> str:
-    """SVG of what `draw` puts on stacked axes with a common x axis; `size` in inches; `label` for screen readers."""
+    """SVG of what `draw` puts on stacked axes with a common x axis.
+
+    size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where scripts run.
+    """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context(_SETTINGS):
+    settings = {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
+    with rc_context(settings):
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
         draw(list(axes[:, 0]))
+        plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return _for_page(buffer.getvalue(), name, label)
+    attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
+    return _for_page(buffer.getvalue(), name, attributes)
 
 
-def _for_page(text: str, name: str, label: str) -> str:
-    """Only the drawing, with its own identifiers, no name spaces and the style sheet's colours."""
+def figure_html(svg: str, title: str = "", words: str = "", style: str = "") -> str:
+    """A figure with a title, which is HTML, above it and an explanation below it.
+
+    style : "medium" or "broad" for what is wider than a column; it scrolls on a telephone, so that it can be read there.
+    """
+    above = f"<figcaption>{title}</figcaption>" if title else ""
+    below = f'<p class="note">{escape(words)}</p>' if words else ""
+    if style:
+        return f'<figure class="{style}">{above}{scroll("Figure", svg)}{below}</figure>'
+    return f"<figure>{above}{svg}{below}</figure>"
+
+
+def _for_page(text: str, name: str, attributes: str) -> str:
+    """Only the drawing, with its own identifiers, no name spaces, short numbers, and the style sheet's colours and font."""
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<style.*?</style>", "", text, count=1, flags=re.DOTALL)
+    text = re.sub(r'(style="[^"]*?) font-family: [^;"]*;', r"\1", text)
+    text = re.sub(r'\b(d|x|y)="[-\s\dA-Z.z]*"', lambda found: re.sub(r"(\.\d\d)\d+", r"\1", found[0]), text)
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r'(id|href)="(#?)([^"]+)"', rf'\1="\2{name}-\3"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", text)
     for stand_in, variable in STAND_INS.items():
         text = text.replace(stand_in, variable)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    return text.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1)
+    return text.replace("<svg", f"<svg {attributes}", 1)

@@ -7,8 +7,7 @@ import numpy as np
 
 from ibrid.gap.amplitude_result import FEWEST, AmplitudeAnswer, PortGain
 from ibrid.gap.result import Gap
-from ibrid.report.figure import inline_svg
-from ibrid.report.gap_bode import plain_decades
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.gap_words import p_value
 from ibrid.report.markup import cell, data, escape, head, paragraph, row, table, value_cell
 from ibrid.report.numbers import error, hertz, number, percent
@@ -69,7 +68,7 @@ def _figure(answer: AmplitudeAnswer, gain: PortGain) -> str:
         "block would make them fall on as many heights as there are frequencies; one curve through all is a nonlinearity "
         "without memory. Line: its describing function. Bars: two standard errors."
     )
-    return paragraph(words, "note") + f'<figure style="max-width:52rem">{svg}</figure>'
+    return paragraph(words, "note") + figure_html(svg, style="medium")
 
 
 def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float]) -> None:
@@ -93,7 +92,6 @@ def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float
     imaginary.set_ylabel("imaginary")
     imaginary.set_xlabel("amplitude at the port over the threshold")
     real.legend(loc="best", fontsize=9)
-    plain_decades(imaginary.xaxis)
 
 
 def _bands(answer: AmplitudeAnswer) -> str:

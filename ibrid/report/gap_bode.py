@@ -7,12 +7,11 @@ import numpy as np
 
 from ibrid.report.bode import ENTRIES, draw_bode
 from ibrid.report.gap_curves import PointView
-from ibrid.report.numbers import number
 from ibrid.report.style import MUTED, series
+from ibrid.report.ticks import plain_decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
 
 #: The distance axis reaches at most this part below the least noise; what is smaller is drawn at its end.
 DEEPEST = 0.03
@@ -38,13 +37,3 @@ def draw_entry(axes: Sequence["Axes"], entry: str, shown: PointView) -> None:
     distance.set_ylabel("distance  (pu)")
     distance.set_xlabel("frequency  (Hz)")
     plain_decades(bode[0].yaxis, distance.yaxis, distance.xaxis)
-
-
-def plain_decades(*drawn: "Axis") -> None:
-    """Write 100 and 1e-4, not powers of ten, which are slow to set; no labels between decades."""
-    from matplotlib.ticker import FuncFormatter, NullFormatter
-
-    for one in drawn:
-        if one.get_scale() == "log":
-            one.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
-            one.set_minor_formatter(NullFormatter())

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from ibrid.gap.result import Gap
 from ibrid.gap.verdict import FAR
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.gap_amplitude import amplitude_html
 from ibrid.report.gap_curves import PointView, point_views, repaired
 from ibrid.report.gap_errors import part_table, summary_table
@@ -16,29 +16,25 @@ from ibrid.report.gap_suggestions import suggestions_html
 from ibrid.report.gap_tables import (
     candidate_table,
     effect_html,
-    folded,
     located_table,
     moved_table,
-    numbered,
     port_table,
     unseen_table,
 )
 from ibrid.report.gap_words import NEXT_STEPS, UNKNOWN, far, headline
-from ibrid.report.markup import bullets, data, escape, page, paragraph
+from ibrid.report.markup import Section, bullets, data, escape, folded, numbered, page, page_header, paragraph
 from ibrid.report.numbers import error
 from ibrid.report.parameter_table import parameter_html
 from ibrid.report.verdict import stability
 
 #: Verdicts after which nothing is wrong, and those that leave a question.
 FINE, OPEN = ("no-gap", "parameters-only"), ("located-unnamed", "unexplained")
-Section = tuple[str, str, str]
 
 
 def gap_page(gap: Gap) -> str:
     """The page as text."""
     views = point_views(gap)
-    footer = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
-    return page(f"Gap: {headline(gap)}", _header(gap), list(_sections(gap, views)), escape(footer))
+    return page(f"Gap: {headline(gap)}", _header(gap), _sections(gap, views))
 
 
 def _header(gap: Gap) -> str:
@@ -54,12 +50,8 @@ def _header(gap: Gap) -> str:
         facts.append(("held out", f"{words} → {_error(gap.after.get('holdout'))}" if repaired(gap) else words))
     facts.append(("noise alone", UNKNOWN if gap.noise_floor is None else _error(gap.noise_floor)))
     facts.append(("parameters far off", str(len(far(gap)))))
-    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
     source = f": {gap.sweep.source}" if gap.sweep.source else ""
-    return (
-        f'<p class="eyebrow">Simulation against measurement{escape(source)}</p><h1>{escape(headline(gap))}</h1>'
-        f'<p class="verdict">{escape(gap.sentence)}</p><dl class="facts">{shown}</dl>'
-    )
+    return page_header(f"Simulation against measurement{source}", headline(gap), gap.sentence, facts)
 
 
 def _error(value: float | None) -> str:
@@ -108,7 +100,7 @@ def _ports(gap: Gap) -> str:
         "together with the parameters. Hatched: it explains all; left of the dashed line a fit is adequate."
     )
     table = folded("All numbers", port_table(gap))
-    return paragraph(words, "note") + f'<figure style="max-width:52rem">{svg}</figure>' + table + _transfer(gap)
+    return paragraph(words, "note") + figure_html(svg, style="medium") + table + _transfer(gap)
 
 
 def _transfer(gap: Gap) -> str:
@@ -123,6 +115,7 @@ def _transfer(gap: Gap) -> str:
         + (", and the curve of the named block." if found.line is not None else "."),
         size=(7.4, 4.6),
         rows=2,
+        zoom=True,
     )
     place = "in place of a plain wire" if found.series else "beside what the model has"
     words = f"Dots: what the measurement says must act there {place}, at each frequency by itself"
@@ -134,10 +127,8 @@ def _transfer(gap: Gap) -> str:
     hidden = int((~found.seen).sum())
     if hidden:
         words += f" {hidden} of {found.seen.size} frequencies say nothing about this place and are left out."
-    return (
-        f"<h3>The missing transfer, measured at: {escape(where)}</h3>{paragraph(words, 'note')}"
-        f'<figure style="max-width:52rem">{svg}</figure>'
-    )
+    title = f"<h3>The missing transfer, measured at: {escape(where)}</h3>"
+    return title + paragraph(words, "note") + figure_html(svg, style="medium")
 
 
 # --- parameters and steps --------------------------------------------------------------------------------------------

@@ -9,10 +9,10 @@ from scipy.stats import chi2 as chi2_law
 
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.trial import ADEQUATE
-from ibrid.report.gap_bode import plain_decades
 from ibrid.report.gap_measured import Missing
 from ibrid.report.numbers import number
 from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series
+from ibrid.report.ticks import plain_decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

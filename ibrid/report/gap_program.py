@@ -2,8 +2,7 @@
 
 from ibrid.gap.result import Gap
 from ibrid.report.diagrams_beside import Shown, diagrams_beside, readable
-from ibrid.report.gap_tables import folded
-from ibrid.report.markup import escape, paragraph, scroll
+from ibrid.report.markup import difference_html, folded, paragraph, program
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.difference import difference
 
@@ -13,21 +12,13 @@ AROUND = 2
 
 def program_html(gap: Gap) -> str:
     """The changed lines, and the whole repaired program to unfold."""
-    changed = difference_html(gap.given, gap.program) or paragraph("The program stays as it was given.")
-    whole = scroll("Program text", f"<pre><code>{escape(gap.program)}</code></pre>")
-    return changed + folded("The whole program", whole)
+    changed = changed_lines(gap.given, gap.program) or paragraph("The program stays as it was given.")
+    return changed + folded("The whole program", program(gap.program))
 
 
-def difference_html(before: str, after: str) -> str:
+def changed_lines(before: str, after: str) -> str:
     """The lines that differ, "" where none do."""
-    styles = {"+": "good", "-": "bad"}
-    shown = "\n".join(
-        f'<span class="{styles[line[0]]}" style="font-weight:400">{escape(line)}</span>'
-        if line[:1] in styles
-        else escape(line)
-        for line in difference(before, after, AROUND)
-    )
-    return scroll("Program difference", f"<pre><code>{shown}</code></pre>") if shown else ""
+    return difference_html(difference(before, after, AROUND))
 
 
 def diagrams_html(gap: Gap) -> str:

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 from ibrid.gap.result import Gap
 from ibrid.report.bode import ENTRIES
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.gap_bode import draw_entry
 from ibrid.report.gap_curves import PointView, comparable
-from ibrid.report.gap_tables import folded
-from ibrid.report.markup import escape, paragraph
-from ibrid.report.style import DASHES
+from ibrid.report.legend import models_legend
+from ibrid.report.markup import escape, folded, paragraph
 
 #: Operating points whose figures are open; those of the next unfold, and beyond the last there are none.
 OPEN, POINTS = 2, 6
@@ -56,21 +55,12 @@ def _entry(view: PointView, place: int, entry: str) -> str:
         size=(5.2, 5.0),
         rows=3,
         heights=(1.25, 0.95, 0.95),
+        zoom=True,
     )
-    return f"<figure><figcaption>Y<sub>{entry}</sub></figcaption>{svg}</figure>"
+    return figure_html(svg, f"Y<sub>{entry}</sub>")
 
 
 def _legend(views: Sequence[PointView]) -> str:
     """A circle for the measurement, a line as in the figures for each state of the model."""
-    entries = [('<circle cx="17" cy="7" r="4"/>', "measured", views[0].lines[-1].index)]
-    for name, index in dict.fromkeys((line.name, line.index) for view in views for line in view.lines):
-        dashes = DASHES[index]
-        lengths = "" if isinstance(dashes, str) else " ".join(f"{1.5 * one:g}" for one in dashes[1])
-        pattern = f' stroke-dasharray="{lengths}"' if lengths else ""
-        entries.append((f'<path d="M0 7h34" stroke-width="2"{pattern}/>', name, index))
-    shown = "".join(
-        f'<li><svg width="34" height="14" viewBox="0 0 34 14" aria-hidden="true">'
-        f'<g fill="none" stroke="var(--series-{index})" stroke-width="1.6">{shape}</g></svg>{escape(name)}</li>'
-        for shape, name, index in entries
-    )
-    return f'<ul class="legend">{shown}</ul>'
+    models = list(dict.fromkeys((line.name, line.index) for view in views for line in view.lines))
+    return models_legend(models, views[0].lines[-1].index)

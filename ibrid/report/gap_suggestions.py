@@ -1,7 +1,7 @@
 """Suggested edits on the page of a gap: what might be missing where the catalogue has no name, and how it did."""
 
 from ibrid.gap.result import Gap, Suggested
-from ibrid.report.gap_program import difference_html
+from ibrid.report.gap_program import changed_lines
 from ibrid.report.gap_words import HELD_OUT
 from ibrid.report.markup import cell, escape, head, paragraph, table, value_cell
 from ibrid.report.numbers import number
@@ -41,6 +41,6 @@ def _change(gap: Gap, one: Suggested) -> str:
     told = f"Error over the noise at data held out, 1 when only noise is left: {'; '.join(held)}." if held else ""
     return (
         paragraph("The first that passes changes the program so:")
-        + difference_html(gap.given, one.program)
+        + changed_lines(gap.given, one.program)
         + paragraph(told)
     )

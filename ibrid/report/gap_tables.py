@@ -1,7 +1,5 @@
 """Tables of a gap: what is missing, where it shows, which ports explain it, what moved, what else was tried or unseen."""
 
-from collections.abc import Iterable
-
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.report.gap_curves import repaired
@@ -15,7 +13,7 @@ from ibrid.report.gap_words import (
     p_value,
     parameter_words,
 )
-from ibrid.report.markup import bullets, cell, data, escape, head, paragraph, row, table, value_cell
+from ibrid.report.markup import bullets, cell, data, escape, folded, head, paragraph, row, sentence, table, value_cell
 from ibrid.report.numbers import hertz, number, percent
 
 #: Rows of a table at most.
@@ -33,7 +31,7 @@ def effect_html(gap: Gap, effect: NamedEffect) -> str:
         f'<tr><th scope="row"><code>{escape(name)}</code></th>{"".join(cell(one.replace("+-", "±")) for one in words)}</tr>'
         for name, *words in parameter_words(gap, effect)
     )
-    shown = f"<h3><code>{escape(effect.id)}</code></h3>" + bullets(_sentence(one) for one in facts)
+    shown = f"<h3><code>{escape(effect.id)}</code></h3>" + bullets(map(sentence, facts))
     if parameters:
         inner = head(["parameter", "estimate", "", "95 % interval"]) + f"<tbody>{parameters}</tbody>"
         shown += table(f"Parameters of {effect.id}", "What was found.", inner)
@@ -55,10 +53,6 @@ def _alike(effect: NamedEffect) -> str:
     ]
     words = f"These data cannot tell it from {', '.join(effect.indistinguishable_from)}."
     return words + (f" What would: {'; '.join(apart)}." if apart else "")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def located_table(gap: Gap) -> str:
@@ -178,13 +172,3 @@ def unseen_table(gap: Gap) -> str:
     names = ["effect", "where", "chi2 it would add", "what would show it"]
     caption = "At their usual strength these change the data by less than noise and parameters hide (chi2 below 15)."
     return table("Could not have been seen", caption, head(names, numeric=(2,)) + f"<tbody>{rows}</tbody>")
-
-
-def folded(title: str, inner: str) -> str:
-    """What a reader may unfold."""
-    return f'<details><summary style="cursor:pointer">{escape(title)}</summary>{inner}</details>'
-
-
-def numbered(sentences: Iterable[str]) -> str:
-    """Sentences in their order."""
-    return "<ol>" + "".join(f"<li>{escape(one)}</li>" for one in sentences) + "</ol>"

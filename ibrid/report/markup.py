@@ -1,14 +1,22 @@
-"""Small pieces of HTML. Every text that comes from a user passes through `escape` here."""
+"""The frame of all pages and small pieces of HTML. Every text that comes from a user passes through `escape` here."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
 
 from ibrid.report.numbers import error, number
 from ibrid.report.style import heat, style_sheet
+from ibrid.report.zoom import content_policy, script
+
+#: (id, heading, body) of a part of a page.
+Section = tuple[str, str, str]
+#: Sections that print on a page of their own, sideways.
+WIDE = {"diagram": ' class="wide"'}
+#: What stands below every page.
+CONVENTIONS = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
 
 
-def page(title: str, header: str, sections: Iterable[tuple[str, str, str]], footer: str) -> str:
-    """A whole document; `sections` are (id, heading, body), and each gets an entry in the navigation."""
+def page(title: str, header: str, sections: Iterable[Section], words: str = "") -> str:
+    """A whole document; each section gets an entry in the navigation; `words` follow the conventions in the footer."""
     sections = list(sections)
     links = "".join(f'<li><a href="#{name}">{escape(heading)}</a></li>' for name, heading, _ in sections)
     bodies = "".join(
@@ -19,16 +27,33 @@ def page(title: str, header: str, sections: Iterable[tuple[str, str, str]], foot
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f'<meta http-equiv="Content-Security-Policy" content="{content_policy()}">'
         '<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">'
-        f"<title>{escape(title)}</title><style>{style_sheet()}</style></head>\n<body>"
+        f"<title>{escape(title)} · ibrid</title><style>{style_sheet()}</style></head>\n<body>"
         '<a class="skip" href="#main">Skip to the content</a>\n'
         f'<header>{header}</header>\n<nav aria-label="Sections"><ul>{links}</ul></nav>\n'
-        f'<main id="main">{bodies}</main>\n<footer>{footer}</footer></body></html>\n'
+        f'<main id="main" tabindex="-1">{bodies}</main>\n<footer>{escape(f"{CONVENTIONS} {words}".strip())}</footer>\n'
+        f"<script>{script()}</script></body></html>\n"
     )
 
 
-#: Sections that print on a page of their own, sideways.
-WIDE = {"diagram": ' class="wide"'}
+def page_header(above: str, title: str, verdict: str, facts: Iterable[tuple[str, str]]) -> str:
+    """What a page begins with: what it is about, its title, the answer in a sentence, and facts as (name, HTML)."""
+    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
+    return (
+        f'<p class="eyebrow">{escape(above)}</p><h1>{escape(title)}</h1>'
+        f'<p class="verdict">{escape(verdict)}</p><dl class="facts">{shown}</dl>'
+    )
+
+
+def judged(fine: bool, words: str) -> str:
+    """A word in the colour of what is good or bad."""
+    return f'<span class="{"good" if fine else "bad"}">{escape(words)}</span>'
+
+
+def stable_or_not(stable: bool) -> str:
+    """Whether something is stable, as a fact."""
+    return judged(stable, "stable" if stable else "UNSTABLE")
 
 
 def cell(text: str, *, numeric: bool = False, wraps: bool = False) -> str:
@@ -78,6 +103,37 @@ def scroll(label: str, inner: str) -> str:
 def bullets(sentences: Iterable[str]) -> str:
     """A list of sentences."""
     return "<ul>" + "".join(f"<li>{escape(one)}</li>" for one in sentences) + "</ul>"
+
+
+def numbered(sentences: Iterable[str]) -> str:
+    """Sentences in their order."""
+    return "<ol>" + "".join(f"<li>{escape(one)}</li>" for one in sentences) + "</ol>"
+
+
+def folded(title: str, inner: str) -> str:
+    """What a reader may unfold; paper shows it unfolded."""
+    return f"<details><summary>{escape(title)}</summary>{inner}</details>"
+
+
+def program(text: str) -> str:
+    """A program, or any text that is read line by line."""
+    return scroll("Program text", f"<pre><code>{escape(text)}</code></pre>")
+
+
+def difference_html(lines: Iterable[str]) -> str:
+    """Lines of a unified difference, "" where there are none."""
+    styles = {"+": "added", "-": "removed"}
+    shown = "\n".join(
+        f'<span class="{styles[line[0]]}">{escape(line)}</span>' if line[:1] in styles else escape(line)
+        for line in lines
+    )
+    return scroll("Program difference", f"<pre><code>{shown}</code></pre>") if shown else ""
+
+
+def sentence(text: str) -> str:
+    """Words that begin with a capital letter and end with a full stop."""
+    text = text[:1].upper() + text[1:]
+    return text if not text or text[-1] in ".!?" else f"{text}."
 
 
 def paragraph(text: str, style: str = "") -> str:

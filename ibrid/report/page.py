@@ -1,4 +1,4 @@
-"""One self-contained HTML page about a record: no network, no scripts, readable on paper and telephones."""
+"""One self-contained HTML page about a record: no network, complete without scripts, readable on paper and telephones."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,12 +6,23 @@ from pathlib import Path
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
-from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
-from ibrid.report.bode import ENTRIES, Curves, curves, draw_bode
+from ibrid.report.bode import Curves, bode_figures, curves
+from ibrid.report.diagrams_beside import diagrams_beside
 from ibrid.report.error_table import error_tables
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.legend import points_legend
-from ibrid.report.markup import bullets, data, escape, page, paragraph, scroll, table
+from ibrid.report.markup import (
+    Section,
+    bullets,
+    data,
+    judged,
+    page,
+    page_header,
+    paragraph,
+    program,
+    stable_or_not,
+    table,
+)
 from ibrid.report.measured_data import measured_data
 from ibrid.report.numbers import error
 from ibrid.report.parameter_table import parameter_html, twins_table
@@ -21,8 +32,6 @@ from ibrid.report.settings_table import settings_rows
 from ibrid.report.verdict import stability, verdict
 from ibrid.structure.diagram import Diagram
 from ibrid.writing import write_whole
-
-Section = tuple[str, str, str]
 
 
 def write_report(record: Record, path: str | Path, *, sweep: Sweep | None = None, title: str | None = None) -> Path:
@@ -47,11 +56,8 @@ def report_html(record: Record, *, sweep: Sweep | None = None, title: str | None
     headline = title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model"
     measured, note = measured_data(record, sweep) if record.parameters else (None, "")
     sections = list(_sections(record, measured, note, diagram))
-    footer = (
-        f"Fitted by ibrid in {record.seconds:.2f} s. "
-        "Per unit on the inverter's base; current out of the inverter; q axis leads."
-    )
-    return page(f"{headline}: {record.outcome}", _header(record, headline, measured), sections, escape(footer))
+    words = f"Fitted in {record.seconds:.2f} s."
+    return page(f"{headline}: {record.outcome}", _header(record, headline), sections, words)
 
 
 def _diagram(record: Record) -> Diagram | None:
@@ -61,31 +67,18 @@ def _diagram(record: Record) -> Diagram | None:
         return None
 
 
-def _header(record: Record, headline: str, measured: Sweep | None) -> str:
+def _header(record: Record, headline: str) -> str:
     source = str(record.settings.get("data") or "")
-    facts = [("outcome", _outcome(record))]
+    facts = [("outcome", judged(record.outcome == "ok", str(record.outcome)))]
     if record.nrmse is not None:
         facts.append(("NRMSE, mean over points", data(record.nrmse, error(record.nrmse))))
-        facts.append(("stability", _stability(record)))
+        facts.append(("stability", stable_or_not(bool(record.stable) and all(record.stable.values()))))
         facts.append(("order", str(record.order)))
         facts.append(("free parameters", str(record.free_parameters)))
     if record.modules:
         facts.append(("modules and sums", f"{record.modules} + {record.sums}"))
-    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in facts)
-    against = f" against {escape(source)}" if source else ""
-    return (
-        f'<p class="eyebrow">Identified inverter model{against}</p><h1>{escape(headline)}</h1>'
-        f'<p class="verdict">{escape(verdict(record))}</p><dl class="facts">{shown}</dl>'
-    )
-
-
-def _outcome(record: Record) -> str:
-    return f'<span class="{"good" if record.outcome == "ok" else "bad"}">{escape(str(record.outcome))}</span>'
-
-
-def _stability(record: Record) -> str:
-    fine = bool(record.stable) and all(record.stable.values())
-    return f'<span class="{"good" if fine else "bad"}">{"stable" if fine else "UNSTABLE"}</span>'
+    above = "Identified inverter model" + (f" against {source}" if source else "")
+    return page_header(above, headline, verdict(record), facts)
 
 
 def _sections(record: Record, measured: Sweep | None, note: str, diagram: Diagram | None) -> Iterator[Section]:
@@ -101,7 +94,7 @@ def _sections(record: Record, measured: Sweep | None, note: str, diagram: Diagra
         yield "warnings", "Warnings", bullets(record.warnings)
     yield "diagram", "Block diagram", _drawing(record, diagram)
     yield "settings", "How it was made", table("Settings", "Enough to make the record again.", settings_rows(record))
-    yield "program", "Program", scroll("Program text", f"<pre><code>{escape(record.program)}</code></pre>")
+    yield "program", "Program", program(record.program)
 
 
 def _response(record: Record, measured: Sweep | None, note: str) -> str:
@@ -114,27 +107,16 @@ def _response(record: Record, measured: Sweep | None, note: str) -> str:
     words = "Lines: model." if measured is None else "Dots: measured. Lines: model."
     if any(one.measured is not None and one.measured.sigma is not None for one in shown):
         words += " Bars: two standard deviations."
-    figures = "".join(_bode_figure(entry, shown) for entry in ENTRIES)
     return (
         "".join(paragraph(one, "bad") for one in notes)
         + paragraph(f"{words} Admittance per unit, current out of the inverter.", "note")
         + points_legend([one.name for one in shown], lines=True)
-        + f'<div class="four">{figures}</div>'
+        + bode_figures(shown, "bode", f", magnitude and phase over frequency, at {_names(shown)}.")
     )
 
 
-def _bode_figure(entry: str, shown: tuple[Curves, ...]) -> str:
-    names = ", ".join(one.name for one in shown)
-    label = f"Bode plot of Y_{entry}, magnitude and phase over frequency, at {names}."
-    svg = inline_svg(
-        lambda axes: draw_bode(axes, entry, shown),
-        name=f"bode-{entry}",
-        label=label,
-        size=(5.2, 3.8),
-        rows=2,
-        heights=(1.25, 1.0),
-    )
-    return f"<figure><figcaption>Y<sub>{entry}</sub></figcaption>{svg}</figure>"
+def _names(shown: tuple[Curves, ...]) -> str:
+    return ", ".join(one.name for one in shown)
 
 
 def _poles(record: Record) -> str:
@@ -146,8 +128,7 @@ def _poles(record: Record) -> str:
     return (
         paragraph(f"The model on an ideal grid is {stability(record)}.")
         + points_legend(list(record.poles), lines=False)
-        + f'<div class="beside"><figure>{svg}<figcaption>{caption}</figcaption></figure>'
-        + f"<div>{pole_tables(record)}</div></div>"
+        + f'<div class="beside">{figure_html(svg, words=caption)}<div>{pole_tables(record)}</div></div>'
     )
 
 
@@ -160,12 +141,4 @@ def _visible(record: Record) -> str:
 def _drawing(record: Record, diagram: Diagram | None) -> str:
     if diagram is None:
         return "<p>The program cannot be read, so there is no diagram to draw.</p>"
-    svg = block_diagram_svg(diagram, record.vocabulary)
-    families = {kind.name: kind.family for kind in record.vocabulary}
-    used = dict.fromkeys(families.get(instance.kind, "unknown") for instance in diagram.instances)
-    words = "".join(
-        f'<li><span class="swatch {escape(name.replace(" ", "-"))}"></span>{escape(FAMILIES.get(name, name))}</li>'
-        for name in used
-    )
-    note = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
-    return paragraph(note, "note") + f'<ul class="legend">{words}</ul>' + scroll("Block diagram", svg)
+    return diagrams_beside((("", diagram, ()),), record.vocabulary)

@@ -5,31 +5,38 @@ from collections.abc import Callable, Iterator, Sequence
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import QUANTILE, Mode
 from ibrid.analysis.stability import PointStability, Stability
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.legend import points_legend
-from ibrid.report.markup import bullets, cell, data, escape, head, page, paragraph, row, table
+from ibrid.report.markup import (
+    Section,
+    bullets,
+    cell,
+    data,
+    escape,
+    head,
+    page,
+    page_header,
+    paragraph,
+    row,
+    stable_or_not,
+    table,
+)
 from ibrid.report.numbers import hertz, interval, number, percent
 from ibrid.report.prediction_text import shown_modes
 from ibrid.report.stability_figures import draw_eigenloci, draw_locus, draw_passivity, shown_cases
 from ibrid.report.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words
 
-Section = tuple[str, str, str]
-
 
 def stability_page(found: Stability, source: str = "") -> str:
     """The page as text; `source` : the record's name."""
-    headline = "; ".join(found.sentences)
     title = "Stability in a grid"
-    shown = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in _facts(found))
-    header = (
-        f'<p class="eyebrow">Identified inverter model{": " + escape(source) if source else ""}</p><h1>{title}</h1>'
-        f'<p class="verdict">{escape(headline)}.</p><dl class="facts">{shown}</dl>'
+    above = "Identified inverter model" + (f": {source}" if source else "")
+    words = (
+        "SCR = 1/|Z| at 1 per unit of voltage; Nyquist and passivity use the load admittance -Y; v, p, q at the PCC stay "
+        "those of the operating point."
     )
-    footer = (
-        "Written by ibrid. Per unit on the inverter's base; SCR = 1/|Z| at 1 per unit of voltage; Nyquist and passivity use the "
-        "load admittance -Y; v, p, q at the PCC stay those of the operating point."
-    )
-    return page(title, header, list(_sections(found)), escape(footer))
+    header = page_header(above, title, f"{'; '.join(found.sentences)}.", _facts(found))
+    return page(f"{title}: {source}" if source else title, header, _sections(found), words)
 
 
 def _facts(found: Stability) -> Iterator[tuple[str, str]]:
@@ -38,9 +45,7 @@ def _facts(found: Stability) -> Iterator[tuple[str, str]]:
             word = f"critical SCR at {one.op}"
             yield word, data(critical.scr, number(critical.scr, 4))
         if not one.critical:
-            fine = all(case.stable for case in one.cases)
-            words = f'<span class="{"good" if fine else "bad"}">{"stable" if fine else "UNSTABLE"}</span>'
-            yield one.op, words
+            yield one.op, stable_or_not(all(case.stable for case in one.cases))
     if found.xr is not None:
         yield "X/R", number(found.xr)
     yield "nominal frequency", hertz(found.f0_hz)
@@ -67,7 +72,7 @@ def _critical(points: Sequence[PointStability]) -> str:
     )
     for one in points:
         for found in one.critical:
-            band = "-" if found.interval is None else interval(found.scr, found.interval, None)
+            band = "-" if found.interval is None else interval(found.scr, found.interval, None).replace("+-", "±")
             nyquist = found.scr_nyquist
             cells = [
                 f'<td class="n">{data(found.scr, number(found.scr, 5))}</td>',
@@ -107,19 +112,18 @@ def _locus(index: int, one: PointStability) -> str:
     label = f"Poles at {one.op} over the short-circuit ratio, real part against frequency."
     svg = inline_svg(lambda axes: draw_locus(axes, one), name=f"locus-{index}", label=label, size=(5.2, 4.2))
     words = "Circles: the weakest grid; squares: the strongest; crosses: critical. Scales logarithmic away from zero."
-    return f"<figure><figcaption>{escape(one.op)}</figcaption>{svg}<figcaption>{words}</figcaption></figure>"
+    return figure_html(svg, escape(one.op), words)
 
 
 def _eigenloci(index: int, one: PointStability) -> str:
     label = f"Eigenloci of Z (-Y) at {one.op}; the table gives counts and distances from -1."
-    svg = inline_svg(lambda axes: draw_eigenloci(axes, one), name=f"loci-{index}", label=label, size=(5.2, 5.0))
+    svg = inline_svg(
+        lambda axes: draw_eigenloci(axes, one), name=f"loci-{index}", label=label, size=(5.2, 5.0), zoom=True
+    )
     first = "SCR " if isinstance(one.cases[0].grid, SeriesRL) else ""
     names = [f"{first}{grid_name(case)}: {'stable' if case.stable else 'UNSTABLE'}" for case in shown_cases(one)]
     words = "Around -1. Radius log2(1 + size), so that the unit circle stays. Faint: negative frequencies."
-    return (
-        f"<div><h3>{escape(one.op)}</h3>{points_legend(names, lines=True)}"
-        f"<figure>{svg}<figcaption>{words}</figcaption></figure></div>"
-    )
+    return f"<div><h3>{escape(one.op)}</h3>{points_legend(names, lines=True)}{figure_html(svg, words=words)}</div>"
 
 
 def _passivity(points: Sequence[PointStability]) -> str:
@@ -128,11 +132,12 @@ def _passivity(points: Sequence[PointStability]) -> str:
         name="passivity",
         label="Smallest eigenvalue of the Hermitian part of -Y over frequency.",
         size=(7.4, 3.6),
+        zoom=True,
     )
     words = bullets(f"{one.op}: {passivity_words(one)}" for one in points)
     note = "Where the index of every device in a grid is positive, no oscillation can grow at that frequency."
     legend = points_legend([one.op for one in points], lines=True)
-    return paragraph(note, "note") + words + legend + f'<figure style="max-width:52rem">{svg}</figure>'
+    return paragraph(note, "note") + words + legend + figure_html(svg, style="medium")
 
 
 def _modes(one: PointStability) -> str:

@@ -44,13 +44,13 @@ _LIGHT = _variables(
     0,
     "color-scheme:light;--page:#ffffff;--panel:#f5f7fa;--ink:#16202c;--muted:#56636f;--rule:#cfd6de;--danger:#b3261e;"
     "--good:#0a7d5a;--link:#0058a8;--plant:#fbe3cf;--control:#dbe8f8;--sync:#eadcf5;--frame:#d9efe4;--static:#eceff2;"
-    "--branch:#f6eebb;--residual:#f8dada;--unknown:#fff3c4;--edge:#3e4c5a;",
+    "--branch:#f6eebb;--residual:#f8dada;--unknown:#fff3c4;--edge:#3e4c5a;--shade:rgba(22,32,44,.28);",
 )
 _DARK = _variables(
     1,
     "color-scheme:dark;--page:#12171d;--panel:#1b222a;--ink:#e6ebf0;--muted:#a3afba;--rule:#3b4651;--danger:#ff8a80;"
     "--good:#4fc79c;--link:#7cbcf5;--plant:#5a3a1e;--control:#22405f;--sync:#46305c;--frame:#1f4a3a;--static:#2d353e;"
-    "--branch:#4d4a1c;--residual:#5e2c2c;--unknown:#5a4d17;--edge:#b9c4ce;",
+    "--branch:#4d4a1c;--residual:#5e2c2c;--unknown:#5a4d17;--edge:#b9c4ce;--shade:rgba(230,235,240,.3);",
 )
 
 

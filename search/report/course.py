@@ -4,8 +4,18 @@ import math
 
 import numpy as np
 
-from ibrid.report.figure import inline_svg
-from ibrid.report.markup import cell, data, error_cell, escape, head, paragraph, scroll, table
+from ibrid.report.figure import figure_html, inline_svg
+from ibrid.report.markup import (
+    cell,
+    data,
+    difference_html,
+    error_cell,
+    escape,
+    head,
+    paragraph,
+    program,
+    table,
+)
 from ibrid.report.numbers import error
 from ibrid.report.trajectory import Trajectory, draw_trajectory
 from search.lineage import Ancestor, lineage
@@ -35,8 +45,7 @@ def trajectory_html(run: RunData) -> str:
     )
     if first.step == 0:
         words = f"Evaluation 1 is the start. {words}"
-    figure = f'<figure style="min-width:44rem">{svg}</figure>'
-    return paragraph(words, "note") + scroll("Trajectory", figure) + _milestone_table(run)
+    return paragraph(words, "note") + figure_html(svg, style="broad") + _milestone_table(run)
 
 
 def _figure_data(run: RunData) -> Trajectory:
@@ -96,7 +105,7 @@ def lineage_html(run: RunData) -> str:
     evaluations = {one.step: one.evaluation for one in run.points}
     items = "".join(f"<li>{_ancestor(one, evaluations)}</li>" for one in path)
     words = f"{len(path) - 1} edits lead from step {path[0].step.number} to what was found; each opens to its program lines."
-    return paragraph(words, "note") + f'<ol style="max-width:none;padding-left:1.6rem">{items}</ol>'
+    return paragraph(words, "note") + f"<ol>{items}</ol>"
 
 
 def _ancestor(one: Ancestor, evaluations: dict[int, int]) -> str:
@@ -106,27 +115,12 @@ def _ancestor(one: Ancestor, evaluations: dict[int, int]) -> str:
     made = ", ".join(word for word in (step.scale and f"{step.scale} edit", step.proposer) if word)
     value = f"NRMSE {data(step.nrmse, error(step.nrmse))}" if step.nrmse is not None else escape(str(step.status))
     summary = (
-        f'<summary style="cursor:pointer"><strong>{escape(title)}</strong> · {value} '
+        f"<summary><strong>{escape(title)}</strong> · {value} "
         f'<span class="note">· {escape(place)}{escape(f" · {made}" if made else "")}</span></summary>'
     )
     body = paragraph(shortened(step.diagnosis, 2000)) if step.diagnosis else ""
-    body += _difference(one.difference) if one.difference else _program(step.program)
-    return f'<details style="margin:.3rem 0">{summary}{body}{_others(one)}</details>'
-
-
-def _difference(lines: tuple[str, ...]) -> str:
-    styles = {"+": "good", "-": "bad"}
-    shown = "\n".join(
-        f'<span class="{styles[line[0]]}" style="font-weight:400">{escape(line)}</span>'
-        if line[:1] in styles
-        else escape(line)
-        for line in lines
-    )
-    return scroll("Program difference", f"<pre><code>{shown}</code></pre>")
-
-
-def _program(text: str) -> str:
-    return scroll("Program text", f"<pre><code>{escape(text)}</code></pre>")
+    body += difference_html(one.difference) if one.difference else program(step.program)
+    return f"<details>{summary}{body}{_others(one)}</details>"
 
 
 def _others(one: Ancestor) -> str:

@@ -7,12 +7,11 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep
-from ibrid.report.bode import ENTRIES, Curves, draw_bode
+from ibrid.report.bode import Curves, bode_figures
 from ibrid.report.diagrams_beside import Shown, diagrams_beside, readable
-from ibrid.report.figure import inline_svg
+from ibrid.report.legend import models_legend
 from ibrid.report.markup import cell, escape, head, paragraph, row, table
 from ibrid.report.numbers import error
-from ibrid.report.style import DASHES
 from ibrid.structure.compare import Comparison
 from search.report.run_data import RunData
 
@@ -107,11 +106,11 @@ def _point_html(run: RunData, models: list[_Model], op: str, place: int, held: b
         if (value := {**model.record.nrmse_by_op, **model.record.holdout}.get(op)) is not None
     )
     words = f"NRMSE: {errors}." + (" Held out: predicted, not fitted." if held else "")
-    figures = "".join(_figure(entry, op, place, tuple(shown)) for entry in ENTRIES) if shown else ""
+    label = f" at {op}: measured, {', '.join(one.name for one in shown)}."
     return (
         f"<h3>{escape(op)}</h3>{paragraph(words, 'note')}"
         + "".join(paragraph(note, "bad") for note in notes)
-        + f'<div class="four">{figures}</div>'
+        + (bode_figures(shown, f"bode-{place}", label) if shown else "")
     )
 
 
@@ -123,32 +122,6 @@ def _curves(model: _Model, op: str, dots: PointSweep | None, point: PointSweep |
     return Curves(model.name, model.index, dots, frequency, model.record.response(op, frequency))
 
 
-def _figure(entry: str, op: str, place: int, shown: tuple[Curves, ...]) -> str:
-    label = f"Bode plot of Y_{entry} at {op}: measured, {', '.join(one.name for one in shown)}."
-    svg = inline_svg(
-        lambda axes: draw_bode(axes, entry, shown),
-        name=f"bode-{place}-{entry}",
-        label=label,
-        size=(5.2, 3.8),
-        rows=2,
-        heights=(1.25, 1.0),
-    )
-    return f"<figure><figcaption>Y<sub>{entry}</sub></figcaption>{svg}</figure>"
-
-
 def _legend(models: list[_Model], measured: bool) -> str:
     """Circle for the measurement, a line as in the figures for each model."""
-    items = ['<circle cx="17" cy="7" r="4"/>', "measured", 0] if measured else []
-    entries = [tuple(items)] if items else []
-    for model in models:
-        dashes = DASHES[model.index]
-        pattern = (
-            "" if isinstance(dashes, str) else f' stroke-dasharray="{" ".join(f"{1.5 * one:g}" for one in dashes[1])}"'
-        )
-        entries.append((f'<path d="M0 7h34" stroke-width="2"{pattern}/>', model.name, model.index))
-    shown = "".join(
-        f'<li><svg width="34" height="14" viewBox="0 0 34 14" aria-hidden="true">'
-        f'<g fill="none" stroke="var(--series-{index})" stroke-width="1.6">{shape}</g></svg>{escape(str(name))}</li>'
-        for shape, name, index in entries
-    )
-    return f'<ul class="legend">{shown}</ul>'
+    return models_legend([(model.name, model.index) for model in models], 0 if measured else None)

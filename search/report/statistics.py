@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from ibrid.report.markup import cell, error_cell, escape, head, paragraph, row, scroll, table
+from ibrid.report.markup import cell, error_cell, folded, head, paragraph, program, row, table
 from ibrid.report.numbers import percent, seconds
 from search.report.course import shortened
 from search.report.run_data import RunData
@@ -156,4 +156,4 @@ def settings_html(run: RunData) -> str:
     text = run.meta.get("settings", "").strip()
     if not text:
         return ""
-    return "<h3>Settings</h3>" + scroll("Settings", f"<pre><code>{escape(text)}</code></pre>")
+    return folded("Settings", program(text))

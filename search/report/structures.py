@@ -8,8 +8,8 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
-from ibrid.report.figure import inline_svg
-from ibrid.report.markup import cell, data, error_cell, head, paragraph, table, value_cell
+from ibrid.report.figure import figure_html, inline_svg
+from ibrid.report.markup import cell, data, error_cell, head, paragraph, sentence, table, value_cell
 from ibrid.report.trajectory import Front, draw_front
 from ibrid.structure.program import parse_program
 from search.report.course import shortened
@@ -27,7 +27,7 @@ def structures_html(run: RunData) -> str:
     if not chosen.front:
         return paragraph("No stable candidate has been fitted yet.")
     words = (
-        [chosen.why]
+        [sentence(chosen.why)]
         if chosen.why
         else ["The lowest error; among ties the fewest free parameters. The run has not chosen yet."]
     )
@@ -58,7 +58,7 @@ def _figure(run: RunData, count: str, name: str) -> str:
     )
     label = f"NRMSE on a logarithmic scale over the number of {name}; the table below gives the front."
     svg = inline_svg(lambda axes: draw_front(axes, shown), name=f"front-{count}", label=label, size=(5.2, 3.4))
-    return f"<figure><figcaption>Error against {name}</figcaption>{svg}</figure>"
+    return figure_html(svg, f"Error against {name}")
 
 
 def _undominated(spots: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -91,7 +91,7 @@ def _row(run: RunData, one: Choice, held: bool, more: list[str], noted: bool) ->
     stable = "" if one.stable is None else "yes" if one.stable else "NO"
     step = run.steps.get(one.step)
     cells = [
-        cell(", ".join(marks)),
+        cell(", ".join(marks), wraps=True),
         error_cell(one.nrmse),
         *([error_cell(one.holdout)] if held else []),
         *(f'<td class="n">{data(value, "-" if value is None else str(value))}</td>' for value in (one.order, one.free)),
