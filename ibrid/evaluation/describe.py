@@ -9,7 +9,7 @@ import numpy as np
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import DiagramError
-from ibrid.evaluation.errors_by_part import error_parts, nrmse
+from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.plan import Plan
 from ibrid.evaluation.record import Record, pade_orders
@@ -122,7 +122,7 @@ class _Description:
             warnings=base.warnings + self._solver_warnings() + self._data_warnings(mean),
             starts=self._starts(),
             covariance=self._covariance(),
-            noise_floor=_noise_floor(plan.fitted.points),
+            noise_floor=noise_floor(plan.fitted.points),
             misfit=_misfit(responses, plan.fitted.points),
         )
 
@@ -250,16 +250,6 @@ class _Description:
             "names": self.fitted[0].labels,
             "matrix": self.seen[0].covariance.tolist(),
         }
-
-
-def _noise_floor(points: Sequence[PointSweep]) -> float | None:
-    """NRMSE that noise of the given sigma leaves on average, mean over operating points."""
-    levels = [
-        float(np.sqrt(2.0) * np.linalg.norm(point.sigma) / np.linalg.norm(point.admittance))
-        for point in points
-        if point.sigma is not None
-    ]
-    return float(np.mean(levels)) if len(levels) == len(points) else None
 
 
 def _misfit(responses: Sequence[np.ndarray], points: Sequence[PointSweep]) -> float | None:

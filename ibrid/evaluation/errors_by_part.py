@@ -1,5 +1,6 @@
 """Where the error lies: by operating point, frequency band and entry of the admittance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,3 +69,13 @@ def _ratio(squared: float, norm: float) -> float | None:
 def _mean(values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
+
+
+def noise_floor(points: Sequence[PointSweep]) -> float | None:
+    """NRMSE that noise of the given sigma leaves on average, mean over operating points."""
+    levels = [
+        float(np.sqrt(2.0) * np.linalg.norm(point.sigma) / np.linalg.norm(point.admittance))
+        for point in points
+        if point.sigma is not None
+    ]
+    return float(np.mean(levels)) if len(levels) == len(points) else None

@@ -13,6 +13,8 @@ from ibrid.measurement.linearity import Linearity
 
 #: Fewest frequencies of every operating point from which a small-signal answer can be had.
 FEWEST = 4
+#: Allowed error over |Y| of a frequency, operating point and amplitude from which on it is not counted in an NRMSE.
+LOOSE = 0.1
 #: Standard error of a measured gain from which on it says nothing.
 USELESS = 0.2
 
@@ -120,8 +122,14 @@ def _curve(fit: NonlinearFit, amplitude: np.ndarray) -> np.ndarray:
 
 
 def nrmse_at_all(data: AmplitudeData, response: np.ndarray) -> float:
-    """Mean over operating points and amplitudes of |Y - data| over |data|; response : as `data.admittance`."""
-    there = (data.weight > 0)[..., 0, 0]
+    """Mean over operating points and amplitudes of |Y - data| over |data|; response : as `data.admittance`.
+
+    Where more than `LOOSE` of |Y| is allowed for, as at a resonance that a large amplitude drives beyond 1 pu, nothing counts.
+    """
+    measured = (data.weight > 0)[..., 0, 0]
+    allowed = np.sqrt(2.0 * (np.where(data.weight > 0, data.weight, 1.0) ** -2.0).sum(axis=(-2, -1)))
+    there = measured & (allowed < LOOSE * np.linalg.norm(data.admittance, axis=(-2, -1)))
+    there = there if there.any() else measured
     error = (np.abs(response - data.admittance) ** 2).sum(axis=(-2, -1)) * there
     whole = (np.abs(data.admittance) ** 2).sum(axis=(-2, -1)) * there
     total = whole.sum(axis=0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.errors_by_part import noise_floor, nrmse
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.recording import record_at
 from ibrid.fit.problem import Problem
@@ -50,7 +50,7 @@ def answer_of(
         "holdout": _mean(baseline.holdout.values()),
     }
     after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
-    floor = baseline.noise_floor
+    floor = noise_floor(found.noise.sweep.points) if found.noise.known else None
     refitter = shop.refitter(model.convention)
     adequate = tuple(one for one in found.ports if one.adequate)
     question = Question(found.given.diagram, baseline, adequate, shop.kinds, sweep)

@@ -112,8 +112,14 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
     if verdict == "located-unnamed":
         places = ", ".join(one.port.words for one in found.ports if one.adequate)
         return f"Something is missing that the catalogue does not know; one unknown transfer would explain all: at {places}."
+    nearest = ""
+    if found.repaired:
+        share = 1.0 - found.best.refit.chi2 / found.given.refit.chi2
+        what = " and ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in found.best.edits)
+        nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
     return (
         f"The model does not explain the data (error {before:.2g}{noise}), and no effect or single place does either."
+        + nearest
     )
 
 

@@ -92,7 +92,7 @@ def find_gap(
     bench = Bench(shop, tell)
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
     given, trials = first_trials(bench, given)
-    ports = () if given.adequate() else _ports(given, noise, plan.kinds, prior, tell)
+    ports = () if given.adequate() else _ports(given, noise, plan.kinds, prior, bench.steps, tell)
     bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
@@ -117,9 +117,12 @@ def find_gap(
     return replace(gap, seconds=time.perf_counter() - began)
 
 
-def _ports(given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, tell: Tell) -> tuple[PortFit, ...]:
+def _ports(
+    given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, steps: list[str], tell: Tell
+) -> tuple[PortFit, ...]:
     grids = {point.frequency.tobytes() for point in noise.sweep.points}
     if len(grids) > 1:
+        steps.append("no port map: the operating points were not measured at the same frequencies")
         return ()
     tell(0, 1, "the port map")
     return port_map(given.diagram, kinds, noise.sweep, prior, [given.refit.values, {}])

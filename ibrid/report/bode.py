@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
-#: Points of a model line; sharp resonances need a dense grid.
+#: Points of a model line.
 DENSE = 500
+#: Poles with less damping than this get points of their own, so many on a peak, to so many half widths on each side.
+SHARP, PEAK, REACH = 0.1, 25, 6.0
 #: Error bars reach this many standard deviations.
 BARS = 2.0
 #: What lies this far below the largest value of its entry and of the matrix is rounding, not admittance.
@@ -43,12 +45,28 @@ def curves(record: Record, sweep: Sweep | None, with_model: bool = True) -> tupl
     low, high = record.settings["frequency_hz"]
     for index, name in enumerate(record.parameters):
         point = sweep.point(name) if sweep is not None and name in sweep.names else None
-        frequency = np.geomspace(low, max(high, low * 1.001), DENSE)
-        if point is not None:  # the line meets the dots exactly
-            frequency = np.union1d(frequency, point.frequency)
+        frequency = line_frequency(record, name, (low, high), point, DENSE)
         model = record.response(name, frequency) if with_model else None
         found.append(Curves(name, index, point, frequency, model))
     return tuple(found)
+
+
+def line_frequency(
+    record: Record, op: str, ends: tuple[float, float], point: PointSweep | None, count: int
+) -> np.ndarray:
+    """Frequencies in Hz, rising, at which a model line is drawn between `ends`.
+
+    `count` of them logarithmically spaced, those of the measurement, so that the line meets its dots, and more around
+    sharp resonances, which a reader may enlarge.
+    """
+    low, high = ends[0], max(ends[1], ends[0] * 1.001)
+    found = np.geomspace(low, high, count)
+    for real, imaginary in record.poles.get(op, ()):
+        size = float(np.hypot(real, imaginary))
+        if imaginary > 0 and 1e-6 * size < abs(real) < SHARP * size:  # none on a pole itself
+            around = size * (1.0 + REACH * abs(real) / size * np.linspace(-1.0, 1.0, PEAK) ** 3) / (2 * np.pi)
+            found = np.union1d(found, around[(around > low) & (around < high)])
+    return found if point is None else np.union1d(found, point.frequency)
 
 
 def bode_figures(shown: Sequence[Curves], name: str, label: str) -> str:

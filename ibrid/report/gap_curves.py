@@ -11,7 +11,7 @@ from ibrid.gap.convention import Convention, rotation
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Gap
 from ibrid.measurement.sweep import PointSweep
-from ibrid.report.bode import Curves
+from ibrid.report.bode import Curves, line_frequency
 
 #: Points of a model line.
 DENSE = 240
@@ -99,10 +99,11 @@ def _view(gap: Gap, point: PointSweep, known: bool) -> PointView:
 
 def _line(name: str, index: int, record: Record, point: PointSweep, convention: Convention) -> Line | None:
     """A record's response as the data are written; None where the record has none."""
-    frequency = np.union1d(np.geomspace(point.frequency[0], point.frequency[-1], DENSE), point.frequency)
     exchanged = {label: other for pair in convention.labels for label, other in (pair, pair[::-1])}
+    op = exchanged.get(point.op.name, point.op.name)
+    frequency = line_frequency(record, op, (point.frequency[0], point.frequency[-1]), point, DENSE)
     try:
-        response = record.response(exchanged.get(point.op.name, point.op.name), frequency)
+        response = record.response(op, frequency)
     except IbridError:
         return None
     mirror, turn = np.diag([1.0, float(convention.q)]), rotation(convention.angle)

@@ -46,16 +46,23 @@ def zoom_attributes(figure: "Figure") -> str:
     Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over frequency are linked.
     """
     width, height = PER_INCH * figure.get_size_inches()
+    unit = next((found for axes in figure.axes if (found := unit_of(axes.xaxis))), "")  # below the lowest axes alone
     found = []
     for axes in figure.axes:
         place = axes.get_position()
         box = [place.x0 * width, (1 - place.y1) * height, place.width * width, place.height * height]
-        found.append({"box": [round(one, 3) for one in box], "x": _side(axes.xaxis), "y": _side(axes.yaxis)})
+        found.append(
+            {
+                "box": [round(one, 3) for one in box],
+                "x": _side(axes.xaxis, unit),
+                "y": _side(axes.yaxis, unit_of(axes.yaxis)),
+            }
+        )
     linked = "yes" if any(axes.get_xlabel().startswith("frequency") for axes in figure.axes) else "no"
     return f'data-link="{linked}" data-axes="{escape(json.dumps(found, separators=(",", ":")))}"'
 
 
-def _side(axis: "Axis") -> dict[str, Any]:
+def _side(axis: "Axis", unit: str) -> dict[str, Any]:
     scale = axis.get_scale()
     ends = [float(f"{one:.9g}") for one in axis.get_view_interval()]
-    return {"scale": scale if scale in ("log", "linear") else "fixed", "ends": ends, "unit": unit_of(axis)}
+    return {"scale": scale if scale in ("log", "linear") else "fixed", "ends": ends, "unit": unit}

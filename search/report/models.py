@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep
-from ibrid.report.bode import Curves, bode_figures
+from ibrid.report.bode import Curves, bode_figures, line_frequency
 from ibrid.report.diagrams_beside import Shown, diagrams_beside, readable
 from ibrid.report.legend import models_legend
 from ibrid.report.markup import cell, escape, head, paragraph, row, table
@@ -116,9 +114,7 @@ def _point_html(run: RunData, models: list[_Model], op: str, place: int, held: b
 
 def _curves(model: _Model, op: str, dots: PointSweep | None, point: PointSweep | None) -> Curves:
     low, high = model.record.settings["frequency_hz"]
-    frequency = np.geomspace(low, max(high, low * 1.001), DENSE)
-    if point is not None:  # the line meets the dots exactly
-        frequency = np.union1d(frequency, point.frequency)
+    frequency = line_frequency(model.record, op, (low, high), point, DENSE)
     return Curves(model.name, model.index, dots, frequency, model.record.response(op, frequency))
 
 
