@@ -5,16 +5,15 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 from fitted import benchmark, evaluated
-from page_reader import Reader
+from made_run import REFUSALS, a_run, meta, put
+from page_reader import Reader, self_contained
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.evaluation.record import Record
 from ibrid.measurement.csv_file import read_csv, write_sweep
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook_text
@@ -27,65 +26,6 @@ from search.step import Status, Step
 from search.store import Store
 
 HOSTILE = '<script>alert("x")</script>&'
-LIMIT = 5_000_000
-#: Step -> (parent, textbook program, note); the last is the benchmark's own structure.
-WAY = {
-    0: (None, "naive", ""),
-    1: (0, "gfl_exact", "an LCL filter, a PLL and both loops"),
-    3: (1, "gfl", "decoupling by the nominal frequency"),
-    5: (3, "gfl_pll_filter_exact", "low-pass before the PLL"),
-}
-REFUSALS = {2: Status.NO_MATCH, 4: Status.DUPLICATE, 6: Status.ILLEGAL}
-SETTINGS = '[run]\nbudget = 40\nvocabulary = "extended"\nproposer = "rules"\n'
-
-
-def meta(**more: str) -> dict[str, str]:
-    """The texts of a run on the benchmark."""
-    data = Path(benchmarks()["paper_like"]).read_text(encoding="utf-8")
-    return {"data": data, "start": textbook_text("naive"), "truth": "", "settings": SETTINGS, **more}
-
-
-def put(store: Store, step: Step, record: Record | None = None) -> None:
-    """Write a step, and its evaluation where there is one."""
-    if record is None:
-        store.propose(step)
-        return
-    store.propose(dataclasses.replace(step, status=Status.PENDING))
-    store.conclude(step.number, status=step.status, reason=step.reason, record=record)
-
-
-def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, **changes: str) -> Path:
-    """A folder with a run of a few steps; `changes` : fields of every proposal."""
-    folder.mkdir()
-    with Store.create(folder / "archive.sqlite", texts) as store:
-        for number in sorted({*WAY, *REFUSALS}):
-            if number > until:
-                break
-            if number in REFUSALS:
-                given = {"note": "an edit", "reason": f"reason {number}", "proposer": "random", **changes}
-                put(store, Step(number, parent=0, status=REFUSALS[number], program="def b(g):\n", **given))
-                continue
-            parent, name, note = WAY[number]
-            given = {"note": note, "proposer": "rules", "scale": "module", **(changes if number else {})}
-            step = Step(number, parent=parent, status=Status.OK, program=textbook_text(name), island=number, **given)
-            put(store, step, evaluated(name, restarts=0))
-    return folder
-
-
-def self_contained(text: str) -> Reader:
-    """Read a page that loads and runs nothing."""
-    assert len(text.encode()) < LIMIT
-    reader = Reader(text)
-    assert not reader.open
-    assert not reader.all("script")
-    assert not re.search(r"@import|url\((?!#)|https?://", text)
-    names = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
-    assert len(names) == len(set(names))
-    for _, attributes in reader.tags:
-        assert not any(name.startswith("on") for name in attributes)
-        for name in ("src", "href", "xlink:href"):
-            assert (attributes.get(name) or "#").startswith(("#", "data:"))
-    return reader
 
 
 def read(path: Path) -> Reader:
@@ -151,7 +91,7 @@ def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(
     shown = {float(one["value"] or "nan") for one in reader.all("data")}
     assert set(record.nrmse_by_op.values()) <= shown
     assert {value for values in record.parameters.values() for value in values.values()} <= shown
-    assert len(reader.all("details")) == 4
+    assert len(reader.all("details")) == 4 + 1  # the edits, and the settings of the run
     assert "+    g.add(&quot;LPF1&quot;, &quot;pll_filter&quot;)" in page
 
 

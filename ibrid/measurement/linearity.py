@@ -57,8 +57,9 @@ class Linearity:
             return (
                 f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response is the same within the noise."
             )
-        strong = [one for one in self.bands if not one.products]
-        low, high = (end([one.band[side] for one in strong or self.bands]) for side, end in ((0, min), (1, max)))
+        strong = len(self.refused) > 0
+        edges = self.refused if strong else [edge for one in self.bands for edge in one.band]
+        low, high = min(edges), max(edges)
         where = f"between {low:.3g} and {high:.3g} Hz" if high > low else f"at {low:.3g} Hz"
         if not strong:
             return (

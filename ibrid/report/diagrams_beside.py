@@ -22,8 +22,7 @@ def diagrams_beside(shown: Sequence[Shown], kinds: Sequence[ModuleKind], note: s
     words = "Thick lines carry a dq pair, thin ones a scalar; circles add; dots are branches."
     legend = _families([diagram for _, diagram, _ in shown], kinds)
     words = f"{words} {note}".rstrip()
-    style = "beside breakout" if len(shown) > 1 else "beside"
-    return paragraph(words, "note") + legend + f'<div class="{style}">{figures}</div>'
+    return paragraph(words, "note") + legend + f'<div class="beside">{figures}</div>'
 
 
 def readable(text: str) -> Diagram | None:

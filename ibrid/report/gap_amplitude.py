@@ -44,7 +44,9 @@ def amplitude_html(answer: AmplitudeAnswer) -> str:
 
 def _left(answer: AmplitudeAnswer) -> str:
     """What the rest of the page compares, in one or two sentences."""
-    words = f"{len(answer.linearity.refused)} frequencies are refused to a small-signal model, {answer.kept} are left"
+    count = len(answer.linearity.refused)
+    refused = "One frequency is" if count == 1 else f"{count} frequencies are"
+    words = f"{refused} refused to a small-signal model, {answer.kept} are left"
     words += ", too few for one." if answer.kept < FEWEST else "."
     if answer.after is None:
         return words

@@ -62,6 +62,7 @@ def _draw_entries(figure: "FigureBase", shown: PointView) -> None:
         top = figure.add_subplot(grid[first, number % 2])
         rest = [figure.add_subplot(grid[first + row, number % 2], sharex=top) for row in (1, 2)]
         draw_entry([top, *rest], entry, shown)
+        top.set_title(f"$Y_{{{entry}}}$", fontsize=10)
         for plane in (top, rest[0]):
             plane.tick_params(labelbottom=False)
     dots = Line2D([], [], color=series(shown.lines[-1].index)[0], marker="o", markerfacecolor="none", linestyle="none")
