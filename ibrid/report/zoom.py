@@ -1,11 +1,12 @@
 """What pages add for readers whose browser runs scripts: zoom in plots over frequency, and nothing else.
 
-Pages hold static SVG and are complete without scripts: on paper, in mail, where scripts are off. For zoom they carry
-a script of their own (plot_axes.js, zoom.js; 10 kB), because what exists asks for more than it gives: plotly.js brings
-4.7 MB, Bokeh 1 MB, uPlot 50 kB, and each draws by itself, on a canvas or from data, so that a page without scripts, on
-paper or in the colours of the reader would need every figure twice; zoom by CSS alone magnifies letters and axes with
-the curves. The script moves the curves that are drawn and gives their axes new ticks. A content security policy
-admits this one script, by its SHA-256, and nothing from a network: a name that slipped through `escape` could not run.
+Pages hold static SVG and are complete without scripts: on paper, in mail, where scripts are off. For zoom they carry a
+script of their own (plot_axes.js, zoom.js; 11 kB), because what exists asks for more than it gives. plotly.js brings 1.1
+MB in its smallest build and 4.7 MB in the whole one, which the Python package ships; uPlot brings 50 kB and is no Python
+package. Both draw by themselves, so that for paper, for readers without scripts and for other colours every figure
+would be needed twice. Zoom by CSS alone magnifies letters and axes with the curves. This script moves the curves that
+are drawn and gives their axes new ticks. A content security policy admits this one script, by its SHA-256, and nothing
+from a network: a name that slipped through `escape` could not run.
 """
 
 import base64
