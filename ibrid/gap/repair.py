@@ -11,8 +11,11 @@ from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, Workshop, significant
 
 #: Edits at most.
 MOST_EDITS = 3
-#: First edits from which a second one is tried when no single one is enough.
-BEAM = 3
+#: First edits, apart in cost, from which every second one is tried in a hurry when no single one is enough; and those from
+#: which that is then done with care.
+AHEAD, BEAM = 12, 3
+#: Part of the cost by which two trials must differ, or they say the same of the data.
+APART = 1e-4
 #: Of the best trials: those from which the model before is refitted (drop-back).
 LOOKED_BACK = 3
 #: Gain in cost that makes a model before worth starting over.
@@ -81,24 +84,27 @@ def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
 def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list[list[Model]]]:
     """Forward steps from the given model, then a look back at every edit that was made.
 
-    Returns the repaired model and, for each of its edits, the trials that competed for its place.
+    Returns the repaired model and, for each of its edits, the trials that compete for its place.
     """
-    best, rivals = given, []
-    candidates = [(one, [trials]) for one in paying(bench, given, trials)]
-    if not candidates:
-        return given, []
-    if candidates[0][0].adequate(bench.scale):
-        best, rivals = candidates[0]
-        best, rivals = _further(bench, best, rivals)
-        return _looked_back(bench, given, best, rivals)
-    for start, history in _distinct(candidates)[:BEAM]:
-        found, more = _further(bench, start, history)
+    best = _looked_back(bench, given, _forward(bench, given, trials))
+    return best, _rivals(bench, given, best, trials)
+
+
+def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
+    firsts = paying(bench, given, trials)
+    if not firsts:
+        return given
+    if firsts[0].adequate(bench.scale):
+        return _further(bench, firsts[0])
+    best = given
+    for start in _promising(bench, firsts):
+        found = _further(bench, start)
         bench.steps.append(_tried_together(bench, given, found))
         if best is given or found.bic(bench.scale) < best.bic(bench.scale):
-            best, rivals = found, more
+            best = found
         if best.adequate(bench.scale):
             break
-    return _looked_back(bench, given, best, rivals)
+    return best
 
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
@@ -106,31 +112,49 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
     return [one for one in trials if significant(before, one, len(trials), bench.scale) and bench.shop.stable(one)]
 
 
-def _further(bench: Bench, model: Model, history: list[list[Model]]) -> tuple[Model, list[list[Model]]]:
+def _further(bench: Bench, model: Model) -> Model:
     while len(model.edits) < MOST_EDITS:
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         found = next(iter(paying(bench, model, trials)), None)
         if found is None:
-            return model, history
+            return model
         if model.adequate(bench.scale) and found.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
-            return model, history
-        model, history = found, [*history, trials]
-    return model, history
+            return model
+        model = found
+    return model
 
 
-def _looked_back(bench: Bench, given: Model, best: Model, rivals: list[list[Model]]) -> tuple[Model, list[list[Model]]]:
+def _looked_back(bench: Bench, given: Model, best: Model) -> Model:
     """Leave out each edit in turn: what the others do as well without it goes."""
     place = 0
     while len(best.edits) > 1 and place < len(best.edits):
-        others = (*best.edits[:place], *best.edits[place + 1 :])
-        alone = _replayed(bench, given, others, best)
+        alone = _without(bench, given, best, place)
         if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
-            best, rivals, place = alone, [one for index, one in enumerate(rivals) if index != place], 0
+            best, place = alone, 0
         else:
             place += 1
-    return best, rivals
+    return best
+
+
+def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:
+    """For each edit what else could stand in its place beside the others, by a quick refit from the answer."""
+    if len(best.edits) < 2:
+        return [trials] * len(best.edits)
+    rivals: list[list[Model]] = []
+    for place in range(len(best.edits)):
+        alone = _without(bench, given, best, place)
+        values = () if alone is None else (best.refit.values, alone.refit.values)
+        edits = () if alone is None else bench.shop.insertions(alone)
+        found = [] if alone is None else [bench.shop.edited(alone, edit, quick=values) for edit in edits]
+        rivals.append([one for one in found if one is not None])
+    return rivals
+
+
+def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
+    """The repaired model without one of its edits, refitted; None where the others do not apply without it."""
+    return _replayed(bench, given, (*best.edits[:place], *best.edits[place + 1 :]), best)
 
 
 def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, ...], best: Model) -> Model | None:
@@ -161,17 +185,20 @@ def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:
     return (one.effect, one.change, one.where) == (other.effect, other.change, other.where)
 
 
-def _distinct(candidates: list[tuple[Model, list[list[Model]]]]) -> list[tuple[Model, list[list[Model]]]]:
-    """The best candidate of each effect."""
-    seen: set[str] = set()
-    found = []
-    for one in candidates:
-        edit = one[0].edits[-1]
-        name = "convention" if isinstance(edit, Convention) else edit.effect
-        if name not in seen:
-            seen.add(name)
-            found.append(one)
-    return found
+def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
+    """Of first edits those from which a second one leads furthest, by one quick refit of every pair."""
+    chosen: list[Model] = []
+    for one in firsts:
+        if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
+            chosen.append(one)
+    ahead: list[tuple[float, Model]] = []
+    for number, first in enumerate(chosen[:AHEAD]):
+        bench.tell(number, min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
+        seconds = [] if isinstance(first.edits[-1], Convention) else bench.shop.insertions(first)
+        found = [bench.shop.edited(first, edit, quick=[first.refit.values]) for edit in seconds]
+        bench.tests += len(found)
+        ahead.append((min((one.bic(bench.scale) for one in found if one is not None), default=np.inf), first))
+    return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]]
 
 
 def _words(edit: Insertion | Convention) -> str:

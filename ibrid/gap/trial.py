@@ -16,7 +16,7 @@ from ibrid.gap.convention import Convention, written_otherwise
 from ibrid.gap.effect import Effect, Insertion
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Prior
-from ibrid.gap.refit import Refit, Refitter
+from ibrid.gap.refit import Refit, Refitter, Values
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 
@@ -117,14 +117,19 @@ class Workshop:
         """All edits of a model."""
         return insertions(model.diagram, self.kinds, self.catalogue)
 
-    def edited(self, model: Model, insertion: Insertion) -> Model | None:
-        """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect."""
+    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
+        """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect.
+
+        quick : from these values alone, without further draws.
+        """
         length = max((len(bank) for bank in insertion.parameters.values()), default=1)
         banks = [
             {name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)
         ]
-        starts = [{**values, **bank} for bank in banks for values in (model.refit.values, {})]
-        refit = self.refitter(model.convention).refit(insertion.diagram, starts, draws=TRIAL_DRAWS, spread=0.5)
+        origins = quick or (model.refit.values, {})
+        starts = [{**values, **bank} for bank in banks for values in origins]
+        draws = 0 if quick else TRIAL_DRAWS
+        refit = self.refitter(model.convention).refit(insertion.diagram, starts, draws=draws, spread=0.5)
         if refit is None:
             return None
         return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))

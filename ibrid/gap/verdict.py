@@ -19,7 +19,7 @@ STRUCTURED = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that competed for its place.
+    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete for its place.
     `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed."""
 
     noise: Noise
@@ -73,18 +73,15 @@ def moved_far(model: Model) -> list[str]:
 
 def alike(found: Findings, place: int) -> tuple[str, ...]:
     """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
-    if place >= len(found.rivals):
+    edit, best = found.best.edits[place], found.best
+    if place >= len(found.rivals) or isinstance(edit, Convention):
         return ()
-    edit, rivals = found.best.edits[place], found.rivals[place]
-    winner = next((one for one in rivals if one.edits[place] is edit), None)
-    if winner is None or isinstance(edit, Convention):
-        return ()
-    limit, names = winner.bic(found.scale) + ALIKE, []
-    for one in rivals:
-        other = one.edits[place]
+    limit, names = best.bic(found.scale) + ALIKE, []
+    for one in sorted(found.rivals[place], key=lambda one: one.bic(found.scale)):
+        other = one.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
             continue
-        adequate = one.adequate(found.scale) or not winner.adequate(found.scale)
+        adequate = one.adequate(found.scale) or not best.adequate(found.scale)
         if one.bic(found.scale) <= limit and adequate and significant(found.given, one, found.tests, found.scale):
             names.append(other.effect)
     return tuple(names)
