@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.errors import IbridError
+from ibrid.fit.damped_step import damped_step, held_at_bounds
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_places import Place, values_at_rest
@@ -192,14 +193,8 @@ class NonlinearSearch:
             pull, hold = self._prior(best.x)
             down = gradient + pull
             matrix = jacobian.T @ jacobian + np.diag(hold)
-            held = ((best.x <= self.low) & (down > 0)) | ((best.x >= self.high) & (down < 0))
-            down = np.where(held, 0.0, down)
-            matrix[held] = matrix[:, held] = 0.0
-            diagonal = np.diag(matrix)
-            damped = damping * (diagonal + 1e-6 * diagonal.max(initial=0.0)) + np.where(held, 1.0, 1e-12)
-            step = -np.linalg.solve(matrix + np.diag(damped), down)
-            step *= min(1.0, LARGEST_STEP / max(np.abs(step).max(initial=0.0), 1e-300))
-            expected = -2 * down @ step - step @ matrix @ step
+            held = held_at_bounds(best.x, down, self.low, self.high)
+            step, expected = damped_step(down, matrix, held, damping, LARGEST_STEP)
             if damping > GREATEST_DAMPING or expected < ENOUGH * (10.0 + best.cost):
                 break
             trial = self.at(np.clip(best.x + step, self.low, self.high), best.motion.entering)

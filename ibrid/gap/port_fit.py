@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.fit.damped_step import damped_step, held_at_bounds
 from ibrid.fit.problem import Coordinates
 from ibrid.gap.open_port import Opened, OpenPort
 from ibrid.gap.prior import Beliefs
@@ -103,14 +104,8 @@ def _descended(model: OpenPort, target: Target, best: Fit, steps: int) -> Fit:
         slope = target.slope(model.coordinates, theta)
         gradient = best.gradient + slope * target.beliefs.sigmas(theta)
         matrix = best.information + np.diag(slope**2)
-        held = ((best.x <= low) & (gradient > 0)) | ((best.x >= high) & (gradient < 0))
-        gradient = np.where(held, 0.0, gradient)
-        matrix[held] = matrix[:, held] = 0.0
-        diagonal = np.diag(matrix)
-        damped = damping * (diagonal + 1e-6 * diagonal.max(initial=0.0)) + np.where(held, 1.0, 1e-12)
-        step = -np.linalg.solve(matrix + np.diag(damped), gradient)
-        step *= min(1.0, LARGEST_STEP / max(np.abs(step).max(initial=0.0), 1e-300))
-        expected = -2 * gradient @ step - step @ matrix @ step
+        held = held_at_bounds(best.x, gradient, low, high)
+        step, expected = damped_step(gradient, matrix, held, damping, LARGEST_STEP)
         if (expected < ENOUGH * best.chi2 + SMALL and damping <= FIRST_DAMPING) or damping > GREATEST_DAMPING:
             break
         trial = evaluated(model, target, np.clip(best.x + step, low, high), best.g)

@@ -97,7 +97,7 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
         names = ", ".join(moved_far(found.given))
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
-        what = " and ".join(words_of(edit) for edit in found.best.edits if isinstance(edit, Insertion))
+        what = "; ".join(words_of(edit) for edit in found.best.edits if isinstance(edit, Insertion))
         if after > 0.9 * before:
             implausible = "the model as given explains the data only with values far from their nominal ones"
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
@@ -112,7 +112,7 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
     nearest = ""
     if found.repaired:
         share = 1.0 - found.best.refit.chi2 / found.given.refit.chi2
-        what = " and ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in found.best.edits)
+        what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in found.best.edits)
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
     return (
         f"The model does not explain the data (error {before:.2g}{noise}), and no effect or single place does either."
