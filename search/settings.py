@@ -59,7 +59,7 @@ class SearchSettings:
     window: int = 8
     final_pruning: float = 0.1
     patience: int = 200
-    settled: int = 100
+    settled: int = 300
     lost: int = 3
     wall: float = 60.0
 
