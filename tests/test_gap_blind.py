@@ -28,10 +28,10 @@ TRIALS = design(CASES, SEED)
 
 
 def answered(folder: Path) -> Diagnosis:
-    """The answer of `find_gap` to the files that an engineer has; the truth lies in another folder."""
+    """The answer of `find_gap` to the files that an engineer has; the truth lies in another folder. Suggestions come after the verdict."""
     began = time.perf_counter()
     values = read_values(folder / "nominal.json")
-    gap = find_gap(read_program(folder / "model.py"), read_sweep(folder / "sweep.csv"), values)
+    gap = find_gap(read_program(folder / "model.py"), read_sweep(folder / "sweep.csv"), values, suggest=())
     return Diagnosis(json.loads(json.dumps(gap_json(gap))), gap.repaired, time.perf_counter() - began)
 
 
