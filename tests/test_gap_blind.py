@@ -28,7 +28,10 @@ TRIALS = design(CASES, SEED)
 
 
 def answered(folder: Path) -> Diagnosis:
-    """The answer of `find_gap` to the files that an engineer has; the truth lies in another folder. Suggestions come after the verdict."""
+    """The answer of `find_gap` to the files that an engineer has; the truth lies in another folder.
+
+    Without suggestions, which come after the verdict.
+    """
     began = time.perf_counter()
     values = read_values(folder / "nominal.json")
     gap = find_gap(read_program(folder / "model.py"), read_sweep(folder / "sweep.csv"), values, suggest=())
