@@ -8,6 +8,7 @@ Names are imported when they are first used, so that `import ibrid` costs nothin
 """
 
 from importlib import import_module
+from typing import Any
 
 _HOME = {
     "Diagram": "ibrid.structure.diagram",
@@ -46,15 +47,16 @@ _HOME = {
     "write_sweep": "ibrid.measurement.csv_file",
 }
 
-__all__ = sorted(_HOME)
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
+    if name == "__all__":
+        return sorted(_HOME)
     if name not in _HOME:
         raise AttributeError(f"ibrid has no {name}")
     return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*sorted(_HOME), "__all__", "__version__"]

@@ -6,6 +6,7 @@ shows its traceback.
 
 import argparse
 import os
+import re
 import signal
 import sys
 import threading
@@ -20,6 +21,7 @@ from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
+_NEGATIVE = re.compile(r"-\.?\d")
 
 _EXAMPLES = """\
 for a start:
@@ -114,7 +116,7 @@ def _run(words: list[str]) -> int:
     if words and not words[0].startswith("-") and words[0] not in names:
         raise IbridError(f"there is no command {words[0][:80]!r}; {near(words[0][:80], names)}")
     try:
-        arguments, unknown = whole.parse_known_args(words)
+        arguments, unknown = whole.parse_known_args(_with_values(words))
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
     if unknown:
@@ -123,6 +125,21 @@ def _run(words: list[str]) -> int:
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
     return arguments.run(arguments)
+
+
+def _with_values(words: list[str]) -> list[str]:
+    """Options and the values behind them that begin like a negative number as one word: `--scr -1:10` as `--scr=-1:10`.
+
+    argparse takes such a value for an option that it does not know.
+    """
+    joined: list[str] = []
+    for word in words:
+        option = joined[-1] if joined else ""
+        if _NEGATIVE.match(word) and option.startswith("--") and len(option) > 2 and "=" not in option:
+            joined[-1] = f"{option}={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _unforeseen(error: Exception) -> int:

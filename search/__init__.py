@@ -5,6 +5,7 @@ print(run.best.program)
 """
 
 from importlib import import_module
+from typing import Any
 
 #: Where the public names live. No module may have one of these names: importing it would put it in the name's place.
 _HOME = {
@@ -13,10 +14,14 @@ _HOME = {
     "run": "search.running",
 }
 
-__all__ = sorted(_HOME)
 
-
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
+    if name == "__all__":
+        return sorted(_HOME)
     if name not in _HOME:
         raise AttributeError(f"search has no {name}")
     return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*sorted(_HOME), "__all__"]

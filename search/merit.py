@@ -38,11 +38,6 @@ class Floor:
         """True when the data tell their noise."""
         return self.source != UNKNOWN
 
-    @property
-    def objective(self) -> str:
-        """What fits should minimise."""
-        return "sigma" if self.known else "nrmse"
-
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""
         if self.known:

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, near
-from ibrid.evaluation.errors_by_part import ENTRIES
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.parameter_rows import parameter_rows
 from ibrid.report.verdict import verdict
 
@@ -82,7 +81,7 @@ def _require(part: Part, record: Record) -> None:
     for what, value, known in (
         ("operating point", part.op, tuple(record.nrmse_by_op)),
         ("band", part.band, BAND_NAMES),
-        ("entry", part.entry, ENTRIES),
+        ("entry", part.entry, tuple(ENTRIES)),
     ):
         if value is not None and value not in known:
             raise IbridError(f"the fitted data have no {what} {value[:60]!r}; {near(value[:60], known)}")
@@ -95,7 +94,7 @@ def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
         model = record.response(op, point.frequency)
         norm = float(np.linalg.norm(point.admittance)) ** 2
         for k, band in enumerate(band_index(point.frequency)):
-            for entry, place in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True):
+            for entry, place in ENTRIES.items():
                 measured, found = complex(point.admittance[k][place]), complex(model[k][place])
                 yield {
                     "op": op,

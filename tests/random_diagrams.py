@@ -60,7 +60,7 @@ def _draw(rng: np.random.Generator, vocabulary: Sequence[ModuleKind], most_modul
     framed = rng.random() < 0.6
     if framed:
         chosen += [known[name] for name in FRAME]
-    others = [kind for kind in vocabulary if kind.name not in (*PLANTS, *FRAME)]
+    others = [kind for kind in vocabulary if kind.name not in (*PLANTS, *FRAME) and not kind.shares]  # for two devices
     for _ in range(int(rng.integers(1, most_modules - len(chosen) + 1))):
         kind = others[int(rng.integers(len(others)))]
         if sum(one.order for one in chosen) + kind.order <= HIGHEST_ORDER:

@@ -302,6 +302,7 @@ WRONG = [
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=1,q=0", "--op", "p=1,q=0"], "p=1,q=0"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "5:1:3"], "A below B"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "five"], "A:B:N"),
+    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "-5:100:3"], "both positive"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L_F"], "name=value"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L=0.1"], "did you mean plant.L"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L_F=-1"], "must be positive"),

@@ -86,7 +86,7 @@ NAIVE = program_text(ibrid.textbook("naive"))
             "algebraic_loop",
         ),
         (
-            "JMul_omega.in_, Magnitude.in_, DC_link.u and DC_link.i must follow from the plant",
+            "JMul_omega.in_, Magnitude.in_, DC_link.u, DC_link.i, PLL_frequency.v, dVOC.v and dVOC.i must follow from the plant",
             [
                 'g.add("PI_dq", "loop")',
                 'g.add("PQ_calc", "power")',

@@ -15,7 +15,7 @@ from ibrid.assembly.signals_at_rest import carried
 from ibrid.errors import DiagramError, OperatingPointError
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
-from ibrid.plants import PLANTS
+from ibrid.plants import PLANTS, GFLParameters
 from ibrid.structure import parse_program, textbook, violations, wire
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.steady_state import steady_order, unknown_equilibria
@@ -72,7 +72,15 @@ def test_an_l_filter_is_at_rest_with_its_power_at_the_terminals(p, q, v, node):
     assert found["u_r"] == pytest.approx(terminal + impedance(LCL["R_F"], LCL["L_F"]) @ found["i_g"])
 
 
-@pytest.mark.parametrize("name", [name for name, plant in PLANTS.items() if plant.parameters.filter == "LCL"])
+#: Behind an LCL filter, with the frame on the capacitor voltage because a PLL locks to it.
+LOCKED = [
+    name
+    for name, plant in PLANTS.items()
+    if isinstance(plant.parameters, GFLParameters) and plant.parameters.filter == "LCL"
+]
+
+
+@pytest.mark.parametrize("name", LOCKED)
 @pytest.mark.parametrize(("p", "q", "v"), [(1.0, 0.3, 1.0), (-0.8, 0.1, 0.95), (0.0, 0.0, 1.05)])
 def test_the_reference_inverters_rest_where_the_plant_and_the_frame_say(name, p, q, v):
     plant = PLANTS[name]

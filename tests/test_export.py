@@ -261,7 +261,7 @@ def test_unknown_formats_and_places_are_refused_and_leave_nothing(record: ibrid.
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "is not JSON"),
+        ("", "JSON that cannot be read"),
         ("[]", "must have the schema"),
         ('{"schema": "ibrid.state-space/1"}', "lacks 'states'"),
         (

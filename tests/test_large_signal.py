@@ -117,7 +117,13 @@ def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
         except DiagramError:  # a Pade form in a loop of gain one
             continue
         expected = [np.array(one) for one in matrices(list(values.values()), point)]
-        model = assembled(wiring, rest(wiring, table, values, point, pade_orders=orders, **physics))
+        try:
+            resting = rest(wiring, table, values, point, pade_orders=orders, **physics)
+        except IbridError:
+            if not {"dVOC", "PLL_frequency"} & {one.kind for one in diagram.instances}:
+                raise
+            continue  # their law divides by the size of a vector, which a draw may leave at zero
+        model = assembled(wiring, resting)
         assert relative_difference(model.linearised(), expected) < 1e-8
         at = (model.x0, model.z0, model.v0, model.r0)
         size = max(1.0, np.abs(expected[0]).max())
@@ -125,7 +131,7 @@ def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
         assert np.abs(np.array(model.g(*at))).max(initial=0) < 1e-10
         seen |= {one.kind for one in diagram.instances}
         with_loops += bool(model.algebraic)
-    assert seen == {kind.name for kind in VOCABULARY}
+    assert seen == {kind.name for kind in VOCABULARY if not kind.shares}
     assert with_loops > 10
 
 

@@ -8,7 +8,7 @@ from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import Roles, roles
 from search.bench.inverters import inverter
 
-GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name != "naive"]
+GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name.startswith("gfl") and name != "gfl_dc_link"]
 
 
 def seen(diagram: ibrid.Diagram | None) -> Roles:

@@ -15,7 +15,8 @@ from ibrid.structure import (
     wire,
 )
 
-#: Sum of the states: LCL 6 or L filter 2, PLL 2, two power loops 1 each, current control 2; a Delay counts 2.
+#: Sum of the states: LCL 6 or L filter 2, PLL 2, two power loops 1 each, current control 2; a Delay counts 2. A DC link adds
+#: 1; a frame of its own 1, each droop 1, an oscillator 1, voltage control 2, damping by the voltage 2.
 ORDERS = {
     "naive": 2,
     "gfl": 12,
@@ -26,6 +27,12 @@ ORDERS = {
     "gfl_delay": 14,
     "gfl_l_filter": 8,
     "gfl_l_filter_delay": 10,
+    "gfl_dc_link": 13,
+    "gfm_droop": 15,
+    "gfm_vsm": 17,
+    "gfm_dvoc": 14,
+    "hybrid_gfl_gfm": 14,
+    "parallel_gfl_gfm": 23,
 }
 IN_THE_PAPERS_KINDS = ("naive", "gfl", "gfl_pll_filter")
 

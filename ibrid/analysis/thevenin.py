@@ -8,7 +8,7 @@ from ibrid.assembly.operating_point import BRANCHES, plant_equilibrium
 from ibrid.evaluation.record import Record
 from ibrid.modules.branch import BRANCH
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.parameters import kind_parameters, parameter_table
+from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.wiring import split_port, wire
 
 
@@ -24,8 +24,7 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
         return None
     at = (float(point["p"]), float(point["q"]), float(point["v"]))
     table = parameter_table(wiring, settings["equilibrium"])
-    bound = {name: table.of(wiring.plant, name) for name in kind_parameters(plant, settings["equilibrium"])}
-    numbers = {name: values[one] if isinstance(one, str) else one for name, one in bound.items()}
+    numbers = parameters_at(wiring, table, values)[wiring.plant]
     current = np.array(plant_equilibrium(plant.name, numbers, *at, settings["power_node"])["i_g"], dtype=float)
     shunts = [
         split_port(source)[0]
@@ -35,9 +34,7 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     if shunts:
         physics = {key: settings[key] for key in ("equilibrium", "power_node")}
         omega_0 = 2 * np.pi * float(settings["f0_hz"])
-        matrices = (
-            module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics) if shunts else {}
-        )
+        matrices = module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics)
         for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
             a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
             current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]

@@ -8,7 +8,7 @@ from ibrid.assembly.numbers import zero_of
 from ibrid.assembly.signals_at_rest import Pair, matrices_of
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
-from ibrid.structure.parameters import ParameterTable, kind_parameters
+from ibrid.structure.parameters import ParameterTable, parameters_at
 from ibrid.structure.wiring import Wiring
 
 
@@ -32,10 +32,7 @@ def module_matrices(
 
     Where no real operating point exists the matrices of the plant are not numbers.
     """
-    parameters = {
-        name: {parameter: _value(table.of(name, parameter), values) for parameter in kind_parameters(kind, equilibrium)}
-        for name, kind in wiring.kinds.items()
-    }
+    parameters = parameters_at(wiring, table, values)
     if equilibrium == "paper":
         at = paper_equilibria(wiring, parameters)
     else:
@@ -57,7 +54,3 @@ def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:
     a, b, c, d = matrices
     mark = zero_of(ports["i_g"][0])
     return [[a[0][0] + mark, *a[0][1:]], *a[1:]], b, c, d
-
-
-def _value(bound: str | float, values: Mapping[str, Any]) -> Any:
-    return values[bound] if isinstance(bound, str) else bound

@@ -97,7 +97,7 @@ def _joined(
     wiring: Wiring, table: ParameterTable, pade_orders: dict[str, int] | None, **physics: Any
 ) -> tuple[ca.SX, ca.SX, Interconnected]:
     """Symbols theta and point (p, q, v), and the rows they give; without Pade orders the delays stay exact."""
-    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)  # type: ignore[arg-type]
+    theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)
     symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
     at = (point[0], point[1], point[2])
     matrices = module_matrices(wiring, table, symbols, at, pade_orders=pade_orders, **physics)

@@ -94,7 +94,7 @@ def _wrong_structure() -> None:
 
 
 def _elsewhere() -> None:
-    seeds = 6
+    seeds = 20
     _title(
         f"An operating point that was not measured, true structure from two others (11 inverters, {seeds} noise seeds)"
     )

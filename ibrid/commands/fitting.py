@@ -21,9 +21,9 @@ def declare(commands: Any) -> None:
     parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
     parser.add_argument(
         "--objective",
-        default="nrmse",
-        help="nrmse (default): error over the size of the whole sweep, the paper's | relative: error at each frequency "
-        "over its own size | band: each frequency band counts alike | sigma: error over the measured noise",
+        help="sigma: error over the measured noise (default where that is known) | nrmse: error over the size of the whole "
+        "sweep, the paper's (default where it is not) | relative: error at each frequency over its own size | band: each "
+        "frequency band counts alike",
     )
     parser.add_argument("--restarts", type=inputs.natural, metavar="N", help="further waves of starts at most (5)")
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")

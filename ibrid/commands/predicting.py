@@ -1,6 +1,5 @@
 """`ibrid predict RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
 
-import re
 import shlex
 from argparse import Namespace
 from math import pi
@@ -55,9 +54,6 @@ def declare(commands: Any) -> None:
     stability.add_argument("--report", metavar="OUT.html", help="write a page with figures")
     add_json_option(stability)
     stability.set_defaults(run=run_stability)
-    stability._negative_number_matcher = re.compile(
-        r"-\d"
-    )  # so that --scr -1:10 is a value, and told to be a wrong one
 
 
 def run_predict(arguments: Namespace) -> int:

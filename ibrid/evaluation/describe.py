@@ -64,7 +64,7 @@ class _Description:
     def __init__(self, diagram: Diagram, wiring: Wiring, plan: Plan, fitted: Sequence[Fitted]) -> None:
         self.wiring, self.plan, self.fitted = wiring, plan, fitted
         self.table = parameter_table(wire(diagram, plan.kinds), plan.equilibrium)  # names in the program's order
-        self.seen = [visibility(one.problem, one.solution.x, one.labels, plan.fit.objective) for one in fitted]
+        self.seen = [visibility(one.problem, one.solution.x, one.labels, plan.fit.minimised) for one in fitted]
         self.values = {
             name: self._ordered(one.problem.values_at(one.solution.x, index))
             for one in fitted

@@ -49,7 +49,8 @@ def evaluate(
     diagram : candidate structure. sweep : measured operating points.
     parameters : "shared" or "per-op". equilibrium : "exact" (computed) or "paper" (fitted numbers).
     vocabulary : "extended", "paper" or kinds of one's own.
-    objective : see `ibrid.fit.objective`; None: that of `settings`, by default nrmse.
+    objective : see `ibrid.fit.objective`; None: that of `settings`, else sigma where the
+        noise of all fitted points is known and nrmse where it is not.
     restarts : further waves of starts at most. seed : of the random starts, mixed with structure and data.
     holdout_op : names of operating points kept out of the fit and predicted; needs shared parameters and "exact".
     settings : effort of the fit. warm_start_below : per-op, an error below this passes its parameters to the next point.

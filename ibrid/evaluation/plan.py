@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ibrid.errors import IbridError, OperatingPointError, near
-from ibrid.fit.objective import FINAL_OBJECTIVES
+from ibrid.fit.objective import FINAL_OBJECTIVES, objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
+from ibrid.measurement.noise_estimate import with_sigma
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
@@ -35,7 +36,7 @@ class Plan:
             "parameters": self.parameters,
             "equilibrium": self.equilibrium,
             "vocabulary": self.vocabulary,
-            "objective": self.fit.objective,
+            "objective": self.fit.minimised,
             "restarts": self.fit.restarts,
             "starts": self.fit.starts,
             "seeds": self.fit.seeds,
@@ -67,15 +68,17 @@ def make_plan(
     holdout_op: str | Sequence[str],
     settings: FitSettings | None,
 ) -> Plan:
-    fit_settings = settings or FitSettings()
-    wanted = fit_settings.objective if objective is None else objective
+    sweep, fit_settings = with_sigma(sweep), settings or FitSettings()
+    held = (holdout_op,) if isinstance(holdout_op, str) else tuple(holdout_op)
+    wanted = (
+        objective or fit_settings.objective or objective_for(one for one in sweep.points if one.op.name not in held)
+    )
     for value, allowed, what in (
         (parameters, PARAMETER_MODES, "parameters"),
         (equilibrium, EQUILIBRIA, "equilibrium"),
         (wanted, FINAL_OBJECTIVES, "objective"),
     ):
         require_one_of(what, value, allowed)
-    held = (holdout_op,) if isinstance(holdout_op, str) else tuple(holdout_op)
     for name in held:
         if name not in sweep.names:
             raise OperatingPointError(

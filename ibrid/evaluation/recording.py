@@ -13,7 +13,6 @@ from ibrid.evaluation.record import Record
 from ibrid.evaluation.reward import reward
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
-from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.check import examine
@@ -35,9 +34,7 @@ def record_at(
     values : free name -> value, clipped to its box. Intervals are those of an estimator that weighs the data by their
     noise where the sweep has a sigma. The outcome is `invalid` for an illegal diagram.
     """
-    known = all(point.sigma is not None for point in sweep.points)
-    settings = FitSettings(objective="sigma" if known else "nrmse")
-    plan = make_plan(sweep, "shared", "exact", vocabulary, None, None, 0, holdout_op, settings)
+    plan = make_plan(sweep, "shared", "exact", vocabulary, None, None, 0, holdout_op, None)
     found, habits = examine(diagram, plan.kinds, equilibrium="exact")
     base = Record(
         outcome=Outcome.INVALID,
@@ -58,7 +55,7 @@ def record_at(
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
     solution = Solution(
         x=x,
-        errors=np.sqrt(problem.costs(x[None], settings.objective)[0]),
+        errors=np.sqrt(problem.costs(x[None], plan.fit.minimised)[0]),
         twins=(),
         finished=(),
         independent=1,

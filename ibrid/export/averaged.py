@@ -45,7 +45,7 @@ class NonlinearModel:
 
         r : other references, an expression or numbers; by default those of the operating point.
         """
-        x, z = ca.SX.sym("x", len(self.states)), ca.SX.sym("z", len(self.algebraic))  # type: ignore[arg-type]
+        x, z = ca.SX.sym("x", len(self.states)), ca.SX.sym("z", len(self.algebraic))
         arguments = (x, z, v, self.r0 if r is None else r)
         problem = {"x": x, "ode": self.f(*arguments)}
         if self.algebraic:
@@ -58,6 +58,6 @@ class NonlinearModel:
 
     @cached_property
     def _derivatives(self) -> ca.Function:
-        symbols = [ca.SX.sym(name, len(some)) for name, some in zip("xzvr", self._at_rest, strict=True)]  # type: ignore[arg-type]
+        symbols = [ca.SX.sym(name, len(some)) for name, some in zip("xzvr", self._at_rest, strict=True)]
         found = [ca.jacobian(one(*symbols), by) for one in (self.f, self.g, self.h) for by in symbols[:3]]
         return ca.Function("derivatives", symbols, [ca.densify(one) for one in found])

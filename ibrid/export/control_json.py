@@ -2,11 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.errors import IbridError
-from ibrid.measurement.state_space_file import SCHEMA
+from ibrid.measurement.state_space_file import SCHEMA, state_space_data
 
 if TYPE_CHECKING:
     import control
@@ -37,16 +37,7 @@ def read_control_json(path: str | Path) -> "control.StateSpace":
     """
     import control  # python-control is slow to import
 
-    path = Path(path)
-    try:
-        data: Any = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of an exported model") from None
-    except (ValueError, RecursionError):
-        raise IbridError(f"{path}: is not JSON; make it with ibrid export --format control-json") from None
-    found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-    if found != SCHEMA:
-        raise IbridError(f"{path}: must have the schema {SCHEMA!r}, found {found!r}; make it with ibrid export")
+    data = state_space_data(Path(path))
     try:
         return control.StateSpace(
             *(data[part] for part in "ABCD"),

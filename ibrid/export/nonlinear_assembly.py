@@ -17,8 +17,8 @@ from ibrid.structure.wiring import Wiring, split_port
 
 def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
     """The model of a wired diagram at its operating point; outputs are substituted in the order of direct terms."""
-    x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}  # type: ignore[arg-type]
-    v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))  # type: ignore[arg-type]
+    x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
+    v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))
     reference = {channel: r[index] for index, channel in enumerate(at.references)}
     signal = {
         channel: ca.SX.sym(f"{channel[0]}:{channel[1]}")
@@ -47,7 +47,7 @@ def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
         whole = ca.vertcat(*expressions) if expressions else ca.SX(0, 1)
         return ca.substitute(whole, ca.vertcat(*symbols), ca.vertcat(*explicit))
 
-    z = ca.vertcat(*[signal[channel] for channel in loops]) if loops else ca.SX.sym("z", 0)  # type: ignore[arg-type]
+    z = ca.vertcat(*[signal[channel] for channel in loops]) if loops else ca.SX.sym("z", 0)
     arguments = [ca.vertcat(*x.values()), z, v, r]
     names = ["x", "z", "v", "r"]
     residual = [law[channel] - signal[channel] for channel in loops]

@@ -19,7 +19,7 @@ from ibrid.export.module_motion import Module, asked, by_port, module_at
 from ibrid.modules.kind import EQUILIBRIUM
 from ibrid.modules.large_signal import require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.parameters import ParameterTable
+from ibrid.structure.parameters import ParameterTable, parameters_at
 from ibrid.structure.wiring import PLANT, Wiring
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
@@ -57,10 +57,7 @@ def rest(
     """
     for kind in wiring.kinds.values():
         require_large_signal(kind)
-    numbers = {
-        name: {one: _value(table.of(name, one), values) for one in kind.parameters}
-        for name, kind in wiring.kinds.items()
-    }
+    numbers = parameters_at(wiring, table, {name: float(value) for name, value in values.items()})
     frame, ports = equilibria(wiring, numbers, point, power_node, omega_0)
     modules = tuple(
         module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
@@ -151,7 +148,3 @@ class _Settled:
                 return None
             sums.append(sum(self.outputs[source] for source in sources))
         return sums
-
-
-def _value(bound: str | float, values: Mapping[str, float]) -> float:
-    return float(values[bound] if isinstance(bound, str) else bound)

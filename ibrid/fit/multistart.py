@@ -68,9 +68,9 @@ def fit(
         return None
     search.hop()
     best, twins = search.most_plausible()
-    best = nearest_to_typical(problem, best, settings.objective)
+    best = nearest_to_typical(problem, best, settings.minimised)
     left = settings.seconds - (time.monotonic() - started)
-    optimum = ipopt.solve(problem, best, settings.objective, iterations=settings.ipopt_iterations, seconds=left)
+    optimum = ipopt.solve(problem, best, settings.minimised, iterations=settings.ipopt_iterations, seconds=left)
     return Solution(
         x=optimum.x,
         errors=np.sqrt(optimum.costs),

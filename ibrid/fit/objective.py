@@ -1,5 +1,6 @@
 """What a fit minimises: the weight of each measured number, and whether the residual is a difference or a logarithm."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,14 @@ class Residual:
 
     weight: np.ndarray
     logarithmic: bool = False
+
+
+def objective_for(points: Iterable[PointSweep]) -> str:
+    """What a fit minimises when nothing is asked for: sigma where the noise of every point is known, else the paper's nrmse.
+
+    Weighing by the noise is the maximum likelihood; the NRMSE is ruled by the few largest numbers.
+    """
+    return "sigma" if all(point.sigma is not None for point in points) else "nrmse"
 
 
 def band_index(frequency: np.ndarray) -> np.ndarray:

@@ -40,16 +40,17 @@ def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
 class FitSettings:
     """How much effort a fit makes.
 
-    `objective` : what is minimised in the end. `starts` : screened per wave. `kept` : of them, those that descend.
-    `halving` : (iterations, kept) per stage on the logarithmic residual. `restarts` : further waves at most.
-    `agreeing` : finished starts within `agreement` (relative) of the best that end the search, from two waves.
-    `solved` : root-mean-square relative error below which the fit is finished. `misfit` : above this the structure
-    probably cannot fit, and more starts are carried to the end. `hops` : rounds without gain, in which `kicked` copies of
-    the best answer get some coordinates moved or redrawn, that end a fit. `warm`, `warm_kept` : draws of the numbers that
-    known values lack, and how many of them descend. `seconds` : hard limit, a safety net.
+    `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `starts` : screened per wave.
+    `kept` : of them, those that descend. `halving` : (iterations, kept) per stage on the logarithmic residual.
+    `restarts` : further waves at most. `agreeing` : finished starts within `agreement` (relative) of the best that
+    end the search, from two waves. `solved` : root-mean-square relative error below which the fit is finished.
+    `misfit` : above this the structure probably cannot fit, and more starts are carried to the end. `hops` : rounds
+    without gain, in which `kicked` copies of the best answer get some coordinates moved or redrawn, that end a fit.
+    `warm`, `warm_kept` : draws of the numbers that known values lack, and how many of them descend. `seconds` : hard
+    limit, a safety net.
     """
 
-    objective: str = "nrmse"
+    objective: str | None = None
     starts: int = 96
     kept: int = 8
     halving: tuple[tuple[int, int], ...] = ((8, 6), (8, 4))
@@ -69,11 +70,16 @@ class FitSettings:
     seeds: str = "textbook"
 
     def __post_init__(self) -> None:
-        for value, known, what in ((self.seeds, SEEDS, "seeds"), (self.objective, FINAL_OBJECTIVES, "objective")):
-            require_one_of(what, value, known)
+        require_one_of("seeds", self.seeds, SEEDS)
+        require_one_of("objective", self.minimised, FINAL_OBJECTIVES)
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
                 raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
         if not self.seconds > 0:
             raise IbridError(f"seconds must be above 0, found {self.seconds}")
+
+    @property
+    def minimised(self) -> str:
+        """The objective; the paper's where none is chosen."""
+        return "nrmse" if self.objective is None else self.objective

@@ -111,7 +111,7 @@ class Search:
         theta = problem.coordinates.to_theta(x)
         theta[:, known] = np.array([value for value in values if value is not None])
         x = problem.coordinates.to_x(np.clip(theta, problem.coordinates.low, problem.coordinates.high))
-        batch = begin(problem, x, settings.objective)
+        batch = begin(problem, x, settings.minimised)
         if np.isfinite(batch.cost).any():
             self.finish(batch.best(settings.warm_kept).x, None)
 
@@ -134,8 +134,8 @@ class Search:
         while idle < settings.hops and not self.solved and not self.late:
             before = self.best.error
             x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
-            batch = descend(problem, begin(problem, x, settings.objective), settings.objective, HOP_ITERATIONS)
-            self._keep(descend(problem, batch.best(settings.kept), settings.objective, settings.iterations), None)
+            batch = descend(problem, begin(problem, x, settings.minimised), settings.minimised, HOP_ITERATIONS)
+            self._keep(descend(problem, batch.best(settings.kept), settings.minimised, settings.iterations), None)
             idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
 
     def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
@@ -155,7 +155,7 @@ class Search:
     def finish(self, x: np.ndarray, wave: int | None) -> None:
         """Carry starts x (S, P) to the end in the final objective, and the twins of the best of them too."""
         settings, problem = self.settings, self.problem
-        batch = descend(problem, begin(problem, x, settings.objective), settings.objective, settings.iterations)
+        batch = descend(problem, begin(problem, x, settings.minimised), settings.minimised, settings.iterations)
         self._keep(batch, wave)
         if self.finished and not self.solved:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
@@ -174,17 +174,17 @@ class Search:
     def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
         """Twins on the scale of x, so that they differ in what the swap changes alone; not those that end near x."""
         entries = [entry for swap in self.swaps for entry in swap.entries]
-        beside = [nearest(self.problem, twin, x, self.settings.objective, ignoring=entries) for twin in twins]
+        beside = [nearest(self.problem, twin, x, self.settings.minimised, ignoring=entries) for twin in twins]
         return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
     def _twin_batch(self, x: np.ndarray) -> Batch:
         settings, problem = self.settings, self.problem
         found = twins_of(problem, self.swaps, x)
         starts = np.array(found).reshape(len(found), problem.size)
-        return descend(problem, begin(problem, starts, settings.objective), settings.objective, settings.iterations)
+        return descend(problem, begin(problem, starts, settings.minimised), settings.minimised, settings.iterations)
 
     def _errors(self, x: np.ndarray) -> np.ndarray:
-        return np.sqrt(self.problem.costs(x, self.settings.objective)).mean(axis=1)
+        return np.sqrt(self.problem.costs(x, self.settings.minimised)).mean(axis=1)
 
     def _keep(self, batch: Batch, wave: int | None) -> None:
         for x, error in zip(batch.x, self._errors(batch.x), strict=True):

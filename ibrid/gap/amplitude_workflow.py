@@ -34,7 +34,7 @@ Tell = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class GapRequest:
     """What is asked: the model, all data, what is believed. `held` : operating points kept out. `find` : the small-signal
     workflow on a sweep with one amplitude."""
 
@@ -54,7 +54,7 @@ class Question:
         return self.sweep.without(self.held) if self.held else self.sweep
 
 
-def gap_at_amplitudes(asked: Question, found: Linearity) -> Gap:
+def gap_at_amplitudes(asked: GapRequest, found: Linearity) -> Gap:
     """The answer where there are several amplitudes.
 
     Where the response depends on the amplitude by more than products of signals cause, a nonlinearity is looked for in all
@@ -83,7 +83,7 @@ def gap_at_amplitudes(asked: Question, found: Linearity) -> Gap:
     return _unnamed(asked, gap, naming, data, answer)
 
 
-def _named(asked: Question, diagram: Diagram, data: AmplitudeData) -> Naming | None:
+def _named(asked: GapRequest, diagram: Diagram, data: AmplitudeData) -> Naming | None:
     rng = np.random.default_rng(asked.seed)
     return name_nonlinearity(diagram, asked.kinds, data, asked.prior, rng, asked.tell)
 
@@ -92,7 +92,7 @@ def _named(asked: Question, diagram: Diagram, data: AmplitudeData) -> Naming | N
 
 
 def _answered(
-    asked: Question, small: Sweep | None, naming: Naming, data: AmplitudeData, answer: AmplitudeAnswer
+    asked: GapRequest, small: Sweep | None, naming: Naming, data: AmplitudeData, answer: AmplitudeAnswer
 ) -> Gap:
     """A nonlinearity alone: the linear model at the values that all amplitudes tell."""
     fit = believed_of(naming)
@@ -113,7 +113,7 @@ def _answered(
     )
 
 
-def _as_given(asked: Question, data: AmplitudeData) -> float | None:
+def _as_given(asked: GapRequest, data: AmplitudeData) -> float | None:
     """Error of the linear model at nominal values over all amplitudes; None where no values were given."""
     if not asked.values:
         return None
@@ -137,7 +137,7 @@ def _answered_beside(gap: Gap, naming: Naming, data: AmplitudeData, answer: Ampl
 
 
 def _unnamed(
-    asked: Question, gap: Gap, naming: Naming | None, data: AmplitudeData | None, answer: AmplitudeAnswer
+    asked: GapRequest, gap: Gap, naming: Naming | None, data: AmplitudeData | None, answer: AmplitudeAnswer
 ) -> Gap:
     """No nonlinearity with a name: what the other frequencies say, and where the dependence sits."""
     words = [answer.linearity.sentence]
@@ -166,7 +166,7 @@ def _unnamed(
     return replace(gap, verdict=verdict, sentence=sentence, effects=effects, ports=ports, steps=steps, amplitude=answer)
 
 
-def _ports_at_all(asked: Question, data: AmplitudeData) -> tuple[PortFit, ...]:
+def _ports_at_all(asked: GapRequest, data: AmplitudeData) -> tuple[PortFit, ...]:
     """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's fit."""
     names = list(dict.fromkeys(one.port.name for one in places(asked.diagram, asked.kinds)))
     if not names:
@@ -194,7 +194,7 @@ def _ports_at_all(asked: Question, data: AmplitudeData) -> tuple[PortFit, ...]:
     return tuple(sorted(found, key=lambda one: one.chi2_per_dof))
 
 
-def _linear_gap(asked: Question, sweep: Sweep, diagram: Diagram, values: Mapping[str, float]) -> Gap:
+def _linear_gap(asked: GapRequest, sweep: Sweep, diagram: Diagram, values: Mapping[str, float]) -> Gap:
     """The linear model at given values as an answer that names nothing."""
     fitted = sweep.without(asked.held) if asked.held else sweep
     noise = noise_of(fitted)

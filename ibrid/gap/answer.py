@@ -14,7 +14,7 @@ from ibrid.fit.problem import Problem
 from ibrid.gap.convention import Convention
 from ibrid.gap.detectability import unseen
 from ibrid.gap.effect import Insertion
-from ibrid.gap.held_out import held_out, weighed
+from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
@@ -42,8 +42,8 @@ def answer_of(
     edits when something is located and unnamed."""
     verdict = verdict_of(found)
     model = found.best if verdict in REPAIRED else found.given
-    baseline = _record(found.given, shop, sweep, held)
-    repaired = baseline if model is found.given else _record(model, shop, sweep, held)
+    baseline = _record(found.given, found, shop, sweep)
+    repaired = baseline if model is found.given else _record(model, found, shop, sweep)
     before = {
         "nominal": None if not values else _nominal_error(found.given, shop),
         "refit": baseline.nrmse,
@@ -82,11 +82,20 @@ def answer_of(
     )
 
 
-def _record(model: Model, shop: Workshop, sweep: Sweep, held: Sequence[str]) -> Record:
-    """The record of a model on the data as it reads them."""
-    record = record_at(
-        model.diagram, model.convention.undone(sweep), model.refit.values, vocabulary=shop.kinds, holdout_op=held
+def _record(model: Model, found: Findings, shop: Workshop, sweep: Sweep) -> Record:
+    """The record of a model on the data as it reads them; its intervals are those of the noise that judged it."""
+    fitted = {point.op.name: point for point in found.noise.sweep.points}
+    points = tuple(
+        replace(point, sigma=found.scale * np.asarray(fitted[point.op.name].sigma), repeats=None)
+        if point.op.name in fitted
+        else point
+        for point in sweep.points
     )
+    judged = model.convention.undone(replace(sweep, points=points))
+    held = [name for name in sweep.names if name not in fitted]
+    record = record_at(model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held)
+    if not found.noise.known:
+        record = replace(record, noise_floor=None, misfit=None)
     if model.convention.angle:
         record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
     return record
@@ -95,7 +104,7 @@ def _record(model: Model, shop: Workshop, sweep: Sweep, held: Sequence[str]) -> 
 def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
     if verdict not in REPAIRED:
         return ()
-    evidence = _evidence(found, shop)
+    evidence = _evidence(found)
     intervals = next(iter(record.intervals.values()), {})
     effects = []
     for place, edit in enumerate(found.best.edits):
@@ -113,7 +122,7 @@ def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) 
     return tuple(effects)
 
 
-def _evidence(found: Findings, shop: Workshop) -> dict[str, Any]:
+def _evidence(found: Findings) -> dict[str, Any]:
     given, best, scale = found.given, found.best, found.scale
     others = [one for one in found.trials if not _shares(one, best)]
     runner_up = min(others, key=lambda one: one.bic(scale), default=None)
@@ -124,7 +133,7 @@ def _evidence(found: Findings, shop: Workshop) -> dict[str, Any]:
         "p_after": best.refit.p_value(scale),
         "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
         "runner_up_bic": None if runner_up is None else runner_up.bic(scale) - best.bic(scale),
-        "held_out": weighed(held_out(shop, given), held_out(shop, best)),
+        "held_out": weighed(found.before, found.after),
         "tests": found.tests,
         "noise_scale": scale,
     }

@@ -49,13 +49,6 @@ def held_limit_gain(amplitude: Numbers, room: Numbers) -> np.ndarray:
     return one_sided_limit(amplitude, room, (low + high) / 2)[0]
 
 
-def first_harmonic_gain(function, amplitude: float, bias: float = 0.0, samples: int = 4096) -> complex:
-    """The definition, by the trapezoidal rule over a period: 2/(T A) integral y(t) e^-j(t - 90 deg) dt; for any function."""
-    phase = 2.0 * np.pi * (np.arange(samples) + 0.5) / samples
-    y = function(bias + amplitude * np.sin(phase))
-    return complex(2j * np.mean(y * np.exp(-1j * phase)) / amplitude)
-
-
 def _ratio(threshold: Numbers, amplitude: Numbers) -> np.ndarray:
     size = np.maximum(np.asarray(amplitude, dtype=float), 1e-300)
     return np.minimum(np.asarray(threshold, dtype=float) / size, 1.0)

@@ -106,11 +106,20 @@ class Model:
             {name: one.nothing for name, one in strengths.items() if one.nothing is not None},
         )
 
+    def bypassed(self, effect: str, change: Change, where: str, name: str) -> Iterator[Insertion]:
+        """The one insertion that takes a module out of its path."""
+        return self.edited(effect, change, where, lambda draft: draft.bypass(name))
+
 
 def model_of(diagram: Diagram, kinds: Vocabulary) -> Model | None:
     """A legal diagram as the effects see it; None when it has not one plant with a command."""
     found = roles(diagram, kinds)
     return None if found is None else Model(diagram, kinds, Draft(diagram, kinds), found)
+
+
+def no_edit(model: Model) -> tuple[Insertion, ...]:
+    """Of effects that no edit of a diagram describes."""
+    return ()
 
 
 def absorbed_by_nothing(model: Model) -> tuple[str, ...]:

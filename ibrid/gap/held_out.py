@@ -39,12 +39,6 @@ def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
 
 def held_out(shop: Workshop, model: Model) -> HeldOut:
     """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
-    if model not in shop.held_out:
-        shop.held_out[model] = _held_out(shop, model)
-    return shop.held_out[model]
-
-
-def _held_out(shop: Workshop, model: Model) -> HeldOut:
     sweep = shop.refitter(model.convention).sweep
     thin = _error(shop, model, thinned(sweep, hold=False), thinned(sweep, hold=True)) if can_be_thinned(sweep) else None
     squares = []
@@ -66,6 +60,6 @@ def _error(shop: Workshop, model: Model, seen: Sweep, left: Sweep) -> float | No
     return found if np.isfinite(found) else None
 
 
-def weighed(before: HeldOut, after: HeldOut) -> Mapping[str, Mapping[str, float | None]]:
-    """Both side by side."""
-    return {"before": before.plain(), "after": after.plain()}
+def weighed(before: HeldOut | None, after: HeldOut | None) -> Mapping[str, Mapping[str, float | None]]:
+    """Both side by side; nothing where one was not asked."""
+    return {} if before is None or after is None else {"before": before.plain(), "after": after.plain()}

@@ -7,8 +7,8 @@ import numpy as np
 from ibrid.fit.objective import BAND_EDGES, band_index
 from ibrid.gap.refit import Refit
 from ibrid.gap.result import Located
+from ibrid.measurement.sweep import ENTRIES
 
-ENTRIES = ("dd", "dq", "qd", "qq")
 #: Least significance, in standard deviations, of a part that is reported, and how many are.
 LEAST_Z, MOST = 3.0, 12
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.gap.noise import Noise
+from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
 from ibrid.gap.nonlinear_places import places
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter
-from ibrid.gap.trial import ADEQUATE, ALIKE, threshold
+from ibrid.gap.trial import ALIKE, threshold
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 

@@ -17,7 +17,7 @@ from ibrid.gap.ports import Port, ports
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
+from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.wiring import wire
 
 
@@ -89,11 +89,7 @@ def values_at_rest(
     is that of the plant. Raises IbridError where it does not follow from the plant.
     """
     wiring = wire(diagram, kinds)
-    table = parameter_table(wiring, "exact")
-    parameters = {
-        name: {key: _number(table.of(name, key), values) for key in kind.parameters}
-        for name, kind in wiring.kinds.items()
-    }
+    parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
     flow = carried(wiring)
     found = []
     for point in sweep.points:
@@ -110,7 +106,3 @@ def values_at_rest(
         signals = signals_at_rest(wiring, flow, parameters, in_grid, sweep.omega_0, frame, channels)
         found.append([-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)])
     return np.array(found, dtype=float)
-
-
-def _number(bound: str | float, values: Mapping[str, float]) -> float:
-    return float(values[bound]) if isinstance(bound, str) else float(bound)

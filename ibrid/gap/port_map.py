@@ -14,6 +14,7 @@ from scipy.stats import chi2 as chi2_distribution
 from ibrid.errors import IbridError, near
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
+from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import Fit, Target, fit_port, hold
 from ibrid.gap.ports import Port, ports
@@ -22,8 +23,6 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 
-#: A port whose fit is as bad as this by chance, or less rarely, is adequate.
-ADEQUATE = 1e-3
 #: Further starts of every port where none is adequate, and how far they spread without a prior.
 FURTHER, SPREAD = 4, 0.3
 

@@ -41,6 +41,9 @@ class Beliefs:
     Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) / t standard deviations
     away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still finite at zero and below. In a positive box
     it is ln(theta / n) / t, with n <= 0 it is (theta - n) / t, and 0 where nothing is believed.
+
+    `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing is believed the typical
+    value of the parameter. `weight` : (P,) 1/t, 0 where nothing is believed.
     """
 
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:

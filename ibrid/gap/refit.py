@@ -7,6 +7,7 @@ that is missed looks exactly like a missing effect, so starts are many and whoev
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf, log
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
@@ -25,10 +26,12 @@ Values = Mapping[str, float]
 
 #: Iterations on the logarithm of the response, which leads to the right valley, and on chi2.
 FAR, NEAR = 10, 60
+#: Iterations on chi2 of a first look.
+GLANCE = 12
 #: Starts that go on to chi2.
 KEPT = 6
-#: Half width in decades of a draw of a parameter without a nominal value.
-DECADES = 1.0
+#: Width of a draw of a parameter without a nominal value, of its logarithm: a decade.
+DECADE = log(10.0)
 
 
 class Penalised:
@@ -168,6 +171,20 @@ class Refitter:
             return None
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
 
+    def glance(self, diagram: Diagram, starts: Sequence[Values]) -> float:
+        """Cost, with ln(n) for every free number, after a few steps from the starts: an upper end of what a refit finds.
+
+        Infinite where no start has a response, or the diagram no matrices.
+        """
+        try:
+            problem = self.problem(diagram)
+        except DiagramError:
+            return inf
+        penalised = Penalised(problem, self.prior)
+        x = np.array([penalised.start(one) for one in starts])
+        cost = descend(penalised, begin(penalised, x, "chi2"), "chi2", GLANCE).cost
+        return float(cost.min()) + problem.size * log(penalised.numbers)
+
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""
         problem = self.problem(diagram)
@@ -193,7 +210,7 @@ class Refitter:
         base = x[self.rng.integers(len(x), size=number)]
         coordinates, nominal = penalised.coordinates, penalised.beliefs.nominal
         slope = penalised.slope(nominal)
-        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), np.log(10.0))
+        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), DECADE)
         moved = base + spread * width * self.rng.standard_normal(base.shape)
         return np.clip(moved, coordinates.x_low, coordinates.x_high)
 

@@ -14,6 +14,8 @@ MOST_EDITS = 3
 #: First edits, apart in cost, from which every second one is tried in a hurry when no single one is enough; and those from
 #: which that is then done with care.
 AHEAD, BEAM = 12, 3
+#: Of the second edits those that a first look leaves.
+GLANCED = 4
 #: Part of the cost by which two trials must differ, or they say the same of the data.
 APART = 1e-4
 #: Of the best trials: those from which the model before is refitted (drop-back).
@@ -139,17 +141,24 @@ def _looked_back(bench: Bench, given: Model, best: Model) -> Model:
 
 
 def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:
-    """For each edit what else could stand in its place beside the others, by a quick refit from the answer."""
+    """For each edit what else could stand in its place beside the others, by a quick refit from the answer.
+
+    Nothing is tried in the place of a convention.
+    """
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
     rivals: list[list[Model]] = []
-    for place in range(len(best.edits)):
-        alone = _without(bench, given, best, place)
-        values = () if alone is None else (best.refit.values, alone.refit.values)
-        edits = () if alone is None else bench.shop.insertions(alone)
-        found = [] if alone is None else [bench.shop.edited(alone, edit, quick=values) for edit in edits]
-        rivals.append([one for one in found if one is not None])
+    for place, edit in enumerate(best.edits):
+        alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
+        rivals.append([] if alone is None else _quickly_edited(bench, alone, best))
     return rivals
+
+
+def _quickly_edited(bench: Bench, model: Model, best: Model) -> list[Model]:
+    """Every edit of a model, refitted from its own values and those of the answer alone."""
+    values = (best.refit.values, model.refit.values)
+    found = [bench.shop.edited(model, edit, quick=values) for edit in bench.shop.insertions(model)]
+    return [one for one in found if one is not None]
 
 
 def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
@@ -186,7 +195,7 @@ def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:
 
 
 def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
-    """Of first edits those from which a second one leads furthest, by one quick refit of every pair."""
+    """Of first edits those from which a second one leads furthest: a first look at every pair, a quick refit of the best."""
     chosen: list[Model] = []
     for one in firsts:
         if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
@@ -194,9 +203,9 @@ def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
     ahead: list[tuple[float, Model]] = []
     for number, first in enumerate(chosen[:AHEAD]):
         bench.tell(number, min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
-        seconds = [] if isinstance(first.edits[-1], Convention) else bench.shop.insertions(first)
-        found = [bench.shop.edited(first, edit, quick=[first.refit.values]) for edit in seconds]
-        bench.tests += len(found)
+        seconds = sorted(bench.shop.insertions(first), key=lambda edit: bench.shop.glance(first, edit))
+        found = [bench.shop.edited(first, edit, quick=[first.refit.values]) for edit in seconds[:GLANCED]]
+        bench.tests += len(seconds)
         ahead.append((min((one.bic(bench.scale) for one in found if one is not None), default=np.inf), first))
     return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]]
 

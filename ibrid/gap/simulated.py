@@ -8,16 +8,14 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_EDGES, band_index
-from ibrid.gap.locating import ENTRIES, normal_score
+from ibrid.gap.locating import normal_score
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Located
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.structure.library import textbook, textbook_names
 
 #: NRMSE up to which a textbook program is taken for the simulation itself, and up to which it is close.
 SAME, CLOSE = 1e-4, 0.02
-#: Tolerance of the identified values, one standard deviation of the logarithm.
-TOLERANCE = 0.25
 
 
 @dataclass(frozen=True)

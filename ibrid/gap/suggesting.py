@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.effect import Edit, NotInVocabulary
-from ibrid.gap.held_out import held_out, weighed
+from ibrid.gap.held_out import HeldOut, held_out, weighed
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import PORT_KINDS
 from ibrid.gap.result import Suggested
@@ -84,12 +84,14 @@ def suggested(
     for source in suggest:
         for one in source(question):
             ideas.setdefault(program_text(one.diagram), one)
-    tests = found.tests + len(ideas)
-    rows = [_weighed(found, shop, one, text, tests) for text, one in ideas.items()]
+    if not ideas:
+        return ()
+    tests, before = found.tests + len(ideas), found.before or held_out(shop, found.given)
+    rows = [_weighed(found, shop, before, one, text, tests) for text, one in ideas.items()]
     return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
 
 
-def _weighed(found: Findings, shop: Workshop, idea: Suggestion, text: str, tests: int) -> Suggested:
+def _weighed(found: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int) -> Suggested:
     given, before = found.given, found.given.refit.chi2 / found.given.refit.dof
     if wrong := violations(idea.diagram, shop.kinds):
         return Suggested(idea.words, idea.source, text, float("inf"), before, reason=f"not legal: {wrong[0].message}")
@@ -109,7 +111,7 @@ def _weighed(found: Findings, shop: Workshop, idea: Suggestion, text: str, tests
         refit.chi2 / refit.dof,
         before,
         {name: value for name, value in refit.values.items() if name not in given.refit.values},
-        {} if reason else weighed(held_out(shop, given), held_out(shop, model)),
+        {} if reason else weighed(held, held_out(shop, model)),
         reason,
     )
 

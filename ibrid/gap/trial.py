@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,7 +13,7 @@ from ibrid.evaluation.recording import record_at
 from ibrid.gap.catalogue import insertions
 from ibrid.gap.convention import Convention, written_otherwise
 from ibrid.gap.effect import Effect, Insertion
-from ibrid.gap.noise import Noise
+from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter, Values
 from ibrid.modules.vocabulary import Vocabulary
@@ -22,8 +21,6 @@ from ibrid.structure.diagram import Diagram
 
 #: Probability of one false alarm in a whole catalogue of tests.
 FALSE_ALARM = 1e-3
-#: Least p value of an absolute fit that counts as adequate.
-ADEQUATE = 1e-3
 #: Difference of the Bayesian information criterion up to which two answers cannot be told apart.
 ALIKE = 10.0
 #: Gain of chi2, one degree of freedom, that noise reaches once in twenty.
@@ -75,8 +72,6 @@ class Workshop:
         self.noise, self.kinds, self.prior, self.catalogue, self.rng = noise, kinds, prior, tuple(catalogue), rng
         self._refitters: dict[Convention, Refitter] = {}
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
-        #: Answers of `ibrid.gap.held_out`, which two ask for.
-        self.held_out: WeakKeyDictionary[Model, Any] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""
@@ -122,17 +117,16 @@ class Workshop:
 
         quick : from these values alone, without further draws.
         """
-        length = max((len(bank) for bank in insertion.parameters.values()), default=1)
-        banks = [
-            {name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)
-        ]
-        origins = quick or (model.refit.values, {})
-        starts = [{**values, **bank} for bank in banks for values in origins]
+        starts = _starts(insertion, quick or (model.refit.values, {}))
         draws = 0 if quick else TRIAL_DRAWS
         refit = self.refitter(model.convention).refit(insertion.diagram, starts, draws=draws, spread=0.5)
         if refit is None:
             return None
         return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
+
+    def glance(self, model: Model, insertion: Insertion) -> float:
+        """About the information criterion of a model with an edit, by a few steps from its own values."""
+        return self.refitter(model.convention).glance(insertion.diagram, _starts(insertion, [model.refit.values]))
 
     def read_otherwise(self, model: Model) -> Iterator[Model]:
         """A model on the data as they read in other conventions, refitted."""
@@ -180,6 +174,13 @@ class Workshop:
         low, high = max(numbers[place] - step, -bound), min(numbers[place] + step, bound)
         number = np.asarray(fminbound(cost, low, high, xtol=1e-7, maxfun=25, disp=0)).item()
         yield from self._in(model, read(number), 1)
+
+
+def _starts(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
+    """Values of a model with each of the finite strengths of an effect."""
+    length = max((len(bank) for bank in insertion.parameters.values()), default=1)
+    banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)]
+    return [{**values, **bank} for bank in banks for values in origins]
 
 
 def threshold(extra: int, tests: int) -> float:

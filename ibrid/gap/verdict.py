@@ -7,6 +7,7 @@ import numpy as np
 
 from ibrid.gap.convention import Convention
 from ibrid.gap.effect import Insertion
+from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
@@ -20,7 +21,8 @@ STRUCTURED = 4.0
 @dataclass(frozen=True, eq=False)
 class Findings:
     """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete for its place.
-    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed."""
+    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed. `before`, `after` :
+    errors of `given`, and of what repairs it, where they were not fitted; None where nothing repairs it."""
 
     noise: Noise
     given: Model
@@ -31,6 +33,8 @@ class Findings:
     scale: float
     tests: int
     steps: tuple[str, ...]
+    before: HeldOut | None = None
+    after: HeldOut | None = None
 
     @property
     def repaired(self) -> bool:

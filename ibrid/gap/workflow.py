@@ -9,7 +9,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.plan import make_plan
 from ibrid.fit import kernel
-from ibrid.gap.amplitude_workflow import Question, gap_at_amplitudes
+from ibrid.gap.amplitude_workflow import GapRequest, gap_at_amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.effect import Effect
@@ -81,7 +81,7 @@ def find_gap(
             return find_gap(diagram, small, values, holdout_op=held, vocabulary=vocabulary, catalogue=catalogue,
                             suggest=suggest, seed=seed, tell=tell)  # fmt: skip
 
-        asked = Question(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
+        asked = GapRequest(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
         return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
     noise = noise_of(plan.fitted)
     shop = Workshop(noise, plan.kinds, prior, catalogue, np.random.default_rng(seed))
@@ -96,11 +96,12 @@ def find_gap(
     bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
-    if best is not given and not predicts(held_out(shop, given), held_out(shop, best), len(plan.fitted.points)):
+    before, after = (held_out(shop, given), held_out(shop, best)) if best is not given else (None, None)
+    if before is not None and after is not None and not predicts(before, after, len(plan.fitted.points)):
         bench.steps.append(
             "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
         )
-        best, rivals = given, []
+        best, after, rivals = given, None, []
     bench.scale = scale_of(noise, [given, best, *trials], ports)
     found = Findings(
         noise,
@@ -112,6 +113,8 @@ def find_gap(
         bench.scale,
         bench.tests,
         tuple(bench.steps),
+        before,
+        after,
     )
     gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
     return replace(gap, seconds=time.perf_counter() - began)

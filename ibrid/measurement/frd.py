@@ -44,7 +44,7 @@ MODEL_GRID = np.array([float(f"{hz:.12g}") for hz in np.geomspace(5.0, 5000.0, 6
 
 
 def from_system(
-    system: Any, frequency: np.ndarray | None = None, *, p: float, q: float, v: float = 1.0, **keys: object
+    system: Any, frequency: np.ndarray | None = None, *, p: float, q: float, v: float = 1.0, **keys: Any
 ) -> Sweep:
     """A sweep of one operating point from a python-control model, as if it had been measured without noise.
 
@@ -57,7 +57,7 @@ def from_system(
     if hasattr(system, "frdata"):
         if frequency is not None:
             raise SweepError("an FRD is given at its own frequencies; leave frequency out, or choose among its rows.")
-        return from_frd(system, p=p, q=q, v=v, **keys)  # pyright: ignore[reportArgumentType]
+        return from_frd(system, p=p, q=q, v=v, **keys)
     if not callable(getattr(system, "frequency_response", None)):
         raise SweepError(f"from_system must get a python-control model; found {type(system).__name__}.")
     if (getattr(system, "noutputs", None), getattr(system, "ninputs", None)) != (2, 2):

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from math import isfinite
-from typing import Literal
+from typing import Any, Literal
 
 from ibrid.errors import SweepError, near
 from ibrid.measurement.sweep import OperatingPoint, PowerNode
@@ -84,7 +84,7 @@ def read_keys(
 
 def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = ()) -> Header:
     """The header that these keys make; other keys are left alone. SweepError when a value is out of range."""
-    values: dict[str, object] = {}
+    values: dict[str, Any] = {}
     for key in HEADER_KEYS:
         value = keys.get(key)
         if value is None:
@@ -98,7 +98,7 @@ def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = (
             if number <= 0:
                 raise SweepError(f"{where}: {key} must be positive; found {value}.")
             values[key] = number
-    return Header(**values, notes=notes)  # type: ignore[arg-type]
+    return Header(**values, notes=notes)
 
 
 def point_of(keys: Mapping[str, object], where: str, default_name: str) -> OperatingPoint:
@@ -116,10 +116,10 @@ def point_of(keys: Mapping[str, object], where: str, default_name: str) -> Opera
     return OperatingPoint(str(keys.get("op") or default_name), **numbers)
 
 
-def number_of(value: object, what: str) -> float:
+def number_of(value: Any, what: str) -> float:
     """A finite number; SweepError, beginning with `what`, otherwise."""
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError):
         number = float("nan")
     if not isfinite(number) or (isinstance(value, str) and "_" in value):

@@ -14,11 +14,10 @@ from scipy.stats import norm
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.products import UNKNOWN, sigma_of, with_products
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 
 #: Probability of one false alarm in all operating points, frequencies and entries of a measurement.
 FALSE_ALARM = 1e-3
-ENTRIES = ("dd", "dq", "qd", "qq")
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def small_signal(sweep: Sweep, found: Linearity) -> Sweep | None:
             return None
         known = estimate_point(point).sigma is not None
         wide = replace(with_products(point), repeats=None) if found.bands and known else point
-        points.append(_at(wide, kept))
+        points.append(wide.at(kept))
     return replace(sweep, points=tuple(points))
 
 
@@ -194,14 +193,3 @@ def _band(run: list[_Cell], number: int, entry: str, limit: float) -> AmplitudeD
 
 def _smallest(point: PointSweep) -> float:
     return float("nan") if point.amplitude is None else float(point.amplitude.min())
-
-
-def _at(point: PointSweep, kept: np.ndarray) -> PointSweep:
-    return replace(
-        point,
-        frequency=point.frequency[kept],
-        admittance=point.admittance[kept],
-        sigma=None if point.sigma is None else point.sigma[kept],
-        repeats=None if point.repeats is None else point.repeats[:, kept],
-        amplitude=None if point.amplitude is None else point.amplitude[kept],
-    )

@@ -24,12 +24,7 @@ def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
     Raises SweepError: the file is no such model, or has no finite response at a frequency.
     """
     path = Path(path)
-    data = _content(path)
-    found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-    if found == "ibrid.record/1":
-        raise SweepError(f"{path} must be a sweep; found a record, make one with ibrid export --format csv.")
-    if found != SCHEMA:
-        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {found!r}, make it with ibrid export.")
+    data = state_space_data(path)
     try:
         a, b, c, d = (np.array(data[part], dtype=float) for part in "ABCD")
         s = 2j * np.pi * MODEL_GRID[:, None, None]
@@ -47,11 +42,18 @@ def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
     return sweep_of_response(MODEL_GRID, response, inside | known_keys(keys), where=str(path))
 
 
-def _content(path: Path) -> Any:
+def state_space_data(path: Path) -> dict[str, Any]:
+    """What such a file says, by key. SweepError: it cannot be read, is no JSON, or says that it is something else."""
     try:
-        return json.loads(read_bytes(path).decode("utf-8-sig"))
+        data = json.loads(read_bytes(path).decode("utf-8-sig"))
     except (ValueError, RecursionError):
         raise SweepError(
             f"{path} must be a sweep or a model; found JSON that cannot be read, make it with ibrid export "
             "--format control-json."
         ) from None
+    found = data.get("schema") if isinstance(data, dict) else type(data).__name__
+    if found == "ibrid.record/1":
+        raise SweepError(f"{path} must be a sweep or a model; found a record, make one of it with ibrid export.")
+    if found != SCHEMA:
+        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {found!r}, make it with ibrid export.")
+    return data

@@ -13,6 +13,8 @@ import numpy as np
 from ibrid.errors import OperatingPointError, SweepError, near
 
 PowerNode = Literal["capacitor", "pcc"]
+#: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,23 @@ class PointSweep:
     def omega(self) -> np.ndarray:
         """(K,) rad/s."""
         return 2 * pi * self.frequency
+
+    def at(self, chosen: np.ndarray) -> "PointSweep":
+        """The measurement at some of its frequencies, and the larger amplitudes at those of them that they have.
+
+        chosen : (K,) bool, or ascending places.
+        """
+        frequency = self.frequency[chosen]
+        larger = [(one, np.isin(one.frequency, frequency)) for one in self.larger]
+        return replace(
+            self,
+            frequency=frequency,
+            admittance=self.admittance[chosen],
+            sigma=None if self.sigma is None else self.sigma[chosen],
+            repeats=None if self.repeats is None else self.repeats[:, chosen],
+            amplitude=None if self.amplitude is None else self.amplitude[chosen],
+            larger=tuple(one.at(kept) for one, kept in larger if kept.any()),
+        )
 
     def _check_frequency(self) -> None:
         found = self.frequency

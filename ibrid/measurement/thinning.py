@@ -23,11 +23,4 @@ def can_be_thinned(sweep: Sweep) -> bool:
 def _thinned(point: PointSweep, hold: bool) -> PointSweep:
     number = np.arange(len(point.frequency))
     chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
-    chosen = chosen if hold else ~chosen
-    return replace(
-        point,
-        frequency=point.frequency[chosen],
-        admittance=point.admittance[chosen],
-        sigma=None if point.sigma is None else np.asarray(point.sigma)[chosen],
-        repeats=None if point.repeats is None else np.asarray(point.repeats)[:, chosen],
-    )
+    return point.at(chosen if hold else ~chosen)

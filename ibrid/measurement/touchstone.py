@@ -1,7 +1,7 @@
 """Touchstone two-ports (.s2p, .y2p, .z2p) that hold a dq admittance or impedance: port 1 is d, port 2 is q."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -92,21 +92,20 @@ def _options(body: list[tuple[int, str]], path: Path) -> _Options:
 
 
 def _parsed_options(words: list[str], where: str) -> _Options:
-    values: dict[str, object] = {}
+    options = _Options()
     rest = iter(words)
     for word in rest:
         if word in _HZ:
-            values["hz"] = _HZ[word]
+            options = replace(options, hz=_HZ[word])
         elif word in _PARAMETERS:
-            values["parameter"] = word
+            options = replace(options, parameter=word)
         elif word in _FORMATS:
-            values["form"] = word
+            options = replace(options, form=word)
         elif word == "R":
-            values["ohm"] = number_of(next(rest, ""), f"{where}: R")
+            options = replace(options, ohm=number_of(next(rest, ""), f"{where}: R"))
         else:
             known = (*_HZ, *_PARAMETERS, *_FORMATS, "R")
             raise SweepError(f"{where}: {word[:40]} is not a Touchstone option; {near(word, known)}")
-    options = _Options(**values)  # type: ignore[arg-type]
     if options.parameter not in "YZ":
         raise SweepError(f"{where}: parameter must be Y or Z; found {options.parameter}, export admittances.")
     if options.ohm <= 0:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.style import series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 #: Points of a model line.
 DENSE = 500
 #: Poles with less damping than this get points of their own, so many on a peak, to so many half widths on each side.

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.markup import cell, error_cell, escape, head, row, table
 from ibrid.report.numbers import percent
-
-ENTRIES = ("dd", "dq", "qd", "qq")
 
 
 def error_tables(record: Record) -> str:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ibrid.report.bode import ENTRIES, draw_bode
+from ibrid.measurement.sweep import ENTRIES
+from ibrid.report.bode import draw_bode
 from ibrid.report.gap_curves import PointView
 from ibrid.report.style import MUTED, series
 from ibrid.report.ticks import plain_decades

@@ -1,13 +1,14 @@
 """How large the gap is: errors of the model as given, refitted and repaired against what noise alone would leave."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.gap.result import Gap
-from ibrid.report.bode import ENTRIES
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.gap_curves import Line, PointView, repaired
 from ibrid.report.markup import cell, error_cell, escape, head, row, table
 from ibrid.report.numbers import error, percent
@@ -26,7 +27,7 @@ def summary_table(gap: Gap, views: Sequence[PointView]) -> str:
         found |= {line.name: nrmse(line.at_data, view.point) for line in view.lines}
         values = [found.get(name) for name in ("as given", "refitted", "repaired")]
         words = f"{view.name}, held out" if view.held_out else view.name
-        rows.append(_summary_row(gap, words, values, _noise(view, ...) if view.known else None))
+        rows.append(_summary_row(gap, words, values, _noise(view) if view.known else None))
     names = ["NRMSE", "as given", "refitted", *(["repaired"] if repaired(gap) else []), "noise alone"]
     names += ["gap closed"] if repaired(gap) else []
     caption = "Norm of the difference over the norm of the measurement."
@@ -106,6 +107,6 @@ def _cell(view: PointView, line: Line, inside: np.ndarray, entry: str) -> str:
     return f'<td class="n"{style}><data value="{value!r}">{escape(error(value))}</data>{mark}</td>'
 
 
-def _noise(view: PointView, place: object) -> float:
-    """What noise alone leaves of a part, relative to its measured norm."""
-    return float(np.linalg.norm(view.noise[place]) / np.linalg.norm(view.point.admittance[place]))  # type: ignore[index]
+def _noise(view: PointView, place: tuple[Any, ...] = ()) -> float:
+    """What noise alone leaves of a part of (K, 2, 2), relative to its measured norm. place : its index; () is the whole."""
+    return float(np.linalg.norm(view.noise[place]) / np.linalg.norm(view.point.admittance[place]))

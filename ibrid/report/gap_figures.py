@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from ibrid.gap.result import Gap
-from ibrid.report.bode import ENTRIES
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.gap_bode import draw_entry
 from ibrid.report.gap_curves import PointView, point_views
 from ibrid.report.gap_measured import missing
@@ -70,7 +70,7 @@ def _draw_entries(figure: "FigureBase", shown: PointView) -> None:
     for one in shown.lines:
         colour, _, dashes = series(one.index)
         handles.append(Line2D([], [], color=colour))
-        handles[-1].set_linestyle(dashes)  # type: ignore[arg-type]
+        handles[-1].set_linestyle(dashes)
     names = [f"measured at {shown.name}", *(one.name for one in shown.lines)]
     figure.legend(handles, names, loc="outside upper left", ncols=len(names))
 

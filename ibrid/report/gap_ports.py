@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
+from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ADEQUATE
 from ibrid.report.gap_measured import Missing
 from ibrid.report.numbers import number
 from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ibrid.gap.result import Gap
-from ibrid.report.bode import ENTRIES
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.gap_bode import draw_entry
 from ibrid.report.gap_curves import PointView, comparable

@@ -72,8 +72,8 @@ class _Blocks:
             power_node=settings["power_node"],
             omega_0=2 * np.pi * settings["f0_hz"],
         )
-        bound = {name: table.of(name, kind.delay) for name, kind in wiring.kinds.items() if kind.delay is not None}
-        self.delays = {name: values[one] if isinstance(one, str) else one for name, one in bound.items()}
+        delayed = {name: kind.delay for name, kind in wiring.kinds.items() if kind.delay is not None}
+        self.delays = {name: table.value(name, delay, values) for name, delay in delayed.items()}
 
     def between(self, other: Wiring, unknown: str = "", gain: float = 1.0) -> np.ndarray:
         """From the outputs of the modules in common with another wiring to their inputs, (N, inputs, outputs).

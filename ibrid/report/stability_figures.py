@@ -77,8 +77,9 @@ def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
         for locus in case.nyquist.loci.T:
             drawn = _squeezed(_dense(locus))
             largest = max(largest, float(np.abs(drawn).max()))
-            plane.plot(drawn.real, drawn.imag, color=colour, linestyle=dashes, linewidth=1.5)  # type: ignore[arg-type]
-            plane.plot(drawn.real, -drawn.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)  # type: ignore[arg-type]
+            x, y = np.real(drawn), np.imag(drawn)
+            plane.plot(x, y, color=colour, linestyle=dashes, linewidth=1.5)
+            plane.plot(x, -y, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)
     for ring in RINGS:
         radius = float(np.log2(1 + ring))
         if ring <= FARTHEST:
@@ -109,7 +110,7 @@ def draw_passivity(axes: Sequence["Axes"], points: Sequence[PointStability]) -> 
     plane.axhline(0, color=INK, linewidth=0.9)
     for index, one in enumerate(points):
         colour, _, dashes = series(index)
-        plane.plot(one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6)  # type: ignore[arg-type]
+        plane.plot(one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6)
     plane.set_xlim(points[0].frequency[0], points[0].frequency[-1])
     plane.set_ylim(bottom=2.0 * min(lowest, -0.02))
     plane.set_xlabel("frequency  (Hz)")

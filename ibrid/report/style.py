@@ -2,6 +2,10 @@
 
 import math
 from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
 
 #: Light and dark colour per operating point; markers and dashes tell them apart on paper and for colour-blind readers.
 SERIES = (
@@ -13,7 +17,7 @@ SERIES = (
     ("#b5265e", "#f27fa8"),
 )
 MARKERS = ("o", "s", "^", "D", "v", "P")
-DASHES = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
+DASHES: tuple["LineStyleType", ...] = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
 
 #: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style sheet.
 INK, MUTED, RULE, DANGER = "#010203", "#020304", "#030405", "#040506"
@@ -22,7 +26,7 @@ SERIES_STAND_INS = tuple(f"#0506{index:02x}" for index in range(len(SERIES)))
 STAND_INS |= {stand_in: f"var(--series-{index})" for index, stand_in in enumerate(SERIES_STAND_INS)}
 
 
-def series(index: int) -> tuple[str, str, object]:
+def series(index: int) -> tuple[str, str, "LineStyleType"]:
     """Colour stand-in, marker and dash pattern of the operating point number `index`."""
     turn = index % len(SERIES)
     return SERIES_STAND_INS[turn], MARKERS[turn], DASHES[turn]

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.modes import measured_up_to, modes
 from ibrid.report.numbers import error, hertz, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
 from ibrid.report.verdict import stability, verdict
 
 WIDTH = 110
-ENTRIES = ("dd", "dq", "qd", "qq")
 _LONGEST = 34
 
 

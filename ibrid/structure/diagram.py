@@ -99,8 +99,6 @@ class Diagram:
             return NotImplemented
         return self.instances == other.instances and self.connections == other.connections
 
-    __hash__ = None  # type: ignore[assignment]  # mutable
-
     def __repr__(self) -> str:
         return f"<Diagram {self.name}: {len(self._instances)} modules, {len(self._connections)} connections>"
 

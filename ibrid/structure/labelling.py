@@ -5,11 +5,11 @@ within a component one vertex after the other is told apart, and symmetric choic
 """
 
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: A labelled graph: a sortable label per vertex, and edges (start, end, label) with sortable labels of one type.
-Edge = tuple[int, int, Hashable]
+#: An edge of a labelled graph: start, end, label.
+Edge = tuple[int, int, str]
 
 #: Vertices told apart before symmetry is given up; far above what a drawn controller needs.
 MOST_CHOICES = 1000
@@ -38,7 +38,7 @@ class _Labelling:
 
     def __init__(self, labels: Sequence[str], edges: Sequence[Edge]) -> None:
         self.labels = list(labels)
-        words = {label: index for index, label in enumerate(sorted({label for *_, label in edges}))}  # type: ignore[type-var]
+        words = {label: index for index, label in enumerate(sorted({label for *_, label in edges}))}
         self.edge_words = list(words)
         self.edges = [(start, end, words[label]) for start, end, label in edges]
         self.around: list[list[tuple[int, int]]] = [[] for _ in labels]

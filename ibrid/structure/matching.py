@@ -90,8 +90,10 @@ class _Scorer:
     def links(self, pairing: Pairing) -> int:
         common = []
         for key, weight in self.first.links.items():
-            other = (pairing.get(key[0]), key[1], pairing.get(key[2]), key[3])
-            found = self.second.links.get(other)  # type: ignore[arg-type]
+            if key[0] not in pairing or key[2] not in pairing:
+                continue
+            other = (pairing[key[0]], key[1], pairing[key[2]], key[3])
+            found = self.second.links.get(other)
             if found is not None and np.array_equal(weight != 0, found != 0):
                 common.append((key, other, _sign_equations(key, weight, found)))
         forward = self._consistent(pairing, [equations for *_, equations in common])

@@ -1,7 +1,8 @@
 """The parameters of a diagram: which numbers are free, fixed, shared by name, and within which box."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
@@ -52,6 +53,11 @@ class ParameterTable:
         """The free name or the fixed number of a module's parameter."""
         return self.bound[instance, parameter]
 
+    def value(self, instance: str, parameter: str, values: Mapping[str, Any]) -> Any:
+        """The value of a module's parameter. values : free name -> value, number or symbol."""
+        bound = self.of(instance, parameter)
+        return values[bound] if isinstance(bound, str) else bound
+
 
 def kind_parameters(kind: ModuleKind, equilibrium: str) -> dict[str, Range]:
     """All parameters of a kind under an equilibrium mode, with their ranges."""
@@ -81,6 +87,14 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
             bound[key] = name
             groups.setdefault(name, []).append((key, box))
     return ParameterTable(tuple(_merge(name, members) for name, members in groups.items()), bound)
+
+
+def parameters_at(wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """instance -> parameter -> value, for the table of a wired diagram. values : free name -> value, number or symbol."""
+    found: dict[str, dict[str, Any]] = {name: {} for name in wiring.kinds}
+    for name, parameter in table.bound:
+        found[name][parameter] = table.value(name, parameter, values)
+    return found
 
 
 def narrow(box: Range, low: float, high: float) -> Range:

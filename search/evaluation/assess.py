@@ -28,7 +28,7 @@ PROMISING = 0.99
 class Subject:
     """What all jobs of a search share: data, physics, the effort of the quick and the thorough fit. It travels to workers.
 
-    `floor` : how errors are measured, and by that what fits minimise; None: NRMSE.
+    `floor` : how errors are measured; None: NRMSE.
     """
 
     sweep: Sweep
@@ -59,7 +59,7 @@ class Subject:
             vocabulary=self.kinds,
             holdout_op=self.holdout_op,
             seed=self.seed,
-            settings=settings if self.floor is None else replace(settings, objective=self.floor.objective),
+            settings=settings,
             warm=warm,
         )
 

@@ -14,7 +14,7 @@ def _control_delay(model: Model) -> Iterator[Insertion]:
     present = [name for name in lags(model) if model.draft.instances[name].kind != "LPF1_dq"]
     for name in present:
         where = f"{name}, which delays {command}"
-        yield from model.edited("control_delay", "remove", where, lambda draft, name=name: draft.bypass(name))
+        yield from model.bypassed("control_delay", "remove", where, name)
     if not present:
 
         def delayed(draft: Edit) -> dict[str, Strength]:
@@ -40,7 +40,7 @@ def _command_filter(model: Model) -> Iterator[Insertion]:
     present = [name for name in lags(model) if model.draft.instances[name].kind == "LPF1_dq"]
     for name in present:
         where = f"{name}, which filters {command}"
-        yield from model.edited("command_filter", "remove", where, lambda draft, name=name: draft.bypass(name))
+        yield from model.bypassed("command_filter", "remove", where, name)
     if not present:
 
         def filtered(draft: Edit) -> dict[str, Strength]:
@@ -66,7 +66,7 @@ def _measurement_delay(model: Model) -> Iterator[Insertion]:
     present = [name for name in current_path(model) if model.draft.instances[name].kind in ("Delay", "Pade1_dq")]
     for name in present:
         where = f"{name}, which delays {current}"
-        yield from model.edited("measurement_delay", "remove", where, lambda draft, name=name: draft.bypass(name))
+        yield from model.bypassed("measurement_delay", "remove", where, name)
     for what, entries in current_entries(model).items() if not present else ():
 
         def delayed(draft: Edit, entries: list[str] = entries) -> dict[str, Strength]:

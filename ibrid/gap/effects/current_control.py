@@ -72,7 +72,7 @@ def _current_filter(model: Model) -> Iterator[Insertion]:
     present = [name for name in current_path(model) if model.draft.instances[name].kind == "LPF1_dq"]
     for name in present:
         where = f"{name} behind {current}"
-        yield from model.edited("current_filter", "remove", where, lambda draft, name=name: draft.bypass(name))
+        yield from model.bypassed("current_filter", "remove", where, name)
         yield from _other_extent(model, name, current)
     for what, entries in current_entries(model).items() if not present else ():
 

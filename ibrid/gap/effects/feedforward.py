@@ -62,7 +62,7 @@ def _voltage_feedforward(model: Model) -> Iterator[Insertion]:
     gains = [name for name in found.blocks if draft.instances[name].kind == "Gain_dq"]
     for name in gains:
         unscaled = f"{where}, as it is, without {name}"
-        yield from model.edited("voltage_feedforward", "replace", unscaled, lambda draft, name=name: draft.bypass(name))
+        yield from model.bypassed("voltage_feedforward", "replace", unscaled, name)
     if not gains:
 
         def with_gain(draft: Edit) -> dict[str, Strength]:
@@ -92,9 +92,7 @@ def _feedforward_filter(model: Model) -> Iterator[Insertion]:
     present = [name for name in found.blocks if model.draft.instances[name].kind == "LPF1_dq"]
     for name in present:
         words = f"{name} on the way from {where}"
-        yield from model.edited(
-            "voltage_feedforward_filter", "remove", words, lambda draft, name=name: draft.bypass(name)
-        )
+        yield from model.bypassed("voltage_feedforward_filter", "remove", words, name)
     if not present:
 
         def filtered(draft: Edit) -> dict[str, Strength]:

@@ -114,7 +114,7 @@ def _droop(model: Model, effect: str, source: str, loop: str, where: str, signed
         filters = [name for name in blocks if draft.instances[name].kind == "LPF1"]
         for name in filters:
             words = f"without the filter {name}"
-            yield from model.edited(effect, "replace", f"{where}, {words}", lambda draft, name=name: draft.bypass(name))
+            yield from model.bypassed(effect, "replace", f"{where}, {words}", name)
         if not filters:
 
             def filtered(draft: Edit) -> dict[str, Strength]:

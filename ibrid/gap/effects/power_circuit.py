@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ibrid.gap.effect import Edit, Effect, Insertion, Model, Strength
+from ibrid.gap.effect import Edit, Effect, Insertion, Model, Strength, no_edit
 from ibrid.gap.places import has_line
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table
@@ -183,10 +183,6 @@ FILTER_CAPACITOR = Effect(
 )
 
 
-def _no_edit(model: Model) -> Iterator[Insertion]:
-    return iter(())
-
-
 FRAME_MISALIGNMENT = Effect(
     id="frame_misalignment",
     law="Y' = R(a) Y R(-a), a constant angle of the measuring frame",
@@ -194,6 +190,6 @@ FRAME_MISALIGNMENT = Effect(
     signature="everywhere, in proportion to the asymmetry of Y; dq and qd half each, nothing in their sum with dd and qq",
     confused_with=("decoupling",),
     told_apart_by="a passive load of known impedance in the inverter's place; its admittance does not turn",
-    insertions=_no_edit,
+    insertions=no_edit,
     measurement=True,
 )

@@ -151,7 +151,7 @@ def _reference_filter(model: Model) -> Iterator[Insertion]:
         present = [name for name in blocks if draft.instances[name].kind == "LPF1_dq"]
         for name in present:
             where = f"{name} between {pack}.out and {reference}"
-            yield from model.edited("reference_filter", "remove", where, lambda draft, name=name: draft.bypass(name))
+            yield from model.bypassed("reference_filter", "remove", where, name)
         if not present:
 
             def filtered(draft: Edit, pack: str = pack) -> dict[str, Strength]:

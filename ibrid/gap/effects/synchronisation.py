@@ -79,17 +79,13 @@ def _pll_prefilter(model: Model) -> Iterator[Insertion]:
         row = row_before(model.draft, f"{pll}.e_q", PREFILTERS)
         for name in row:
             kind = model.draft.instances[name].kind
-            yield from model.edited("pll_prefilter", "remove", f"{name} before {pll}.e_q", _bypassed(name))
+            yield from model.bypassed("pll_prefilter", "remove", f"{name} before {pll}.e_q", name)
             for other in {"LPF1": ("Notch",), "Notch": ("LPF1",), "Pade1": ("LPF1", "Notch")}[kind]:
                 where = f"{other} in place of the {kind} {name} before {pll}.e_q"
                 yield from model.edited("pll_prefilter", "replace", where, _exchanged(name, other))
         for kind in ("LPF1", "Notch"):
             further = "a further " if any(model.draft.instances[name].kind == kind for name in row) else ""
             yield from model.edited("pll_prefilter", "add", f"{further}{kind} before {pll}.e_q", _before(pll, kind))
-
-
-def _bypassed(name: str):
-    return lambda draft: draft.bypass(name)
 
 
 def _exchanged(name: str, kind: str):
