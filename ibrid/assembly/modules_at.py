@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.assembly.equilibrium import equilibria, paper_equilibria
+from ibrid.assembly.equilibrium import device_equilibria, paper_equilibria
 from ibrid.assembly.numbers import zero_of
 from ibrid.assembly.signals_at_rest import Pair, matrices_of
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
 from ibrid.structure.parameters import ParameterTable, parameters_at
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.wiring import PLANT, Wiring
 
 
 def module_matrices(
@@ -36,16 +36,17 @@ def module_matrices(
     if equilibrium == "paper":
         at = paper_equilibria(wiring, parameters)
     else:
-        frame, ports = equilibria(wiring, parameters, point, power_node, omega_0)
-        at = {name: (frame, ports[name]) for name in wiring.kinds}
+        at = device_equilibria(wiring, parameters, point, power_node, omega_0)
     found: dict[str, Matrices] = {}
     for name, kind in wiring.kinds.items():
         if kind.delay is not None and pade_orders is not None:
             found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
             found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
-    if equilibrium != "paper" and "L_g" in parameters[wiring.plant]:  # only a node behind an impedance has a limit
-        found[wiring.plant] = _where_it_exists(found[wiring.plant], at[wiring.plant][1])
+    for name, kind in wiring.kinds.items():
+        # only a node behind an impedance has a limit
+        if equilibrium != "paper" and kind.family == PLANT and "L_g" in parameters[name]:
+            found[name] = _where_it_exists(found[name], at[name][1])
     return found
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     import control
 
 SCHEMA = "ibrid.record/1"
+#: What shows a record in notebooks; it lies above, so it is named here and imported when it is asked for.
+NOTEBOOK = "ibrid.report.notebook"
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,10 @@ class Record:
         if omega.ndim != 1 or not np.isfinite(omega).all():
             raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+
+    def _repr_html_(self) -> str:
+        """Verdict, response and parameters, for notebooks."""
+        return import_module(NOTEBOOK).record_html(self)
 
     @property
     def _wiring(self) -> Wiring:

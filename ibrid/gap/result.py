@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SCHEMA = "ibrid.gap/1"
 #: What draws an answer; it lies above, so it is named here and imported when a figure is asked for.
 FIGURES = "ibrid.report.gap_figures"
+NOTEBOOK = "ibrid.report.notebook"
 Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
 
 
@@ -165,3 +166,7 @@ class Gap:
     def plot(self, op: str | None = None) -> Any:
         """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""
         return import_module(FIGURES).gap_figure(self, op)
+
+    def _repr_html_(self) -> str:
+        """Verdict, what is missing, before and after, for notebooks."""
+        return import_module(NOTEBOOK).gap_html(self)

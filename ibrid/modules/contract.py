@@ -103,7 +103,7 @@ def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str,
 def _check_effects(kind: ModuleKind, arguments: dict[str, Any]) -> None:
     before = _response(kind, arguments)
     for name, value in arguments.items():
-        if name == kind.delay:
+        if name == kind.delay or name in kind.shares:
             continue  # outside the matrices
         after = _response(kind, arguments | {name: _changed(value)})
         if np.abs(after - before).max() <= NO_EFFECT * np.abs(before).max():

@@ -78,6 +78,7 @@ class ModuleKind:
         rest are not a fixed multiple of its input. Static kinds need none.
     equilibrium : port -> "E0d", "I0d" or "V0", the value taken under `equilibrium="paper"`.
     delay : parameter that is a transport delay exp(-s T); the port then carries it exactly in frequency responses.
+    shares : parameters that set the operating point of a device and no matrix, as the fraction of p that it delivers.
     bilinear : True for a product of its inputs, whose operating point is not that of its linearisation.
     reference : where the law comes from.
     extended : True for kinds beyond the 23 of the paper.
@@ -99,6 +100,7 @@ class ModuleKind:
     dc_gain: float | None = None
     equilibrium: Mapping[str, str] = field(default_factory=dict)
     delay: str | None = None
+    shares: tuple[str, ...] = ()
     bilinear: bool = False
     extended: bool = False
     large_signal: LargeSignal | None = None

@@ -87,6 +87,11 @@ def square_root(value: Any) -> Any:
     return value**0.5 if isinstance(value, int | float) else value.sqrt()
 
 
+def reciprocal(value: Any) -> Any:
+    """1/value of a number, a CasADi symbol or text; not a number of zero, where there is no such operating point."""
+    return float("nan") if isinstance(value, int | float) and value == 0 else 1 / value
+
+
 def _flat(value: Any, width: int) -> Sequence[Any]:
     return (value,) if width == 1 else value
 

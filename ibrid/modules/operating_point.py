@@ -4,6 +4,8 @@ R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilib
 these are the printed matrices of the paper; with the full operating point they are the exact linearisation.
 """
 
+from dataclasses import replace
+
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.large_signal import LargeSignal, cosine, sine, square_root
 from ibrid.signals import Signal
@@ -109,6 +111,31 @@ J_MUL_OMEGA = ModuleKind(
     extended=True,
     reference="paper, equation (6b), linearised",
     large_signal=LargeSignal(_j_mul_omega_law),
+)
+
+
+def _share(share_p, share_q):
+    return [], [], [[], []], [[1, 0], [0, 1]]
+
+
+_FRACTION = Range(-2.0, 3.0, 0.5, "1", "fraction that this device delivers, the rest is the other's")
+
+SHARE = ModuleKind(
+    name="Share",
+    family="operating point",
+    law="v = v_DQ, the terminal voltage of one of two devices behind one PCC: of their p and q it delivers the fractions "
+    "share_p and share_q, the device without a Share the rest",
+    inputs={"v_DQ": Signal.DQ_VEC},
+    outputs={"v": Signal.DQ_VEC},
+    states=(),
+    parameters={
+        "share_p": replace(_FRACTION, meaning=f"of p the {_FRACTION.meaning}"),
+        "share_q": replace(_FRACTION, meaning=f"of q the {_FRACTION.meaning}"),
+    },
+    state_space=_share,
+    shares=("share_p", "share_q"),
+    extended=True,
+    reference="currents at a common PCC add up",
 )
 
 

@@ -1,8 +1,13 @@
-"""Synchronisation: the phase-locked loop that turns a quadrature voltage into frequency and angle deviations."""
+"""Synchronisation: a phase-locked loop that turns the frame, one that only measures in it, and a virtual oscillator."""
+
+from math import pi
 
 from ibrid.modules.control import integral, proportional
-from ibrid.modules.kind import ModuleKind
+from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal, cosine, reciprocal, sine, square_root
 from ibrid.signals import Signal
+
+SYNCHRONISATION = "synchronisation"
 
 
 def _srf_pll(kP_pll, kI_pll):
@@ -15,7 +20,7 @@ def _srf_pll(kP_pll, kI_pll):
 
 SRF_PLL = ModuleKind(
     name="SRF_PLL",
-    family="synchronisation",
+    family=SYNCHRONISATION,
     law="delta_omega = (kP_pll + kI_pll/s) e_q in rad/s; delta = delta_omega/s in rad",
     inputs={"e_q": Signal.SCALAR},
     outputs={"delta_omega": Signal.SCALAR, "delta": Signal.SCALAR},
@@ -23,4 +28,92 @@ SRF_PLL = ModuleKind(
     parameters={"kP_pll": proportional(60.0), "kI_pll": integral(1500.0)},
     state_space=_srf_pll,
     reference="paper, appendix A.4 and equation (3)",
+)
+
+
+def _pll_frequency(kP_pll, kI_pll, v_eq):
+    size = square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1])
+    on_d, on_q = -v_eq[1] * reciprocal(size), v_eq[0] * reciprocal(size)  # of v, on the q axis of the PLL
+    a = [[0, -size], [kI_pll, -kP_pll * size]]
+    b = [[on_d, on_q, 0], [kP_pll * on_d, kP_pll * on_q, -1]]
+    return a, b, [[kI_pll, -kP_pll * size]], [[kP_pll * on_d, kP_pll * on_q, 0]]
+
+
+def _pll_frequency_law(x, v, delta_omega, kP_pll, kI_pll, v_eq):
+    # the PLL's angle counts from v at rest, where its cosine and sine are v_eq / |v_eq|
+    scale = reciprocal(square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]))
+    along = scale * (v_eq[0] * v[0] + v_eq[1] * v[1])
+    across = scale * (v_eq[0] * v[1] - v_eq[1] * v[0])
+    v_q = across * cosine(x[1]) - along * sine(x[1])
+    omega = kP_pll * v_q + kI_pll * x[0]
+    return (v_q, omega - delta_omega), (omega,)
+
+
+def _locked_at_rest():
+    return 0.0, 0.0
+
+
+PLL_FREQUENCY = ModuleKind(
+    name="PLL_frequency",
+    family=SYNCHRONISATION,
+    law="delta_omega_pll = (kP_pll + kI_pll/s) v_q, v_q of v in the PLL's own frame, whose angle in the controller frame "
+    "is (delta_omega_pll - delta_omega)/s: the frequency of v, for a controller whose frame does not follow it",
+    inputs={"v": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
+    outputs={"delta_omega_pll": Signal.SCALAR},
+    states=("integral", "angle"),
+    parameters={"kP_pll": proportional(60.0), "kI_pll": integral(1500.0)},
+    state_space=_pll_frequency,
+    equilibrium={"v": "E0d"},
+    extended=True,
+    reference="damping of a virtual synchronous machine: S. D'Arco, J. A. Suul and O. B. Fosso, EPSR 122 (2015)",
+    large_signal=LargeSignal(_pll_frequency_law, _locked_at_rest),
+)
+
+
+def _dvoc(eta, kappa, alpha, v_eq, i_eq):
+    square = v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]
+    scale, c, s = reciprocal(square_root(square)), cosine(kappa), sine(kappa)
+    p = [i_eq[0], i_eq[1], v_eq[0], v_eq[1]]
+    q = [-i_eq[1], i_eq[0], v_eq[1], -v_eq[0]]
+    on_omega = [eta * scale * scale * (c * of_q - s * of_p) for of_p, of_q in zip(p, q, strict=True)]
+    on_size = [-eta * scale * (c * of_p + s * of_q) for of_p, of_q in zip(p, q, strict=True)]
+    return [[-2 * alpha * square]], [on_size], [[0], [1]], [on_omega, [0] * 4]
+
+
+def _dvoc_law(x, v, i, eta, kappa, alpha, v_eq, i_eq):
+    c, s, size, scale = cosine(kappa), sine(kappa), x[0], reciprocal(x[0])
+    p = (v_eq[0] * i_eq[0] + v_eq[1] * i_eq[1]) - (v[0] * i[0] + v[1] * i[1])
+    q = (v_eq[1] * i_eq[0] - v_eq[0] * i_eq[1]) - (v[1] * i[0] - v[0] * i[1])
+    omega = eta * scale * scale * (s * p - c * q)
+    square = v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]
+    rate = eta * scale * (c * p + s * q) + alpha * (square - size * size) * size
+    return (rate,), (omega, size)
+
+
+def _dvoc_at_rest(v_eq):
+    return (square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]),)
+
+
+DVOC = ModuleKind(
+    name="dVOC",
+    family=SYNCHRONISATION,
+    law="delta_omega = eta/E^2 (sin(kappa) (p* - p) - cos(kappa) (q* - q)), "
+    "E' = eta/E (cos(kappa) (p* - p) + sin(kappa) (q* - q)) + alpha (E*^2 - E^2) E, p = v' i, q = v' J i; set-points at "
+    "rest; v takes the voltage that the controller makes equal to E on the d axis, E is its reference",
+    inputs={"v": Signal.DQ_VEC, "i": Signal.DQ_VEC},
+    outputs={"delta_omega": Signal.SCALAR, "E": Signal.SCALAR},
+    states=("E",),
+    parameters={
+        "eta": Range(1e-3, 1e3, 1.5, "rad/s", "synchronisation gain, rad/s per unit of power at E = 1"),
+        "kappa": Range(
+            0.0, pi, pi / 2, "rad", "rotation of the power error; pi/2 behind an inductive grid, 0 a resistive"
+        ),
+        "alpha": Range(1e-3, 1e4, 20.0, "1/s", "gain of the amplitude control"),
+    },
+    state_space=_dvoc,
+    equilibrium={"v": "E0d", "i": "I0d"},
+    extended=True,
+    reference="dispatchable virtual oscillator control in polar form: G.-S. Seo, M. Colombino, I. Subotic, B. Johnson, "
+    "D. Gross and F. Doerfler, APEC 2019",
+    large_signal=LargeSignal(_dvoc_law, _dvoc_at_rest),
 )

@@ -7,7 +7,7 @@ from ibrid.modules.branch import DC_LINK, SHUNT_RC
 from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
 from ibrid.modules.delay import DELAY
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, ROT_I, ROT_V
+from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, ROT_I, ROT_V, SHARE
 from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.modules.plant_variants import LCL_R, LCL_RC, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
@@ -22,7 +22,7 @@ from ibrid.modules.static import (
     SLICE_D,
     SLICE_Q,
 )
-from ibrid.modules.synchronisation import SRF_PLL
+from ibrid.modules.synchronisation import DVOC, PLL_FREQUENCY, SRF_PLL
 
 Vocabulary = tuple[ModuleKind, ...]
 
@@ -64,6 +64,9 @@ VOCABULARY: Vocabulary = (
     LL_FILTER,
     SHUNT_RC,
     DC_LINK,
+    PLL_FREQUENCY,
+    DVOC,
+    SHARE,
 )
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

@@ -111,9 +111,10 @@ def _motion(
     plant: ReferenceInverter, op: OperatingPoint, r: float, x: float
 ) -> tuple[np.ndarray, ca.Function, np.ndarray]:
     """Steady state (n,), the rate of the deviation z from it as a function of (z, v_Th), and the v_Th that keeps it."""
-    dynamics, x_eq = plant.dynamics, plant.equilibrium(op)
+    dynamics, rest = plant.dynamics, plant.at_rest(op)
+    x_eq = rest.x
     z, v_th = ca.SX.sym("z", len(x_eq)), ca.SX.sym("v_th", 2)
-    zero, reference = ca.DM.zeros(2), ca.DM([op.p, op.q])
+    zero, reference = ca.DM.zeros(2), ca.DM(rest.r)
     inductance = x / plant.omega_0
     drop = ca.DM([[r, -x], [x, r]])
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import Sweep
+from ibrid.plants.gfl import GFLParameters
 from ibrid.plants.published import PAPER_LIKE, PUBLISHED
+from ibrid.plants.published_forming import BEYOND
 from ibrid.plants.random_plants import random_stable
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import frequency_grid, sweep
@@ -37,10 +39,16 @@ class Benchmark:
         return (
             f"made by: python data/make_data.py; {self.plant.summary}",
             f"inverter: {self.plant.source}",
-            "method: exact linearisation of the nonlinear model (paper, equations 2 to 7), frequencies "
+            f"method: exact linearisation of the nonlinear model{self._equations}, frequencies "
             f"{GRID} Hz, clean; current out, q axis leads d, per unit",
             f"true parameters: {values}",
         )
+
+    @property
+    def _equations(self) -> str:
+        m = self.plant.parameters
+        of_the_paper = isinstance(m, GFLParameters) and (m.p_loop, m.q_loop) == ("power", "power")
+        return " (paper, equations 2 to 7)" if of_the_paper else ""
 
 
 def recipes() -> Iterator[Benchmark]:
@@ -48,6 +56,8 @@ def recipes() -> Iterator[Benchmark]:
     yield Benchmark("paper_like", PAPER_LIKE)
     for plant in PUBLISHED:
         yield Benchmark(f"published_{plant.name}", plant)
+    for plant in BEYOND:
+        yield Benchmark(plant.name, plant)
     for index in range(RANDOM_DRAWS):
         yield Benchmark(f"random_{index:02d}", _random_draw(index))
 

@@ -1,21 +1,34 @@
-"""The steady state of the grid-following inverter: Newton's method on the nonlinear model, from the closed form."""
+"""The steady state of a reference inverter: Newton's method on the nonlinear model, from phasors of its filter."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from math import atan2, sqrt
 
 import numpy as np
 
 from ibrid.errors import OperatingPointError
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.plants.gfl import Dynamics, GFLParameters
+from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.output_filter import FilterParameters
+
+_J = np.array([[0.0, -1.0], [1.0, 0.0]])
+_STEPS = 30
 
 
-def capacitor_voltage(parameters: GFLParameters, op: OperatingPoint) -> float:
+@dataclass(frozen=True, eq=False)
+class AtRest:
+    """x (n,) states and r (m,) set-points at which nothing moves and p, q are those asked for."""
+
+    x: np.ndarray
+    r: np.ndarray
+
+
+def capacitor_voltage(m: FilterParameters, op: OperatingPoint) -> float:
     """Magnitude E of the voltage at which p and q are measured (the PCC voltage with an L filter).
 
     Law: E^4 - (v^2 + 2 (R_g p + L_g q)) E^2 + (R_g^2 + L_g^2)(p^2 + q^2) = 0, the larger root.
     Raises OperatingPointError when there is no real root: the grid-side impedance cannot carry that power.
     """
-    m = parameters
     if m.filter == "L":
         return op.v
     b = op.v**2 + 2 * (m.R_g * op.p + m.L_g * op.q)
@@ -28,42 +41,40 @@ def capacitor_voltage(parameters: GFLParameters, op: OperatingPoint) -> float:
     return sqrt((b + sqrt(discriminant)) / 2)
 
 
-def gfl_equilibrium(parameters: GFLParameters, dynamics: Dynamics, op: OperatingPoint, omega_0: float) -> np.ndarray:
-    """The state x (n,) with f(x, [v, 0], [p, q]) = 0, by Newton's method from the closed form.
+def filter_at_rest(m: FilterParameters, op: OperatingPoint) -> dict[str, float]:
+    """States of the output filter in the frame of e, and that frame's angle as `angle`; per unit, rad.
 
-    The references p* and q* equal op.p and op.q, which are measured at the capacitor.
-    Raises OperatingPointError when the operating point does not exist or Newton's method does not settle.
+    Raises OperatingPointError when the operating point does not exist.
     """
-    m, rotate = parameters, np.array([[0.0, -1.0], [1.0, 0.0]])
     e = np.array([capacitor_voltage(m, op), 0.0])
     i_g = np.array([op.p, -op.q]) / e[0]
-    v = e - (m.R_g * i_g + m.L_g * rotate @ i_g)
-    i_ti = i_g + m.C_F * rotate @ e
-    u_r = e + m.R_F * i_ti + m.L_F * rotate @ i_ti
-    integral = u_r - m.feedforward * e - m.assumed_inductance * rotate @ i_ti
-    guess = {
-        "plant.i_ti_d": i_ti[0],
-        "plant.i_ti_q": i_ti[1],
-        "plant.e_d": e[0],
-        "plant.i_g_d": i_g[0],
-        "plant.i_g_q": i_g[1],
-        "pll.angle": atan2(-v[1], v[0]),
-        "power_filter.p": op.p,
-        "power_filter.q": op.q,
-        "power_p.integral": i_ti[0] / m.kI_power,
-        "power_q.integral": -i_ti[1] / m.kI_power,
-        "current.integral_d": integral[0] * omega_0 / m.kI_current,
-        "current.integral_q": integral[1] * omega_0 / m.kI_current,
-    }
+    v = e - (m.R_g * i_g + m.L_g * _J @ i_g)
+    found = {"angle": atan2(-v[1], v[0])}
+    for name, value in {"i_ti": i_g + m.C_F * _J @ e, "e": e, "i_g": i_g}.items():
+        found |= {f"plant.{name}_d": float(value[0]), f"plant.{name}_q": float(value[1])}
+    return found
+
+
+def at_rest(dynamics: Dynamics, guess: Mapping[str, float], op: OperatingPoint) -> AtRest:
+    """Solve f(x, [v, 0], r) = 0 with p and q as asked, from a guess of states by name; others and r start at zero.
+
+    Raises OperatingPointError when Newton's method does not settle.
+    """
     x = np.array([guess.get(name, 0.0) for name in dynamics.states])
-    v_DQ, r = np.array([op.v, 0.0]), np.array([op.p, op.q])
-    for _ in range(20):
-        step = np.linalg.solve(np.asarray(dynamics.jacobian(x, v_DQ, r)[0]), np.asarray(dynamics.f(x, v_DQ, r)).ravel())
-        x = x - step
+    z, v_DQ, pq = np.concatenate([x, np.zeros(dynamics.set_points)]), [op.v, 0.0], [op.p, op.q]
+    for _ in range(_STEPS):
+        x, r = np.split(z, [len(dynamics.states)])
+        residual, jacobian = (np.asarray(one) for one in dynamics.at_rest(x, v_DQ, r, pq))
+        scale = np.maximum(np.abs(jacobian).max(axis=1), 1e-300)  # rates are per second, powers per unit
+        try:
+            step = np.linalg.solve(jacobian / scale[:, None], residual.ravel() / scale)
+        except np.linalg.LinAlgError:
+            break
+        z = z - step
         # 1e-12 of each state, or of one per unit where the state is smaller: rounding level
-        if np.all(np.abs(step) <= 1e-12 * np.maximum(1.0, np.abs(x))):
-            return x
+        if np.all(np.abs(step) <= 1e-12 * np.maximum(1.0, np.abs(z))):
+            return AtRest(*np.split(z, [len(dynamics.states)]))
     raise OperatingPointError(
-        f"the equilibrium at operating point {op.name} must be found within 20 Newton steps; the last step was "
-        f"{np.abs(step).max():.1e}, try an operating point further from the limit of L_g."
+        f"the equilibrium at operating point {op.name} must be found within {_STEPS} Newton steps; it was not, try an "
+        "operating point further from the limit of L_g."
     )

@@ -1,20 +1,24 @@
 """The grid-following inverter of the paper, section II, as a nonlinear state-space model in CasADi.
 
-Equations (2) to (7): LCL or L filter in the frame of the PLL, PLL, power control, current control. Nothing here is
-linearised and nothing is shared with the block diagrams, so a sweep of this model is an independent truth for them.
+Equations (2) to (7): LCL or L filter in the frame of the PLL, PLL, power control, current control; in place of the power
+loops also control of a DC link and of the magnitude of the voltage. Nothing here is linearised and nothing is shared with
+the block diagrams, so a sweep of this model is an independent truth for them.
 """
 
 from dataclasses import dataclass, fields
-from functools import cached_property
 from math import isfinite, pi
 from typing import Literal
 
 import casadi as ca
 
 from ibrid.errors import IbridError
+from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.output_filter import FilterKind, OutputFilter, output_filter
+from ibrid.plants.states import J, R, States, low_pass
 
-FilterKind = Literal["LCL", "L"]
 Decoupling = Literal["pll", "nominal", "none"]
+ActiveLoop = Literal["power", "dc_link"]
+ReactiveLoop = Literal["power", "voltage"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +37,15 @@ class GFLParameters:
     feedforward : gain of the capacitor voltage in the voltage command (1 in equation 6b).
     decoupling : "pll": (omega/omega_0) L J i_ti with the PLL frequency, equation (6b); "nominal": L J i_ti; "none".
     L_decoupling : inductance that the decoupling assumes; None: L_F.
+    k_damping : u_r -= k (i_ti - i_g), active damping by the current of the capacitor.
     filter : "LCL", or "L" where the controller measures the PCC voltage and the filter current.
+    p_loop : "power", or "dc_link": the d current controls the voltage of a DC link that a constant power source feeds.
+    q_loop : "power", or "voltage": the q current controls the magnitude of e.
+    C_dc : DC capacitance, s, twice its energy over the rating. kP_dc, kI_dc : gains on v_dc - 1, 1 and 1/s.
+    kP_ac, kI_ac : gains on |e| - V*, 1 and 1/s. None without the loop that has them.
 
-    Raises IbridError when a value is not finite, a storage element or integral gain is not positive, or a resistance,
-    proportional gain or cutoff is negative.
+    Raises IbridError when a value is not finite, a storage element or integral gain is not positive, a resistance,
+    proportional gain or cutoff is negative, or a loop lacks its gains.
     """
 
     L_F: float
@@ -46,8 +55,8 @@ class GFLParameters:
     R_g: float = 0.0
     kP_pll: float
     kI_pll: float
-    kP_power: float
-    kI_power: float
+    kP_power: float | None = None
+    kI_power: float | None = None
     kP_current: float
     kI_current: float
     omega_c_pll: float | None = None
@@ -55,10 +64,19 @@ class GFLParameters:
     feedforward: float = 1.0
     decoupling: Decoupling = "pll"
     L_decoupling: float | None = None
+    k_damping: float = 0.0
     filter: FilterKind = "LCL"
+    p_loop: ActiveLoop = "power"
+    q_loop: ReactiveLoop = "power"
+    C_dc: float | None = None
+    kP_dc: float | None = None
+    kI_dc: float | None = None
+    kP_ac: float | None = None
+    kI_ac: float | None = None
 
     def __post_init__(self) -> None:
         positive = {"L_F", "kI_pll", "kI_power", "kI_current", "omega_c_pll", "omega_c_power"}
+        positive |= {"C_dc", "kI_dc", "kI_ac"}
         positive |= {"C_F", "L_g"} if self.filter == "LCL" else set()
         for field in fields(self):
             value = getattr(self, field.name)
@@ -67,6 +85,15 @@ class GFLParameters:
             if not isfinite(value) or value < 0 or (field.name in positive and value == 0):
                 least = "positive" if field.name in positive else "zero or positive"
                 raise IbridError(f"{field.name} of a grid-following inverter must be {least}; found {value:g}.")
+        if lacking := [name for name in self._gains if getattr(self, name) is None]:
+            raise IbridError(f"a grid-following inverter with these loops needs {', '.join(lacking)}; found none.")
+
+    @property
+    def _gains(self) -> set[str]:
+        """Names of the parameters of its outer loops."""
+        power = {"kP_power", "kI_power"} if "power" in (self.p_loop, self.q_loop) else set()
+        dc_link = {"C_dc", "kP_dc", "kI_dc"} if self.p_loop == "dc_link" else set()
+        return power | dc_link | ({"kP_ac", "kI_ac"} if self.q_loop == "voltage" else set())
 
     @property
     def assumed_inductance(self) -> float:
@@ -76,108 +103,72 @@ class GFLParameters:
         return self.L_F if self.L_decoupling is None else self.L_decoupling
 
 
-@dataclass(frozen=True)
-class Dynamics:
-    """x' = f(x, v_DQ, r), i_DQ = g(x, v_DQ) as CasADi functions.
-
-    states : names, one per entry of x, in the naming of the block diagrams where such a state exists.
-    f : (x, v_DQ (2,), r (2,) = [p*, q*]) -> x', per second.
-    g : (x, v_DQ) -> i_DQ (2,), out of the inverter.
-    """
-
-    states: tuple[str, ...]
-    f: ca.Function
-    g: ca.Function
-
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """(x, v_DQ, r) -> A, B (for v_DQ), C, D."""
-        x = ca.SX.sym("x", len(self.states))
-        v_DQ, r = ca.SX.sym("v_DQ", 2), ca.SX.sym("r", 2)
-        x_dot, i_DQ = self.f(x, v_DQ, r), self.g(x, v_DQ)
-        matrices = [ca.jacobian(x_dot, x), ca.jacobian(x_dot, v_DQ), ca.jacobian(i_DQ, x), ca.jacobian(i_DQ, v_DQ)]
-        return ca.Function("linearised", [x, v_DQ, r], [ca.densify(m) for m in matrices])
-
-
-def _J(z: ca.SX) -> ca.SX:
-    return ca.vertcat(-z[1], z[0])
-
-
-def _R(delta: ca.SX) -> ca.SX:
-    c, s = ca.cos(delta), ca.sin(delta)
-    return ca.vertcat(ca.horzcat(c, s), ca.horzcat(-s, c))
-
-
 def gfl_dynamics(parameters: GFLParameters, omega_0: float) -> Dynamics:
-    """The nonlinear model; omega_0 in rad/s. Source: paper, equations (2) to (7)."""
-    m, lcl = parameters, parameters.filter == "LCL"
-    states: list[str] = []
-    parts: list[ca.SX] = []
-
-    def state(*names: str) -> ca.SX:
-        states.extend(names)
-        parts.append(ca.SX.sym(names[0], len(names)))
-        return parts[-1]
-
+    """The nonlinear model; omega_0 in rad/s, set-points [p* or P_in, q* or V*]. Source: paper, equations (2) to (7)."""
+    m, states = parameters, States()
     v_DQ, r = ca.SX.sym("v_DQ", 2), ca.SX.sym("r", 2)
-    i_ti = state("plant.i_ti_d", "plant.i_ti_q") if lcl else None
-    e_c = state("plant.e_d", "plant.e_q") if lcl else None
-    i_g = state("plant.i_g_d", "plant.i_g_q")
-    e_q_filtered = state("pll_filter.e_q") if m.omega_c_pll is not None else None
-    phi_pll, delta = state("pll.integral"), state("pll.angle")
-    pq_filtered = state("power_filter.p", "power_filter.q") if m.omega_c_power is not None else None
-    phi_p, phi_q = state("power_p.integral"), state("power_q.integral")
-    gamma = state("current.integral_d", "current.integral_q")
-
-    v = _R(delta) @ v_DQ
-    e = v if e_c is None else e_c
-    i = i_g if i_ti is None else i_ti
+    delta = states.add("pll.angle")
+    plant = output_filter(m, states, R(delta) @ v_DQ, omega_0)
 
     # synchronisation, equation (3)
-    e_q_pll = e[1] if e_q_filtered is None else e_q_filtered
-    omega = omega_0 + m.kP_pll * e_q_pll + m.kI_pll * phi_pll
+    e_q = low_pass(states, "pll_filter.e_q", m.omega_c_pll, plant.e[1])
+    phi_pll = states.add("pll.integral")
+    omega = omega_0 + m.kP_pll * e_q + m.kI_pll * phi_pll
+    states.moves(phi_pll, e_q)
+    states.moves(delta, omega - omega_0)
 
-    # outer power control, equations (4) and (5)
-    power = ca.vertcat(ca.dot(e, i_g), ca.dot(e, _J(i_g)))
-    error = r - (power if pq_filtered is None else pq_filtered)
-    i_r = ca.vertcat(
-        m.kP_power * error[0] + m.kI_power * phi_p,
-        -m.kP_power * error[1] - m.kI_power * phi_q,
-    )
-
-    # inner current control, equation (6)
+    # outer control, equations (4) and (5), and inner current control, equation (6)
+    i_r, v_dc = _current_reference(m, states, plant, r)
+    gamma = states.add("current.integral", 2)
     speed = omega / omega_0 if m.decoupling == "pll" else 1.0
     u_r = (
-        m.kP_current * (i_r - i)
+        m.kP_current * (i_r - plant.i_ti)
         + m.kI_current / omega_0 * gamma
-        + m.feedforward * e
-        + speed * m.assumed_inductance * _J(i)
+        + m.feedforward * plant.e
+        + speed * m.assumed_inductance * J(plant.i_ti)
+        - m.k_damping * (plant.i_ti - plant.i_g)
     )
+    states.moves(gamma, omega_0 * (i_r - plant.i_ti))
+    if v_dc is not None:
+        states.moves(v_dc, (r[0] - ca.dot(u_r, plant.i_ti)) / (_given(m.C_dc) * v_dc))
+    plant.drive(u_r, omega)
 
-    # filter in the frame of the PLL, equation (2)
-    rates: list[ca.SX] = []
-    current_rate = omega_0 / m.L_F * (u_r - e - m.R_F * i) - omega * _J(i)
-    if e_c is not None:
-        rates += [
-            current_rate,
-            omega_0 / m.C_F * (i - i_g) - omega * _J(e_c),
-            omega_0 / m.L_g * (e_c - v - m.R_g * i_g) - omega * _J(i_g),
-        ]
-    else:
-        rates += [current_rate]
-    if e_q_filtered is not None and m.omega_c_pll is not None:
-        rates += [m.omega_c_pll * (e[1] - e_q_filtered)]
-    rates += [e_q_pll, omega - omega_0]
-    if pq_filtered is not None and m.omega_c_power is not None:
-        rates += [m.omega_c_power * (power - pq_filtered)]
-    rates += [error[0], error[1], omega_0 * (i_r - i)]
-
-    x = ca.vertcat(*parts)
+    x, pq = states.x, ca.SX.sym("pq", 2)
     return Dynamics(
-        states=tuple(states),
-        f=ca.Function("f", [x, v_DQ, r], [ca.vertcat(*rates)], ["x", "v_DQ", "r"], ["x_dot"]),
-        g=ca.Function("g", [x, v_DQ], [_R(delta).T @ i_g], ["x", "v_DQ"], ["i_DQ"]),
+        states=tuple(states.names),
+        f=ca.Function("f", [x, v_DQ, r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
+        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
+        asked=ca.Function("asked", [x, v_DQ, r, pq], [plant.power - pq]),
     )
+
+
+def _current_reference(m: GFLParameters, states: States, plant: OutputFilter, r: ca.SX) -> tuple[ca.SX, ca.SX | None]:
+    """(2,) reference of the current from the outer loops, and the voltage of the DC link where there is one."""
+    measured = {"p": plant.power[0], "q": plant.power[1]}
+    v_dc = None
+    if m.p_loop == "power":
+        error = r[0] - low_pass(states, "power_filter.p", m.omega_c_power, measured["p"])
+        i_d = _pi(states, "power_p.integral", m.kP_power, m.kI_power, error)
+    else:
+        v_dc = states.add("dc_link.v_dc")
+        i_d = _pi(states, "dc_loop.integral", m.kP_dc, m.kI_dc, v_dc - 1)
+    if m.q_loop == "power":
+        error = r[1] - low_pass(states, "power_filter.q", m.omega_c_power, measured["q"])
+        i_q = -_pi(states, "power_q.integral", m.kP_power, m.kI_power, error)
+    else:
+        i_q = -_pi(states, "ac_loop.integral", m.kP_ac, m.kI_ac, r[1] - ca.norm_2(plant.e))
+    return ca.vertcat(i_d, i_q), v_dc
+
+
+def _pi(states: States, name: str, kP: float | None, kI: float | None, error: ca.SX) -> ca.SX:
+    integral = states.add(name)
+    states.moves(integral, error)
+    return _given(kP) * error + _given(kI) * integral
+
+
+def _given(value: float | None) -> float:
+    """A parameter of an outer loop that is there, as GFLParameters has checked."""
+    return float("nan") if value is None else value
 
 
 def hertz(frequency: float) -> float:

@@ -42,9 +42,9 @@ class Linearisation:
 
 def state_space(plant: ReferenceInverter, op: OperatingPoint) -> Linearisation:
     """Linearise at an operating point; OperatingPointError when it does not exist."""
-    x = plant.equilibrium(op)
-    A, B, C, D = (np.asarray(m) for m in plant.dynamics.jacobian(x, [op.v, 0.0], [op.p, op.q]))
-    return Linearisation(plant.dynamics.states, A, B, C, D, x)
+    rest = plant.at_rest(op)
+    A, B, C, D = (np.asarray(m) for m in plant.dynamics.jacobian(rest.x, [op.v, 0.0], rest.r))
+    return Linearisation(plant.dynamics.states, A, B, C, D, rest.x)
 
 
 def is_stable(plant: ReferenceInverter, op: OperatingPoint, *, margin: float = 0.0) -> bool:

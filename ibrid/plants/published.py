@@ -13,6 +13,7 @@ from math import pi, sqrt
 from types import MappingProxyType
 
 from ibrid.plants.gfl import GFLParameters, hertz
+from ibrid.plants.published_forming import BEYOND
 from ibrid.plants.reference import ReferenceInverter
 
 OMEGA_60 = 2 * pi * 60
@@ -217,4 +218,6 @@ TOUTI_19KVA = ReferenceInverter(
 
 PUBLISHED = (SIENNA_GFL, SIENNA_LCL, STING_100MVA, FENG_50KVA, KULEUVEN_600MVA, TOUTI_19KVA)
 
-PLANTS: Mapping[str, ReferenceInverter] = MappingProxyType({plant.name: plant for plant in (PAPER_LIKE, *PUBLISHED)})
+PLANTS: Mapping[str, ReferenceInverter] = MappingProxyType(
+    {plant.name: plant for plant in (PAPER_LIKE, *PUBLISHED, *BEYOND)}
+)

@@ -1,7 +1,7 @@
 """A reference inverter: named parameters with their source, its equilibrium and its true parameter values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property
 from math import pi
 from types import MappingProxyType
@@ -10,32 +10,17 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.measurement.sweep import OperatingPoint, PowerNode
-from ibrid.plants.equilibrium import gfl_equilibrium
-from ibrid.plants.gfl import Dynamics, GFLParameters, gfl_dynamics
-from ibrid.plants.true_program import true_program, true_values
+from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.equilibrium import AtRest, at_rest
+from ibrid.plants.families import FAMILIES, Family
+from ibrid.plants.gfl import GFLParameters
+from ibrid.plants.gfm import GFMParameters
+from ibrid.plants.hybrid import HybridParameters
+from ibrid.plants.parallel import ParallelParameters
+
+Parameters = GFLParameters | GFMParameters | HybridParameters | ParallelParameters
 
 P1_Q03 = (OperatingPoint("p=1,q=0.3", 1.0, 0.3), OperatingPoint("p=1,q=-0.3", 1.0, -0.3))
-
-# parameter of the block diagram -> field of GFLParameters; units agree
-DIAGRAM_FIELDS: Mapping[str, str] = MappingProxyType(
-    {
-        "plant.L_F": "L_F",
-        "plant.R_F": "R_F",
-        "plant.C_F": "C_F",
-        "plant.L_g": "L_g",
-        "plant.R_g": "R_g",
-        "pll.kP_pll": "kP_pll",
-        "pll.kI_pll": "kI_pll",
-        "pll_filter.omega_c": "omega_c_pll",
-        "power.kP": "kP_power",
-        "power.kI": "kI_power",
-        "power_filter.omega_c": "omega_c_power",
-        "current.kP": "kP_current",
-        "current.kI": "kI_current",
-        "decoupling.L": "L_decoupling",
-        "feedforward.k": "feedforward",
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -52,7 +37,7 @@ class ReferenceInverter:
     """
 
     name: str
-    parameters: GFLParameters
+    parameters: Parameters
     f0_hz: float
     summary: str
     source: str
@@ -61,33 +46,42 @@ class ReferenceInverter:
     v_base_v: float | None = None
 
     @property
+    def family(self) -> Family:
+        """What all inverters with such parameters have in common."""
+        return FAMILIES[type(self.parameters)]
+
+    @property
     def omega_0(self) -> float:
         """Nominal angular frequency, rad/s."""
         return 2 * pi * self.f0_hz
 
     @property
     def power_node(self) -> PowerNode:
-        """Where p and q are measured: the capacitor, or the PCC with an L filter."""
-        return "capacitor" if self.parameters.filter == "LCL" else "pcc"
+        """Where p and q are measured: the capacitor, or the PCC with an L filter or of several inverters."""
+        return self.family.node(self.parameters)
 
     @cached_property
     def program(self) -> str:
         """Program text of the block diagram that is exactly this inverter, linearised."""
-        return true_program(self.parameters)
+        return self.family.program(self.parameters)
 
     @cached_property
     def diagram_values(self) -> Mapping[str, float]:
         """True values of the parameters of `program`, keyed "instance.parameter"."""
-        return MappingProxyType(true_values(self.parameters, self.omega_0))
+        return MappingProxyType(self.family.values(self.parameters, self.omega_0))
 
     @property
     def dynamics(self) -> Dynamics:
         """The nonlinear model; built once per set of parameters."""
         return _dynamics(self.parameters, self.omega_0)
 
+    def at_rest(self, op: OperatingPoint) -> AtRest:
+        """States and set-points at which nothing moves and p, q are those of `op`; OperatingPointError when there are none."""
+        return at_rest(self.dynamics, self.family.rest(self.parameters, op), op)
+
     def equilibrium(self, op: OperatingPoint) -> np.ndarray:
         """(n,) the state at which nothing moves; OperatingPointError when there is none."""
-        return gfl_equilibrium(self.parameters, self.dynamics, op, self.omega_0)
+        return self.at_rest(op).x
 
     def with_overrides(self, overrides: Mapping[str, float | str]) -> "ReferenceInverter":
         """The inverter with other values, named as in the diagram ("plant.L_F") or as fields ("L_F", "decoupling").
@@ -96,13 +90,15 @@ class ReferenceInverter:
         """
         if not overrides:
             return self
-        own = {field.name for field in fields(GFLParameters)}
-        known = own | set(DIAGRAM_FIELDS) | {"f0_hz"}
+        own = {
+            field.name for field in fields(self.parameters) if not is_dataclass(getattr(self.parameters, field.name))
+        }
+        known = own | set(self.family.fields) | {"f0_hz"}
         values: dict[str, float | str] = {}
         for name, value in overrides.items():
             if name not in known:
                 raise IbridError(f"{self.name} has no parameter {name}; {near(name, known)}")
-            values[DIAGRAM_FIELDS.get(name, name)] = _converted(name, value)
+            values[self.family.fields.get(name, name)] = _converted(name, value, self.family.words)
         f0_hz = float(values.pop("f0_hz", self.f0_hz))
         if f0_hz <= 0:
             raise IbridError(f"f0_hz must be positive; found {f0_hz:g}.")
@@ -115,13 +111,10 @@ class ReferenceInverter:
         )
 
 
-_WORDS = {"decoupling": ("pll", "nominal", "none"), "filter": ("LCL", "L")}
-
-
-def _converted(name: str, value: float | str) -> float | str:
-    if name in _WORDS:
-        if value not in _WORDS[name]:
-            raise IbridError(f"{name} must be one of {', '.join(_WORDS[name])}; found {value}.")
+def _converted(name: str, value: float | str, words: Mapping[str, tuple[str, ...]]) -> float | str:
+    if name in words:
+        if value not in words[name]:
+            raise IbridError(f"{name} must be one of {', '.join(words[name])}; found {value}.")
         return value
     try:
         return float(value)
@@ -130,5 +123,5 @@ def _converted(name: str, value: float | str) -> float | str:
 
 
 @cache
-def _dynamics(parameters: GFLParameters, omega_0: float) -> Dynamics:
-    return gfl_dynamics(parameters, omega_0)
+def _dynamics(parameters: Parameters, omega_0: float) -> Dynamics:
+    return FAMILIES[type(parameters)].dynamics(parameters, omega_0)

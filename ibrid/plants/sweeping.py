@@ -43,7 +43,7 @@ def sweep(
     frequency : (K,) Hz, ascending.
     method : "linear": Y = C (j omega I - A)^-1 B + D; "time": sinusoids injected into the nonlinear simulation.
     noise_db, repeats, seed : noise of each of `repeats` runs, in dB below the norm of Y; None: clean.
-    overrides : other parameter values, named as in the diagram ("plant.L_F") or as fields of GFLParameters.
+    overrides : other parameter values, named as in the diagram ("plant.L_F") or as fields of its parameters ("L_F").
 
     Raises IbridError for an unknown name, OperatingPointError where the operating point does not exist or is unstable.
     """

@@ -61,7 +61,8 @@ def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
 
     Small deviations keep their own digits; the quadratures are the windowed real and imaginary parts of i_DQ.
     """
-    dynamics, x_eq = plant.dynamics, plant.equilibrium(op)
+    dynamics, rest = plant.dynamics, plant.at_rest(op)
+    x_eq = rest.x
     z, tau = ca.SX.sym("z", len(x_eq)), ca.SX.sym("tau")
     duration, omega, injected = ca.SX.sym("duration"), ca.SX.sym("omega"), ca.SX.sym("injected", 2)
     angle = omega * duration * tau
@@ -72,7 +73,7 @@ def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
         "x": z,
         "t": tau,
         "p": ca.vertcat(duration, omega, injected),
-        "ode": duration * dynamics.f(x_eq + z, v_DQ, [op.p, op.q]),
+        "ode": duration * dynamics.f(x_eq + z, v_DQ, rest.r),
         "quad": ca.vertcat(window * i_DQ * ca.cos(angle), -window * i_DQ * ca.sin(angle)),
     }
     # Adams formulas: the motion is oscillatory at the injected frequency, and of a higher order than BDF there

@@ -68,12 +68,15 @@ def line_frequency(
     return found if point is None else np.union1d(found, point.frequency)
 
 
-def bode_figures(shown: Sequence[Curves], name: str, label: str) -> str:
-    """The four entries as figures of a page; `name` : of this group; `label` : goes on after "Bode plot of Y_dd"."""
-    return f'<div class="four">{"".join(_bode_figure(entry, shown, name, label) for entry in ENTRIES)}</div>'
+def bode_figures(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> str:
+    """The four entries as figures of a page; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
+
+    zoom : False where no script runs, in notebooks.
+    """
+    return f'<div class="four">{"".join(_bode_figure(entry, shown, name, label, zoom) for entry in ENTRIES)}</div>'
 
 
-def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str) -> str:
+def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str, zoom: bool) -> str:
     svg = inline_svg(
         lambda axes: draw_bode(axes, entry, shown),
         name=f"{name}-{entry}",
@@ -81,7 +84,7 @@ def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str) -> 
         size=(5.2, 3.8),
         rows=2,
         heights=(1.25, 1.0),
-        zoom=True,
+        zoom=zoom,
     )
     return figure_html(svg, f"Y<sub>{entry}</sub>")
 

@@ -34,10 +34,11 @@ FINE, OPEN = ("no-gap", "parameters-only"), ("located-unnamed", "unexplained")
 def gap_page(gap: Gap) -> str:
     """The page as text."""
     views = point_views(gap)
-    return page(f"Gap: {headline(gap)}", _header(gap), _sections(gap, views))
+    return page(f"Gap: {headline(gap)}", gap_header(gap), _sections(gap, views))
 
 
-def _header(gap: Gap) -> str:
+def gap_header(gap: Gap) -> str:
+    """What the page of a gap begins with."""
     style = "good" if gap.verdict in FINE else "bad" if gap.verdict in OPEN else ""
     facts = [("verdict", f'<span class="{style}">{escape(gap.verdict)}</span>')]
     facts.append(("NRMSE, refitted", _error(gap.before.get("refit"))))

@@ -57,7 +57,7 @@ def report_html(record: Record, *, sweep: Sweep | None = None, title: str | None
     measured, note = measured_data(record, sweep) if record.parameters else (None, "")
     sections = list(_sections(record, measured, note, diagram))
     words = f"Fitted in {record.seconds:.2f} s."
-    return page(f"{headline}: {record.outcome}", _header(record, headline), sections, words)
+    return page(f"{headline}: {record.outcome}", record_header(record, headline), sections, words)
 
 
 def _diagram(record: Record) -> Diagram | None:
@@ -67,7 +67,8 @@ def _diagram(record: Record) -> Diagram | None:
         return None
 
 
-def _header(record: Record, headline: str) -> str:
+def record_header(record: Record, headline: str) -> str:
+    """What the page of a record begins with."""
     source = str(record.settings.get("data") or "")
     facts = [("outcome", judged(record.outcome == "ok", str(record.outcome)))]
     if record.nrmse is not None:

@@ -61,4 +61,24 @@ _DARK = _variables(
 def style_sheet() -> str:
     """The whole style sheet: colours, then page.css."""
     colours = f":root{{{_LIGHT}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}\n"
-    return colours + (files("ibrid.report") / "page.css").read_text(encoding="utf-8")
+    return colours + _rules()
+
+
+#: Where notebooks say that their page is dark.
+DARK_NOTEBOOKS = ('[data-jp-theme-light="false"]', '[data-vscode-theme-kind="vscode-dark"]')
+_NOTEBOOK = (
+    "background:var(--page);color:var(--ink);padding:.2rem .9rem .6rem;border-radius:.4rem;"
+    "font:15px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif;"
+    "h1{font-size:1.25rem}header{padding:0}thead th{vertical-align:bottom}table{table-layout:auto;margin-left:0}"
+)
+
+
+def notebook_style_sheet() -> str:
+    """The same for an output of a notebook: for what lies in `.ibrid` alone, dark where the notebook is."""
+    screen = _rules().partition("@media print")[0]
+    dark = ",".join(f"{where} .ibrid" for where in DARK_NOTEBOOKS)
+    return f".ibrid{{{_LIGHT}}}\n{dark}{{{_DARK}}}\n.ibrid.ibrid{{{screen}{_NOTEBOOK}}}"
+
+
+def _rules() -> str:
+    return (files("ibrid.report") / "page.css").read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.algebraic_loops import algebraic_loops
 from ibrid.structure.connection_rules import check_connections
+from ibrid.structure.devices import check_plants, devices
 from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
 from ibrid.structure.habits import check_habits
 from ibrid.structure.module_rules import check_modules
@@ -43,7 +44,8 @@ def violations(
         wiring = wire(diagram, kinds_allowed)
         _check_loops(diagram, wiring, equilibrium, findings)
         if equilibrium == "exact":
-            _check_equilibria(wiring, findings)
+            for device in devices(wiring):
+                _check_equilibria(device, findings)
     return findings.sorted
 
 
@@ -86,13 +88,7 @@ def _check_size(diagram: Diagram, findings: Findings) -> None:
 def _check_whole(
     diagram: Diagram, kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Findings
 ) -> None:
-    plants = [one for one in diagram.instances if (kind := kinds[one.name]) is not None and kind.family == PLANT]
-    available = " or ".join(kind.name for kind in vocabulary if kind.family == PLANT)
-    if not plants and all(kinds.values()):
-        findings.add(None, "no_plant", f"the diagram has no plant; add one {available}")
-    for extra in plants[1:]:
-        message = f"{extra.name} ({extra.kind}) is a second plant beside {plants[0].name}; keep exactly one {available}"
-        findings.add(extra.line, "several_plants", message)
+    check_plants(diagram, kinds, vocabulary, findings)
     if all(connection.target != TERMINAL_CURRENT for connection in diagram.connections):
         findings.add(None, "no_terminal_current", f"nothing drives {TERMINAL_CURRENT}; {_terminal_remedy(kinds)}")
     orders = {name: kind.order for name, kind in kinds.items() if kind is not None and kind.order}

@@ -25,9 +25,8 @@ class Wiring:
 
     @property
     def plant(self) -> str:
-        """Name of the one plant."""
-        (name,) = [name for name, kind in self.kinds.items() if kind.family == PLANT]
-        return name
+        """Name of the plant; of two devices behind one PCC that of the first."""
+        return next(name for name, kind in self.kinds.items() if kind.family == PLANT)
 
     def named(self, kind: str) -> tuple[str, ...]:
         """Names of the instances of a kind."""

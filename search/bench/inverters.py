@@ -11,6 +11,7 @@ from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.benchmarks import benchmarks, recipes
 from ibrid.plants.linear_sweep import is_stable
 from ibrid.plants.published import PAPER_LIKE
+from ibrid.plants.published_forming import BEYOND
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
 from ibrid.structure.library import textbook_text
@@ -94,7 +95,8 @@ DIAGRAMS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 def inverter_names() -> tuple[str, ...]:
     """Names of the hidden inverters with a known truth, in the order of the tables."""
     random = sorted(name for name in benchmarks() if name.startswith("random_"))
-    return ("paper_like", *CHANGES, *DIAGRAMS, *PUBLISHED_SETS, *random)
+    beyond = (plant.name for plant in BEYOND)
+    return ("paper_like", *CHANGES, *DIAGRAMS, *PUBLISHED_SETS, *beyond, *random)
 
 
 def inverters() -> Iterator[Hidden]:

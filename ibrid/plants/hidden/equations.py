@@ -14,7 +14,7 @@ from ibrid.plants.hidden.controller import Measured, current_reference, phase_lo
 from ibrid.plants.hidden.nonlinear import dead_zone, limited
 from ibrid.plants.hidden.parameters import Device, Structure
 from ibrid.plants.hidden.plant import beside_the_inverter, l_filter, lcl_filter
-from ibrid.plants.hidden.states import J, R, States, Symbols
+from ibrid.plants.states import J, R, States, Symbols
 
 _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 

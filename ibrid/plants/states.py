@@ -50,7 +50,7 @@ class States:
         return ca.vertcat(*self._rates)
 
 
-def low_pass(states: States, name: str, omega_c: ca.SX | None, signal: ca.SX) -> ca.SX:
+def low_pass(states: States, name: str, omega_c: ca.SX | float | None, signal: ca.SX) -> ca.SX:
     """omega_c / (s + omega_c) of each component of a signal; the signal itself without a corner."""
     if omega_c is None:
         return signal

@@ -1,0 +1,80 @@
+"""The page about the Python interface: which names are public, by the part of the package that owns them."""
+
+from collections.abc import Iterator
+from importlib import import_module
+from inspect import isclass, isfunction
+
+#: Parts of the package with names of their own beside those of `ibrid`, and what is there to extend them with.
+PARTS = {
+    "ibrid.measurement": "Measurement",
+    "ibrid.modules": "Modules",
+    "ibrid.structure": "Diagrams",
+    "ibrid.fit": "Fit settings",
+    "ibrid.evaluation": "Evaluation",
+    "ibrid.plants": "Reference inverters",
+    "ibrid.gap": "Gap",
+    "ibrid.analysis": "Prediction and stability",
+    "ibrid.export": "Export",
+    "ibrid.report": "Pages",
+    "search": "Search",
+}
+#: Public though no package lists them: what a declaration or a proposer of one's own is written with.
+FURTHER = {
+    "ibrid.modules": ("ibrid.modules.contract.check_kind",),
+    "ibrid.gap": (
+        "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect", "ibrid.gap.effect.Effect", "ibrid.gap.effect.Strength",
+        "ibrid.gap.catalogue.insertions",
+    ),
+    "search": (
+        "search.proposal.Proposer", "search.proposal.Context", "search.proposal.Proposal",
+        "search.proposers.spending.Limits",
+    ),
+}  # fmt: skip
+
+_TOP = """\
+# Python
+
+Made from the names that the packages export by `python docs/making/write_pages.py`; the words are the docstrings. Errors that a
+caller can do something about are `ibrid.IbridError`, one sentence each.
+"""
+
+
+def api_page() -> str:
+    """Markdown with a section for each part of the package."""
+    return "\n".join([_TOP, *("\n".join(_part(part, title)) for part, title in PARTS.items())])
+
+
+def public_names(part: str) -> list[str]:
+    """Dotted names under which a part's objects are imported, the shortest one of each, without repetition."""
+    root = import_module("ibrid")
+    short = {name for name, home in root._HOME.items() if home.startswith(f"{part}.")}
+    package = import_module(part)
+    own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
+    if part == "ibrid.modules":
+        short |= {"Signal", "IbridError"}
+    names = [f"ibrid.{name}" for name in sorted(short, key=str.lower)]
+    names += [f"{part}.{name}" for name in sorted(own - short, key=str.lower)]
+    return [*names, *FURTHER.get(part, ())]
+
+
+def _belongs(found: object, part: str) -> bool:
+    """False for what a package passes on from another."""
+    home = getattr(found, "__module__", None)
+    return not isinstance(home, str) or home.startswith(part)
+
+
+def _part(part: str, title: str) -> Iterator[str]:
+    yield f"## {title}\n"
+    words = (import_module(part).__doc__ or "").strip().splitlines()[0]
+    yield f"`{part}`: {words.removeprefix(f'{part}: ')}\n"
+    for name in public_names(part):
+        yield f"```{{eval-rst}}\n.. {_directive(name)}\n```\n"
+
+
+def _directive(name: str) -> str:
+    home, _, last = name.rpartition(".")
+    found = getattr(import_module(home), last)
+    if isclass(found):
+        options = "\n   :members:" if not issubclass(found, Exception) else ""
+        return f"autoclass:: {name}{options}"
+    return f"autofunction:: {name}" if isfunction(found) else f"autodata:: {name}\n   :no-value:"

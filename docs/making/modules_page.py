@@ -1,0 +1,116 @@
+"""The page about module kinds, from their declarations: law, ports, parameters, and the matrices in symbols."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ibrid.export.formula import Formula, formula
+from ibrid.modules.kind import ModuleKind, Range
+from ibrid.signals import Signal
+
+_TOP = """\
+# Module kinds
+
+Made from the declarations in `ibrid/modules` by `python docs/making/write_pages.py`; a test compares the two. `ibrid
+modules` prints the table, `ibrid modules KIND` one kind with its matrices in numbers.
+
+Diagrams are made of these {count} kinds. {paper} are those of the paper; the others, marked +, are left out by
+`--vocabulary paper`. Ports in *italics* carry a dq pair, the others a scalar. Everything is per unit on the inverter's base
+where no unit is given; time constants are in s, corner frequencies in rad/s. [Your own kind](extend.md) is one more
+declaration.
+
+Matrices are those of small deviations, dx/dt = A x + B u, y = C x + D u; columns of B and rows of C are the ports in their
+order, a dq pair being two. `omega_0` is 2 pi f0 in rad/s. `e_eq_d`, `e_eq_q` and the like are the signal at that port at
+rest: of the whole operating point under `--equilibrium exact`; under `--equilibrium paper` the value that "in the paper's
+setting" gives. `cos_delta` and `sin_delta` are those of the angle of the controller frame at rest.
+"""
+
+
+def modules_page(kinds: Sequence[ModuleKind]) -> str:
+    """Markdown: a table by family, then every kind in full."""
+    families: dict[str, list[ModuleKind]] = {}
+    for kind in kinds:
+        families.setdefault(kind.family, []).append(kind)
+    paper = sum(not kind.extended for kind in kinds)
+    parts = [_TOP.format(count=len(kinds), paper=paper)]
+    parts += [_overview(family, members) for family, members in families.items()]
+    parts += ["\n".join(_section(kind)) for members in families.values() for kind in members]
+    return "\n".join(parts)
+
+
+def _overview(family: str, kinds: Sequence[ModuleKind]) -> str:
+    rows = "".join(
+        f"| [`{kind.name}`](#{kind.name.lower()}){'+' if kind.extended else ''} | {_ports(kind.inputs)} | "
+        f"{_ports(kind.outputs)} | {kind.order} | {', '.join(f'`{name}`' for name in kind.parameters)} |\n"
+        for kind in kinds
+    )
+    head = "| kind | inputs | outputs | order | parameters |\n| --- | --- | --- | --- | --- |\n"
+    return f"**{family[:1].upper()}{family[1:]}**\n\n{head}{rows}"
+
+
+def _section(kind: ModuleKind) -> Iterator[str]:
+    yield f"## {kind.name}\n"
+    where = "beyond the paper's kinds" if kind.extended else "of the paper"
+    yield f"{kind.family[:1].upper()}{kind.family[1:]}, {where}. Source: {_plain(kind.reference)}.\n"
+    yield f"```text\n{_law(kind.law)}\n```\n"
+    yield f"- inputs: {_ports(kind.inputs) or 'none'}\n- outputs: {_ports(kind.outputs) or 'none'}"
+    yield f"- states: {', '.join(f'`{name}`' for name in kind.states) or 'none'}"
+    if kind.equilibrium_ports or kind.uses_frame:
+        yield f"- in the paper's setting: {_paper(kind)}"
+    if kind.delay:
+        yield "- exact in frequency responses and fits; a Pade form in exported matrices; counts as order 2"
+    if kind.large_signal is not None:
+        yield "- has a law for large signals, which the nonlinear export uses"
+    yield ""
+    if kind.parameters:
+        yield "| parameter | unit | box | typical | meaning |\n| --- | --- | --- | --- | --- |"
+        yield from (_parameter(name, box) for name, box in kind.parameters.items())
+        yield ""
+    if not kind.delay:
+        yield from ("```text", *symbolic(kind), "```\n")
+
+
+def _paper(kind: ModuleKind) -> str:
+    words = [f"`{port}` at rest is ({value}, 0)" for port, value in kind.equilibrium.items()]
+    fitted = kind.paper_parameters
+    return "; ".join(words + ([f"{', '.join(fitted)} fitted at every point"] if fitted else []))
+
+
+def _parameter(name: str, box: Range) -> str:
+    return f"| `{name}` | {box.unit} | {box.low:g} to {box.high:g} | {box.typical:g} | {_plain(box.meaning)} |"
+
+
+def symbolic(kind: ModuleKind) -> list[str]:
+    """Lines of the matrices that are not empty, in symbols."""
+    names = {name: Formula(name) for name in kind.parameters}
+    frame = (Formula("cos_delta"), Formula("sin_delta"))
+    ports = {port: (Formula(f"{port}_eq_d"), Formula(f"{port}_eq_q")) for port in kind.equilibrium_ports}
+    matrices = kind.state_space(**names, **kind.context(Formula("omega_0"), frame, ports))
+    return [line for label, rows in zip("ABCD", matrices, strict=True) for line in _matrix(label, rows)]
+
+
+def _matrix(label: str, rows: Sequence[Sequence[Any]]) -> Iterator[str]:
+    cells = [[formula(entry).text for entry in row] for row in rows]
+    if not cells or not cells[0]:
+        return
+    if len(cells) > 1 and all(cell == "0" for row in cells for cell in row):
+        yield f"{label} = 0, {len(cells)} x {len(cells[0])}"
+        return
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for number, row in enumerate(cells):
+        text = "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        yield f"{f'{label} =' if number == 0 else '   '} [ {text} ]"
+
+
+def _ports(ports: Mapping[str, Signal]) -> str:
+    return ", ".join(f"*{_plain(name)}*" if signal.width == 2 else f"{_plain(name)}" for name, signal in ports.items())
+
+
+def _law(law: str) -> str:
+    return law.replace("; ", ";\n")
+
+
+def _plain(words: str) -> str:
+    """Words in which nothing is Markdown."""
+    for mark in ("_", "*", "|"):
+        words = words.replace(mark, f"\\{mark}")
+    return words

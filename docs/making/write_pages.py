@@ -1,0 +1,26 @@
+"""Writes the pages that are made from the code: modules.md, command_line.md, api.md. Run it after changing a declaration."""
+
+from pathlib import Path
+
+from api_page import api_page
+from command_line_page import command_line_page
+from modules_page import modules_page
+
+from ibrid.cli import parser
+from ibrid.modules.vocabulary import VOCABULARY
+
+FOLDER = Path(__file__).resolve().parents[1]
+
+
+def made_pages() -> dict[str, str]:
+    """File name -> text."""
+    return {
+        "modules.md": modules_page(VOCABULARY),
+        "command_line.md": command_line_page(parser()),
+        "api.md": api_page(),
+    }
+
+
+if __name__ == "__main__":
+    for name, text in made_pages().items():
+        (FOLDER / name).write_text(text.rstrip() + "\n", encoding="utf-8")

@@ -1,0 +1,144 @@
+"""The families of reference inverters: for each class of parameters its equations, diagram, values and names."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
+
+from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.equilibrium import filter_at_rest
+from ibrid.plants.gfl import GFLParameters, gfl_dynamics
+from ibrid.plants.gfm import DroopParameters, OscillatorParameters, VSMParameters, gfm_dynamics
+from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
+from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
+from ibrid.plants.true_program import true_program, true_values
+from ibrid.plants.true_values import droop_values, hybrid_values, oscillator_values, parallel_values, vsm_values
+
+
+@dataclass(frozen=True)
+class Family:
+    """What a kind of inverter is, as functions of its parameters.
+
+    dynamics : (parameters, omega_0 in rad/s) -> nonlinear model. program : parameters -> text of the diagram that equals it.
+    values : (parameters, omega_0) -> true values of that diagram's parameters, keyed "instance.parameter".
+    rest : (parameters, op) -> states near the steady state, by name.
+    fields : parameter of the diagram -> field of the parameters, where the two are one number.
+    words : field -> what it may be, for fields that are words.
+    node : parameters -> where p and q are measured.
+    """
+
+    dynamics: Callable[[Any, float], Dynamics]
+    program: Callable[[Any], str]
+    values: Callable[[Any, float], dict[str, float]]
+    rest: Callable[[Any, OperatingPoint], Mapping[str, float]]
+    fields: Mapping[str, str]
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    node: Callable[[Any], PowerNode] = lambda m: "capacitor" if m.filter == "LCL" else "pcc"
+
+
+_FILTER = {f"plant.{name}": name for name in ("L_F", "R_F", "C_F", "L_g", "R_g")}
+_CASCADE = {
+    **_FILTER,
+    "voltage.kP": "kP_voltage",
+    "voltage.kI": "kI_voltage",
+    "current.kP": "kP_current",
+    "current.kI": "kI_current",
+    "damping_filter.omega_c": "omega_damping",
+    "q_filter.omega_c": "omega_q",
+}
+
+_GFL_FIELDS = {
+    **_FILTER,
+    "pll.kP_pll": "kP_pll",
+    "pll.kI_pll": "kI_pll",
+    "pll_filter.omega_c": "omega_c_pll",
+    "power.kP": "kP_power",
+    "power.kI": "kI_power",
+    "power_filter.omega_c": "omega_c_power",
+    "current.kP": "kP_current",
+    "current.kI": "kI_current",
+    "decoupling.L": "L_decoupling",
+    "feedforward.k": "feedforward",
+    "dc_link.C_dc": "C_dc",
+    "dc_loop.kP": "kP_dc",
+    "dc_loop.kI": "kI_dc",
+    "ac_loop.kP": "kP_ac",
+    "ac_loop.kI": "kI_ac",
+}
+_GFL_WORDS = {
+    "decoupling": ("pll", "nominal", "none"),
+    "filter": ("LCL", "L"),
+    "p_loop": ("power", "dc_link"),
+    "q_loop": ("power", "voltage"),
+}
+
+
+def _following(m: GFLParameters, op: OperatingPoint) -> Mapping[str, float]:
+    found = filter_at_rest(m, op)
+    return {**found, "pll.angle": found["angle"], "power_filter.p": op.p, "power_filter.q": op.q, "dc_link.v_dc": 1.0}
+
+
+def _forming(m: Any, op: OperatingPoint) -> Mapping[str, float]:
+    found = filter_at_rest(m, op)
+    return {**found, "angle.integral": found["angle"], "oscillator.E": found["plant.e_d"]}
+
+
+def _both(m: ParallelParameters, op: OperatingPoint) -> Mapping[str, float]:
+    """As if each delivered its share at its own node: near what it delivers at the PCC."""
+    own = replace(op, p=m.share_p * op.p, q=m.share_q * op.q)
+    rest = replace(op, p=op.p - own.p, q=op.q - own.q)
+    found = {f"following.{name}": value for name, value in _following(m.following, own).items()}
+    return found | {f"forming.{name}": value for name, value in _forming(m.forming, rest).items()}
+
+
+def _textbook(name: str) -> Callable[[Any], str]:
+    """The shipped program as text: a truth for diagrams uses none of their code."""
+    return lambda parameters: (files("ibrid") / "structure" / "programs" / f"{name}.py").read_text(encoding="utf-8")
+
+
+FAMILIES: Mapping[type, Family] = MappingProxyType(
+    {
+        GFLParameters: Family(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
+        DroopParameters: Family(
+            gfm_dynamics, _textbook("gfm_droop"), droop_values, _forming, {**_CASCADE, "p_filter.omega_c": "omega_p"}
+        ),
+        VSMParameters: Family(
+            gfm_dynamics,
+            _textbook("gfm_vsm"),
+            vsm_values,
+            _forming,
+            {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll"},
+        ),
+        OscillatorParameters: Family(
+            gfm_dynamics,
+            _textbook("gfm_dvoc"),
+            oscillator_values,
+            _forming,
+            {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"},
+        ),
+        HybridParameters: Family(
+            hybrid_dynamics,
+            _textbook("hybrid_gfl_gfm"),
+            hybrid_values,
+            _forming,
+            {
+                **_FILTER,
+                "power_filter.omega_c": "omega_c_power",
+                "power.kP": "kP_power",
+                "power.kI": "kI_power",
+                "current.kP": "kP_current",
+                "current.kI": "kI_current",
+            },
+        ),
+        ParallelParameters: Family(
+            parallel_dynamics,
+            _textbook("parallel_gfl_gfm"),
+            parallel_values,
+            _both,
+            {"gfl_share.share_p": "share_p", "gfl_share.share_q": "share_q"},
+            node=lambda m: "pcc",
+        ),
+    }
+)

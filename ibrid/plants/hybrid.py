@@ -1,0 +1,90 @@
+"""A hybrid of grid-following and grid-forming synchronisation as a nonlinear state-space model in CasADi.
+
+Its frequency is a weighted sum of what a PLL and what a power droop would make of it; the rest is grid-following.
+"""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+import casadi as ca
+
+from ibrid.errors import IbridError
+from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.output_filter import FilterKind, output_filter
+from ibrid.plants.states import J, R, States, low_pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridParameters:
+    """omega - omega_0 = weight (kP_pll + kI_pll/s) e_q + (1 - weight) m_p (p* - p_f); per unit unless a unit is given.
+
+    L_F, R_F, C_F, L_g, R_g : LCL filter, p and q measured at its capacitor.
+    weight : of the PLL, between 0 and 1, both excluded. kP_pll, kI_pll : rad/s and rad/s^2 per unit of voltage.
+    m_p : droop, rad/s per unit of power. omega_c_power : corner of the low-passes on p and q, rad/s.
+    kP_power, kI_power : i_ref_d = (kP + kI/s)(p* - p_f), i_ref_q = -(kP + kI/s)(q* - q_f); 1 and 1/s.
+    kP_current, kI_current : u_r = (kP + kI/s)(i_ref - i_ti) + (omega/omega_0) L_F J i_ti; 1 and 1/s.
+
+    Raises IbridError when a value is not finite or out of range.
+    """
+
+    L_F: float
+    R_F: float
+    C_F: float
+    L_g: float
+    R_g: float
+    weight: float
+    kP_pll: float
+    kI_pll: float
+    m_p: float
+    omega_c_power: float
+    kP_power: float
+    kI_power: float
+    kP_current: float
+    kI_current: float
+
+    @property
+    def filter(self) -> FilterKind:
+        """The output filter."""
+        return "LCL"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isfinite(value) or value <= 0:
+                raise IbridError(f"{field.name} of a hybrid inverter must be positive; found {value:g}.")
+        if self.weight >= 1:
+            raise IbridError(
+                f"weight of a hybrid inverter must lie below 1, which is a PLL alone; found {self.weight:g}."
+            )
+
+
+def hybrid_dynamics(parameters: HybridParameters, omega_0: float) -> Dynamics:
+    """The nonlinear model; omega_0 in rad/s, set-points [p*, q*]."""
+    m, states = parameters, States()
+    v_DQ, r, pq = (ca.SX.sym(name, 2) for name in ("v_DQ", "r", "pq"))
+    delta = states.add("angle.integral")
+    plant = output_filter(m, states, R(delta) @ v_DQ, omega_0)
+    p = low_pass(states, "p_filter.filtered", m.omega_c_power, plant.power[0])
+    q = low_pass(states, "q_filter.filtered", m.omega_c_power, plant.power[1])
+    error = r - ca.vertcat(p, q)
+
+    phi_pll = states.add("pll.integral")
+    states.moves(phi_pll, plant.e[1])
+    by_pll = m.kP_pll * plant.e[1] + m.kI_pll * phi_pll
+    deviation = m.weight * by_pll + (1 - m.weight) * m.m_p * error[0]
+    states.moves(delta, deviation)
+
+    integral, gamma = states.add("power.integral", 2), states.add("current.integral", 2)
+    states.moves(integral, error)
+    i_ref = ca.vertcat(1, -1) * (m.kP_power * error + m.kI_power * integral)
+    states.moves(gamma, i_ref - plant.i_ti)
+    speed = 1 + deviation / omega_0
+    u_r = m.kP_current * (i_ref - plant.i_ti) + m.kI_current * gamma + speed * m.L_F * J(plant.i_ti)
+    plant.drive(u_r, omega_0 + deviation)
+    x = states.x
+    return Dynamics(
+        states=tuple(states.names),
+        f=ca.Function("f", [x, v_DQ, r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
+        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
+        asked=ca.Function("asked", [x, v_DQ, r, pq], [plant.power - pq]),
+    )

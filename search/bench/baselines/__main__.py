@@ -1,0 +1,105 @@
+"""`python -m search.bench.baselines`: black boxes, sparse regression, textbook diagrams and the search on the same data.
+
+Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the same --out, only what is
+missing is measured. Delete OUT to measure anew.
+"""
+
+import argparse
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ibrid.commands.inputs import count
+from ibrid.errors import IbridError, near
+from ibrid.ledger import Ledger
+from ibrid.writing import require_place, write_whole
+from search.bench.baselines.case import INVERTERS, NOISE_DB, Case
+from search.bench.baselines.methods import METHODS, Effort, measured, row_key
+from search.bench.baselines.tables import heading, line, page
+from search.bench.scoring import Search
+
+
+def main(arguments: Sequence[str] | None = None, *, search: Search | None = None) -> int:
+    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _benchmark(options, search or _search())
+    except IbridError as error:
+        print(f"baselines: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
+        return 1
+
+
+def _search() -> Search:
+    from search.running import run
+
+    return run
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m search.bench.baselines", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument(
+        "--inverter", action="append", default=[], metavar="NAME", help=f"instead of {', '.join(INVERTERS)}"
+    )
+    parser.add_argument(
+        "--method", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(METHODS)}"
+    )
+    parser.add_argument("--budget", type=count, default=500, help="evaluations of the search (500)")
+    parser.add_argument("--workers", type=count, default=1, help="workers of the search (1)")
+    parser.add_argument("--out", type=Path, default=Path("out/baselines"), help="folder of the results")
+    parser.add_argument("--page", type=Path, default=Path("docs/baselines.md"), help="where the page goes")
+    return parser
+
+
+def _benchmark(options: argparse.Namespace, search: Search) -> int:
+    for name in options.method:
+        if name not in METHODS:
+            raise IbridError(f"there is no method called {name}; {near(name, METHODS)}")
+    cases = _cases(options.inverter or INVERTERS)
+    require_place(options.page)
+    ledger = Ledger(options.out)
+    effort = Effort(search, options.out / "runs", options.budget, options.workers)
+    failed = False
+    for case in cases:
+        print(f"\n{case.name}\n{heading()}", flush=True)
+        for name in METHODS:
+            if not options.method or name in options.method:
+                failed |= not _done(case, name, effort, ledger)
+    whole = _cases([*INVERTERS, *options.inverter])
+    write_whole(options.page, page(whole, _kept(whole, ledger, options.budget)))
+    print(f"\nwritten: {options.page}")
+    return 1 if failed else 0
+
+
+def _cases(inverters: Sequence[str]) -> list[Case]:
+    return [Case(name, noise) for name in dict.fromkeys(inverters) for noise in NOISE_DB]
+
+
+def _done(case: Case, method: str, effort: Effort, ledger: Ledger) -> bool:
+    """Measure a row unless it is there, and print it; False when the method failed, it is tried again next time."""
+    key = row_key(case, method, effort.budget)
+    if key not in ledger.rows:
+        shutil.rmtree(effort.folder / key, ignore_errors=True)  # of a search that was stopped
+        effort.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            ledger.add(measured(case, method, effort))
+        except IbridError as error:
+            print(f"{METHODS[method].title}: {error}", flush=True)
+            return False
+        shutil.rmtree(effort.folder / key, ignore_errors=True)
+    print(line(dict(ledger.rows[key])), flush=True)
+    return True
+
+
+def _kept(cases: Sequence[Case], ledger: Ledger, budget: int) -> Mapping[tuple[Case, str], Mapping[str, object]]:
+    keys = {(case, name): row_key(case, name, budget) for case in cases for name in METHODS}
+    return {place: ledger.rows[key] for place, key in keys.items() if key in ledger.rows}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

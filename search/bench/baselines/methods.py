@@ -1,0 +1,94 @@
+"""The rows of every table: what each method is called, and how it makes its answer of a case."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from search.bench.baselines.answer import Answer, Row, scored
+from search.bench.baselines.black_box import between_points, nearest_point
+from search.bench.baselines.case import Case
+from search.bench.baselines.diagrams import searched, true_structure, wrong_structure
+from search.bench.baselines.grey_box import at_terminals, behind_filter
+from search.bench.scoring import Search
+
+#: Key of the row that is a search.
+SEARCH = "search"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How the search is made: in `folder`/KEY, with `budget` evaluations by `workers`; by `search`, or its stand-in in tests."""
+
+    search: Search
+    folder: Path
+    budget: int
+    workers: int
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row. `title` : in the tables. `answer` : of a case. `on_grid` : fitted to the nine points of `Case.grid`."""
+
+    title: str
+    answer: Callable[[Case, Effort], Answer]
+    on_grid: bool = False
+
+
+def _on_points(method: Callable[..., Answer]) -> Callable[[Case, Effort], Answer]:
+    def answer(case: Case, effort: Effort) -> Answer:
+        return method(case.hidden.sweep, case.held_out.op, case.held_out.frequency)
+
+    return answer
+
+
+def _on_grid(case: Case, effort: Effort) -> Answer:
+    return between_points(case.grid()[0], case.held_out.op, case.held_out.frequency)
+
+
+def _behind_filter(case: Case, effort: Effort) -> Answer:
+    return behind_filter(case.hidden.sweep, case.held_out.op, case.held_out.frequency, case.values)
+
+
+def _searched(case: Case, effort: Effort) -> Answer:
+    folder = effort.folder / row_key(case, SEARCH, effort.budget)
+    return searched(case, folder, search=effort.search, budget=effort.budget, workers=effort.workers)
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "vector-fitting-nearest": Method("vector fitting, nearest point", _on_points(nearest_point)),
+        "vector-fitting-between": Method("vector fitting, between the two", _on_points(between_points)),
+        "vector-fitting-nine": Method("vector fitting, nine points measured", _on_grid, on_grid=True),
+        "sparse-terminals": Method("sparse regression at the terminals", _on_points(at_terminals)),
+        "sparse-filter": Method("sparse regression behind the filter", _behind_filter),
+        "textbook": Method("white box, the true structure", lambda case, effort: true_structure(case)),
+        "textbook-wrong": Method("white box, no filter before the PLL", lambda case, effort: wrong_structure(case)),
+        SEARCH: Method("search from the naive diagram", _searched),
+    }
+)
+
+
+def row_key(case: Case, method: str, budget: int) -> str:
+    """Names a row in the ledger; the search's budget is part of it."""
+    data = case.trial(budget).data.replace(" ", "")
+    return f"{case.inverter}-{data}-{method}" + (f"-{budget}" if method == SEARCH else "")
+
+
+def measured(case: Case, method: str, effort: Effort) -> Row:
+    """The row of a method, measured now; IbridError when the method has no answer."""
+    started = time.perf_counter()
+    chosen = METHODS[method]
+    answer = chosen.answer(case, effort)
+    taken = time.perf_counter() - started
+    data, truth = case.grid() if chosen.on_grid else (case.hidden.sweep, case.clean.sweep)
+    return {
+        "key": row_key(case, method, effort.budget),
+        "inverter": case.inverter,
+        "method": method,
+        "data": case.trial(effort.budget).data,
+        **scored(answer, data, truth, case.held_out),
+        "of": len(case.values),
+        "seconds": round(taken if answer.seconds is None else answer.seconds, 2),
+    }
