@@ -15,9 +15,12 @@ html_title = "ibrid"
 html_static_path = ["look"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
+html_show_copyright = False
 html_copy_source = False
 html_theme_options = {"sidebar_hide_name": False}
 
+# the dashes of options and the quotes of programs mean themselves
+smartquotes = False
 # blocks without a language are terminal output and programs of diagrams
 highlight_language = "none"
 myst_heading_anchors = 3

@@ -52,9 +52,13 @@ def public_names(part: str) -> list[str]:
     own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
     if part == "ibrid.modules":
         short |= {"Signal", "IbridError"}
-    names = [f"ibrid.{name}" for name in sorted(short, key=str.lower)]
-    names += [f"{part}.{name}" for name in sorted(own - short, key=str.lower)]
+    names = [f"ibrid.{name}" for name in sorted(short, key=_alphabetical)]
+    names += [f"{part}.{name}" for name in sorted(own - short, key=_alphabetical)]
     return [*names, *FURTHER.get(part, ())]
+
+
+def _alphabetical(name: str) -> tuple[str, str]:
+    return name.lower(), name
 
 
 def _belongs(found: object, part: str) -> bool:

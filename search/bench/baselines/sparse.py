@@ -4,7 +4,8 @@ Sequentially thresholded least squares (S. L. Brunton, J. L. Proctor and J. N. K
 such that one term falls at a time, the one whose removal costs least (L. Boninsegna, F. Nueske and C. Clementi, J. Chem. Phys.
 148 (2018) 241723), because columns of a library of lags are nearly parallel and a common threshold cuts both of a pair. For
 the same reason its competitor, orthogonal least squares, which adds the most useful term each time (S. Chen, S. A. Billings and
-W. Luo, Int. J. Control 50 (1989) 1873), is tried too; of all sets on both ways an information criterion chooses.
+W. Luo, Int. J. Control 50 (1989) 1873), is tried too; of all sets on both ways an information criterion chooses, and what
+it chose is thresholded once more.
 """
 
 from dataclasses import dataclass
@@ -47,15 +48,20 @@ def sparse_regression(columns: np.ndarray, target: np.ndarray, *, known: bool) -
             f"every term must give something; term {int(size.argmin())} is zero throughout, leave it out of the library"
         )
     unit = columns / size
-    chosen: tuple[int, ...] = ()
-    coefficients, lowest = np.zeros(0), np.inf
     most = max(1, int(SHARE * len(target)))
-    for kept in (*_thresholded(unit, target, most), *_added(unit, target, most)):
-        found = np.linalg.lstsq(unit[:, kept], target, rcond=None)[0]
-        merit = information(target - unit[:, kept] @ found, len(kept), known)
-        if merit < lowest:
-            chosen, coefficients, lowest = tuple(kept), found / size[kept], merit
-    return Selection(chosen, coefficients)
+
+    def merit(kept: list[int]) -> float:
+        error = target - unit[:, kept] @ _fitted(unit[:, kept], target)
+        return information(error, len(kept), known)
+
+    best = min((*_thresholded(unit, target, most), *_added(unit, target, most)), key=merit)
+    thinner = ([best[place] for place in kept] for kept in _thresholded(unit[:, best], target, most))
+    best = min(thinner, key=merit)
+    return Selection(tuple(best), _fitted(unit[:, best], target) / size[best])
+
+
+def _fitted(unit: np.ndarray, target: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(unit, target, rcond=None)[0]
 
 
 def _thresholded(unit: np.ndarray, target: np.ndarray, most: int) -> list[list[int]]:

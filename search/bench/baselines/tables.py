@@ -30,9 +30,11 @@ points measured" gets nine, p = 0.4, 0.7, 1 by q = -0.3, 0, 0.3. The operating p
 the truth there is the linearised reference inverter. At 40 dB the noise is 1 % of |Y| at every frequency and its sigma is known.
 
 - **fitted**: NRMSE against the data that were fitted, mean over operating points. **true there**: against the clean truth at
-  the same points; with noise, a model that fits better than it is true has fitted the noise.
+  the same points; with noise, a model that fits better than it is true has fitted the noise. Where the noise is known, the
+  error is minimised in its standard deviations, not as NRMSE (only the poles of vector fitting come unweighted).
 - **held out**: NRMSE against the truth at the held-out operating point; for "nearest point", two equally near ones, the mean.
-- **numbers**: free numbers of the whole model, all operating points together. **order**: poles or states at one operating point.
+- **numbers**: free numbers of the whole model, all operating points together; corners that a term takes from the grid of the
+  library are not counted. **order**: poles or states at one operating point.
 - **parameters right**: true physical parameters within 5 %. Of the parameters of these inverters five (L_F, R_F, the current
   control's two and the decoupling) scale together without any effect at the terminals, so that no method can get them
   all from such data; `ibrid evaluate` says so.
@@ -60,10 +62,11 @@ _BOTTOM = """
 - **Search**: `search.run` from the naive diagram, proposer `rules`, seed 0; it knows neither the structure nor the
   parameters. F1 is that of modules and of connections against the truth. Its answer is fitted anew as the white boxes are.
 
-What this says about the argument of the paper: a black box is the best at the points that were measured, and needs no
-thought; it names nothing, and between operating points it is as good as the grid of points is dense. Sparse regression carries
-over to other operating points as far as somebody put the operating point into its terms. A diagram has the fewest
-numbers, and each of them means something, if it is the right one; which one is right is what the search is for.
+What this says about the argument of the paper: at the points that were measured a black box is as good as anything and needs
+no thought, though with noise it fits some of that too; it names nothing, and between operating points it is as good as the grid
+of points is dense. Sparse regression carries over to other operating points as far as somebody put the operating point into
+its terms. A diagram has the fewest numbers, and each of them means something, if it is the right one; which one is right is
+what the search is for.
 """
 
 
