@@ -7,7 +7,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup setup-llm demo test bench bench-search bench-gap docs lint clean
+.PHONY: setup setup-llm demo test bench bench-search bench-gap bench-baselines docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -38,6 +38,10 @@ bench-search: $(STAMP)
 # an hour or more: 200 devices that hide an effect, diagnosed blindly; make bench-gap ARGS="--only pair --seed 7" does a part
 bench-gap: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench_gap $(ARGS)
+
+# half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data, into docs/baselines.md
+bench-baselines: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.baselines $(ARGS)
 
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)
