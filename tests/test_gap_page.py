@@ -122,6 +122,15 @@ def test_a_turned_measuring_frame_is_said_to_lie_in_the_measurement():
     assert "The program stays as it was given" in words
 
 
+def test_nominal_values_without_an_operating_point_leave_a_dash_and_a_page():
+    gap = made("named")
+    nowhere = {name: np.full_like(response, np.nan) for name, response in gap.nominal.items()}
+    assert nowhere
+    text = gap_page(replace(gap, nominal=nowhere, before={**gap.before, "nominal": None}))
+    assert not re.search(r"\bnan\b", text.lower())
+    self_contained(text)
+
+
 def test_data_without_known_noise_make_no_claim_below_the_least_that_is_believed():
     words = Reader(page("no-gap")).text
     assert "not known" in words

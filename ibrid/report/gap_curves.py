@@ -87,8 +87,8 @@ def point_views(gap: Gap) -> tuple[PointView, ...]:
 
 def _view(gap: Gap, point: PointSweep, known: bool) -> PointView:
     name, lines = point.op.name, []
-    if name in gap.nominal:
-        given = np.asarray(gap.nominal[name])
+    given = np.asarray(gap.nominal.get(name, np.nan))
+    if np.isfinite(given).all():  # nominal values may have no operating point there
         lines.append(Line("as given", GIVEN, given, point.frequency, given))
     lines.append(_line("refitted", REFITTED if repaired(gap) else REPAIRED, gap.baseline, point, Convention()))
     if repaired(gap) and comparable(gap):

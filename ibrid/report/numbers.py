@@ -21,8 +21,8 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def error(value: float | None) -> str:
-    """A relative error with three significant digits, "-" where nothing was measured."""
-    if value is None:
+    """A relative error with three significant digits, "-" where there is none."""
+    if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0 or 1e-4 <= abs(value) < 1e3:
         return f"{value:#.3g}".rstrip(".")
