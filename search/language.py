@@ -55,6 +55,11 @@ def _rules(kinds: Vocabulary, equilibrium: str) -> Iterator[str]:
     zero = [kind.name for kind in kinds if not kind.inputs]
     yield "Every input of every module is driven" + (f"; {_listed(zero)} drives one with zero." if zero else ".")
     yield f"There is exactly one plant: {_listed([kind.name for kind in kinds if kind.family == PLANT], 'or')}."
+    if dividing := [kind.name for kind in kinds if kind.shares]:
+        yield (
+            f"An exception are two devices that meet at {TERMINAL_VOLTAGE} and {TERMINAL_CURRENT} alone, each with a plant, when "
+            f"one of them takes {TERMINAL_VOLTAGE} through a {_listed(dividing, 'or')}."
+        )
     yield f"Something drives {TERMINAL_CURRENT}, and every module has a path to it; one without changes nothing."
     yield f"The orders of all modules add up to at most {HIGHEST_ORDER}."
     yield "A loop of modules without states must have a solution: its gain must not be exactly 1."

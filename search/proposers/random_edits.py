@@ -106,8 +106,11 @@ def _share(draft: Draft, rng: np.random.Generator) -> str:
 
 
 def _insert(draft: Draft, rng: np.random.Generator) -> str:
-    """A module of any kind but a plant: on a wire when it has an input and an output that fit, else wired at random."""
-    kind = _one(rng, [one for one in draft.vocabulary.values() if "u_r" not in one.inputs])
+    """A module on a wire when it has an input and an output that fit, else wired at random.
+
+    Of any kind but a plant and what divides power between devices.
+    """
+    kind = _one(rng, [one for one in draft.vocabulary.values() if "u_r" not in one.inputs and not one.shares])
     name = draft.add(kind.name, kind.name.lower())
     for port, signal in kind.inputs.items():
         options = [one for one in draft.outputs(signal) if split_port(one)[0] != name]
