@@ -7,7 +7,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup setup-llm demo test bench bench-search bench-gap bench-baselines docs lint clean
+.PHONY: setup setup-llm setup-docs demo test bench bench-search bench-gap bench-baselines docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -52,11 +52,13 @@ setup-llm: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check gguf
 
 # the documentation site in out/docs, complete without a network; opens from the file system
-docs: $(STAMP)
-	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+docs: setup-docs
 	$(RUN) docs/making/write_pages.py
 	$(RUN) -m sphinx -W --keep-going -q -b html -d out/docs-cache docs out/docs
 	@echo out/docs/index.html
+
+setup-docs: $(STAMP)
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff format --check
