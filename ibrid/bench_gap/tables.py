@@ -78,7 +78,7 @@ def _naming(rows: Sequence[Row]) -> Iterator[str]:
 
 def _wide(name: str, above: str, *cells: str) -> str:
     *shares, size = cells
-    return f"{name:13}{above:>6}" + "".join(f"{cell:>19}" for cell in shares) + f"{size:>5}"
+    return f"{name:9}{above:>6}" + "".join(f"{cell:>20}" for cell in shares) + f"{size:>5}"
 
 
 def _held_out(rows: Iterable[Row]) -> Share:
@@ -138,14 +138,14 @@ def _by_effect(rows: Sequence[Row]) -> Iterator[str]:
     yield from _title("Each effect hidden alone")
     single = [row for row in rows if row["kind"] == "effect"]
     names = sorted({_id(row) for row in single})
-    yield f"{'':34}{'above':>7}{'named first':>19}{'in its class':>19}{'verdict right':>19}"
+    yield f"{'':33}{'above':>7}{'named first':>20}{'in its class':>20}{'verdict right':>20}"
     for name in names:
         group = [row for row in single if _id(row) == name]
         seen = [row for row in group if row["above"]]
         cells = [
             str(Share.of(row[column] for row in seen)) for column in ("named_first", "inside_class", "right_verdict")
         ]
-        yield f"{name:34}{f'{len(seen)}/{len(group)}':>7}" + "".join(f"{cell:>19}" for cell in cells)
+        yield f"{name:33}{f'{len(seen)}/{len(group)}':>7}" + "".join(f"{cell:>20}" for cell in cells)
 
 
 def _id(row: Row) -> str:
