@@ -91,7 +91,11 @@ def _unit(box: "Range") -> str:
 def _steady_gain(kind: "ModuleKind") -> str:
     if kind.static:
         return "that of D, the kind is static"
-    return "none: it integrates, or its outputs at rest follow another law" if kind.dc_gain is None else f"{kind.dc_gain:g}"
+    return (
+        "none: it integrates, or its outputs at rest follow another law"
+        if kind.dc_gain is None
+        else f"{kind.dc_gain:g}"
+    )
 
 
 def _operating_point(kind: "ModuleKind") -> str:
