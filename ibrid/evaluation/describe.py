@@ -144,8 +144,8 @@ class _Description:
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
         found = []
         for name, order in orders.items():
-            bound = self.table.of(name, str(self.wiring.kinds[name].delay))
-            delay = max(values[bound] if isinstance(bound, str) else bound for values in self.values.values())
+            parameter = str(self.wiring.kinds[name].delay)
+            delay = max(self.table.value(name, parameter, values) for values in self.values.values())
             if (limit := pade_limit(delay, order)) < highest:
                 found.append(
                     f"{name}: its Pade form of order {order} is within 1 degree of the delay up to {limit:.0f} Hz only; "

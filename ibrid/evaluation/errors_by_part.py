@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.sweep import PointSweep
-
-ENTRIES = ("dd", "dq", "qd", "qq")
+from ibrid.measurement.sweep import ENTRIES, PointSweep
 
 
 @dataclass(frozen=True)
@@ -48,9 +46,9 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
                 by_band[name].append(_ratio(squared[here].sum(), norm[here].sum()))
             table[point.op.name][name] = {
                 entry: _ratio(squared[here, i, j].sum(), norm[here, i, j].sum()) if here.any() else None
-                for entry, (i, j) in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True)
+                for entry, (i, j) in ENTRIES.items()
             }
-        for entry, (i, j) in zip(ENTRIES, ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True):
+        for entry, (i, j) in ENTRIES.items():
             by_entry[entry].append(_ratio(squared[:, i, j].sum(), norm[:, i, j].sum()))
     return ErrorParts(
         by_op={point.op.name: nrmse(response, point) for response, point in zip(responses, points, strict=True)},

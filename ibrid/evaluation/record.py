@@ -4,7 +4,6 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from ibrid.fit.kernel import respond
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.showing import shown
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     import control
 
 SCHEMA = "ibrid.record/1"
-#: What shows a record in notebooks; it lies above, so it is named here and imported when it is asked for.
-NOTEBOOK = "ibrid.report.notebook"
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,7 @@ class Record:
 
     def _repr_html_(self) -> str:
         """Verdict, response and parameters, for notebooks."""
-        return import_module(NOTEBOOK).record_html(self)
+        return shown(self, "notebook", "record_html")
 
     @property
     def _wiring(self) -> Wiring:
@@ -220,9 +218,7 @@ def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]
     orders = {}
     for name, kind in wiring.kinds.items():
         if kind.delay is not None:
-            bound = table.of(name, kind.delay)
-            delays = [one[bound] if isinstance(bound, str) else bound for one in values]
-            orders[name] = pade_order(max(delays), highest)
+            orders[name] = pade_order(max(table.value(name, kind.delay, one) for one in values), highest)
     return orders
 
 

@@ -30,7 +30,7 @@ def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, s
     memory = _Memory(problem, objective, start)
     if not size or not np.isfinite(memory.scale):
         return Optimum(start, memory.costs(start), "nothing to optimise", 0)
-    symbol = ca.MX.sym("x", size)  # type: ignore[arg-type]
+    symbol = ca.MX.sym("x", size)
     callbacks = [_Value(memory, size), _Gradient(memory, size), _Hessian(memory, size)]
     solver = ca.nlpsol(
         "fit",

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,14 +11,13 @@ from ibrid.gap.amplitude_result import AmplitudeAnswer
 from ibrid.gap.convention import Convention
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.sweep import Sweep
+from ibrid.showing import shown
 from ibrid.structure.program import parse_program
 
 if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
-#: What draws an answer; it lies above, so it is named here and imported when a figure is asked for.
-FIGURES = "ibrid.report.gap_figures"
 NOTEBOOK = "ibrid.report.notebook"
 Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
 
@@ -165,8 +163,8 @@ class Gap:
 
     def plot(self, op: str | None = None) -> Any:
         """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""
-        return import_module(FIGURES).gap_figure(self, op)
+        return shown(self, "gap_figures", "gap_figure", op)
 
     def _repr_html_(self) -> str:
         """Verdict, what is missing, before and after, for notebooks."""
-        return import_module(NOTEBOOK).gap_html(self)
+        return shown(self, "notebook", "gap_html")

@@ -5,17 +5,15 @@ Everything is per unit on the inverter's base, current out of the inverter, q ax
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from math import isfinite, pi
 from typing import Literal, get_args
 
 import numpy as np
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.showing import shown
 
 PowerNode = Literal["capacitor", "pcc"]
-#: What shows a sweep in notebooks; it lies above, so it is named here and imported when it is asked for.
-NOTEBOOK = "ibrid.report.notebook"
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
 ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
@@ -223,7 +221,7 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Operating points and the four admittances, for notebooks."""
-        return import_module(NOTEBOOK).sweep_html(self)
+        return shown(self, "notebook", "sweep_html")
 
 
 def _listed(names: Iterable[str]) -> list[str]:

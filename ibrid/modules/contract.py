@@ -74,7 +74,7 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
     symbols: dict[str, Any] = {}
     flat = []
     for name, value in _draw(kind, np.random.default_rng(0)).items():
-        some = [ca.SX.sym(f"{name}_{index}") for index in range(np.size(value))]  # type: ignore[arg-type]
+        some = [ca.SX.sym(f"{name}_{index}") for index in range(np.size(value))]
         symbols[name] = tuple(some) if isinstance(value, tuple) else some[0]
         flat += some
     try:

@@ -40,10 +40,10 @@ def check_linearisation(kind: "ModuleKind", arguments: Mapping[str, Any]) -> Non
 def _derivatives(kind: "ModuleKind", large: LargeSignal, arguments: Mapping[str, Any]) -> list[np.ndarray]:
     """A, B, C, D of the law, by CasADi."""
     at_rest = [] if large.at_rest is None else [*large.at_rest(**_asked(kind, large.at_rest, arguments))]
-    x = ca.SX.sym("x", len(kind.states))  # type: ignore[arg-type]
+    x = ca.SX.sym("x", len(kind.states))
     inputs, resting = {}, []
     for port, signal in kind.inputs.items():
-        some = ca.SX.sym(port, signal.width)  # type: ignore[arg-type]
+        some = ca.SX.sym(port, signal.width)
         inputs[port] = some if signal.width == 1 else (some[0], some[1])
         if port == large.angle:
             c, s = arguments.get("frame", (1.0, 0.0))

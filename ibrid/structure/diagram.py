@@ -4,18 +4,16 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from keyword import iskeyword
 
 from ibrid.errors import DiagramError
+from ibrid.showing import shown
 
 Binding = str | float | tuple[float, float]
 
 #: Outer ports: the terminal voltage drives the diagram, the terminal current leaves it.
 TERMINAL_VOLTAGE, TERMINAL_CURRENT = "v_DQ", "i_DQ"
 
-#: What shows a diagram in notebooks; it lies above, so it is named here and imported when it is asked for.
-NOTEBOOK = "ibrid.report.notebook"
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _PARAMETER_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}(\.[A-Za-z_][A-Za-z0-9_]{0,63})?")
@@ -108,7 +106,7 @@ class Diagram:
 
     def _repr_html_(self) -> str:
         """Drawn, for notebooks."""
-        return import_module(NOTEBOOK).diagram_html(self)
+        return shown(self, "notebook", "diagram_html")
 
 
 def _binding(where: str, value: object) -> Binding:

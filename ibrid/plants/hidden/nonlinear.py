@@ -2,13 +2,11 @@
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
 
 import casadi as ca
 
 from ibrid.errors import IbridError
 
-NonlinearId = Literal["pll_deadband", "current_limit"]
 #: A limit that nothing reaches.
 _NEVER = 1e9
 

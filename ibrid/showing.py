@@ -1,0 +1,9 @@
+"""How a value shows itself: pages and figures lie above the values they show, so they are imported when they are asked for."""
+
+from importlib import import_module
+from typing import Any
+
+
+def shown(value: Any, module: str, function: str, *options: Any) -> Any:
+    """What a function of `ibrid.report` makes of a value."""
+    return getattr(import_module(f"ibrid.report.{module}"), function)(value, *options)
