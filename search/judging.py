@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ibrid.errors import DiagramError, ProgramError
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import examine
+from ibrid.errors import ProgramError
 from ibrid.structure.program import parse_program, program_text
 from search.edits import EditError, apply_edit
 from search.gates import implausible
@@ -52,17 +50,14 @@ def judge_program(
     except ProgramError as error:
         return Verdict(Status.UNREADABLE, str(error), text)
     text = program_text(diagram)
-    try:
-        digest = structure_hash(diagram, task.kinds, equilibrium=task.equilibrium)
-    except DiagramError:
-        digest = ""  # a kind or port that does not exist: the grammar says which
-    violations, warnings = examine(diagram, task.kinds, equilibrium=task.equilibrium)
-    if violations:
-        return Verdict(Status.ILLEGAL, "; ".join(map(str, violations)), text, digest)
+    found = task.examined(diagram, text)
+    digest = found.hash
+    if found.violations:
+        return Verdict(Status.ILLEGAL, "; ".join(map(str, found.violations)), text, digest)
     if digest and digest == parent_hash:
         return Verdict(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
     if digest and (same := known(digest)) is not None:
         return Verdict(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
-    if reason := implausible(warnings):
+    if reason := implausible(found.warnings):
         return Verdict(Status.IMPLAUSIBLE, reason, text, digest)
     return Verdict(Status.PENDING, "", text, digest)

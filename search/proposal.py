@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -10,6 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from search.examination import Examination
 from search.step import Step
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
@@ -24,6 +26,11 @@ class Task:
     kinds: Vocabulary
     equilibrium: str = "exact"
     parameters: str = "shared"
+
+    @cached_property
+    def examined(self) -> Examination:
+        """The grammar of the run."""
+        return Examination(self.kinds, self.equilibrium)
 
 
 @dataclass(frozen=True)

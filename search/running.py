@@ -245,6 +245,7 @@ def _concluded(
     write_whole(folder / SELECTION, selection_json(selection))
     found = worth.record(selection["answer"])
     again = subject.record_of(found.program, FitSettings(), found.parameters)
+    store.set_meta("refits", str(selection["seconds"] + again.seconds))
     if (
         again.outcome == Outcome.OK
         and subject.error(again) <= subject.error(found)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.thinning import can_be_thinned, thinned
 from search.evaluation.assess import Subject
 from search.merit import EXACT, Floor
@@ -53,7 +54,7 @@ def select(
     error: Callable[[int], float],
     way: str,
 ) -> dict[str, Any]:
-    """The content of selection.json.
+    """The content of selection.json; `seconds` in it are those of the refits.
 
     error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
     the run; "frequencies", "op": of the front, the least error at held-out frequencies or operating points. The answer is
@@ -62,7 +63,8 @@ def select(
     front = plain_selection(steps).front[:MOST]
     numbers = sorted({one.step for one in front} | {best.number})
     by_number = {step.number: step for step in steps}
-    found = [_candidate(by_number[number], record_of(number), subject) for number in numbers]
+    refits = {number: _refit(record_of(number), subject) for number in numbers}
+    found = [_candidate(by_number[number], record_of(number), subject, refits[number]) for number in numbers]
     answer, why = _chosen(found, best, way)
     alike = _alike(steps, best, error, floor)
     record = record_of(answer)
@@ -72,6 +74,7 @@ def select(
         "answer": answer,
         "why": why,
         "residual_modules": [one.name for one in record.diagram.instances if _kinds(subject)[one.kind].residual],
+        "seconds": sum(one.seconds for one in refits.values() if one is not None),
     }
 
 
@@ -106,7 +109,7 @@ def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]
     return best.number, "it is the simplest of those with the least error, and stable at every operating point"
 
 
-def _candidate(step: Step, record: Record, subject: Subject) -> Candidate:
+def _candidate(step: Step, record: Record, subject: Subject, refit: Record | None) -> Candidate:
     low, high = record.settings["frequency_hz"]
     return Candidate(
         step=step.number,
@@ -115,7 +118,7 @@ def _candidate(step: Step, record: Record, subject: Subject) -> Candidate:
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
         holdout=_mean_or_none(record.holdout.values()),
-        frequencies=_at_held_out_frequencies(record, subject),
+        frequencies=_at_held_out_frequencies(refit, subject),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=_least_damping(record),
         note=step.note,
@@ -136,14 +139,22 @@ def _least_damping(record: Record) -> float | None:
     return min(ratios, default=None)
 
 
-def _at_held_out_frequencies(record: Record, subject: Subject) -> float | None:
-    """Error at every fourth frequency of a refit, from the found values, to the others; None where too few are left."""
-    fitted = subject.sweep.without(subject.holdout_op) if subject.holdout_op else subject.sweep
+def _refit(record: Record, subject: Subject) -> Record | None:
+    """A fit without every fourth frequency, from the found values; None where too few are left."""
+    fitted = _fitted(subject)
     if not can_be_thinned(fitted):
         return None
     fewer = replace(subject, sweep=thinned(fitted, hold=False), holdout_op=())
-    again = fewer.record_of(record.program, subject.fit, record.parameters)
-    if again.nrmse is None:
+    return fewer.record_of(record.program, subject.fit, record.parameters)
+
+
+def _at_held_out_frequencies(refit: Record | None, subject: Subject) -> float | None:
+    """Error of a refit at the frequencies that it did not see."""
+    if refit is None or refit.nrmse is None:
         return None
-    held = thinned(fitted, hold=True).points
-    return float(np.mean([nrmse(again.response(point.op.name, point.frequency), point) for point in held]))
+    held = thinned(_fitted(subject), hold=True).points
+    return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in held]))
+
+
+def _fitted(subject: Subject) -> Sweep:
+    return subject.sweep.without(subject.holdout_op) if subject.holdout_op else subject.sweep

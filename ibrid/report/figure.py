@@ -37,6 +37,8 @@ _SETTINGS: Any = {
 }
 #: Deviation, in units of 1/72 inch, that a simplified line may have; less where one can look closely.
 SIMPLIFIED, SIMPLIFIED_ZOOM = 0.3, 0.02
+#: Inches left, right, below and above the axes of a figure; and between stacked axes.
+MARGINS, BETWEEN = (0.78, 0.16, 0.5, 0.1), 0.12
 
 
 def inline_svg(
@@ -58,14 +60,29 @@ def inline_svg(
 
     settings = {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
     with rc_context(settings):
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
+        figure = Figure(figsize=size)
+        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights))
         draw(list(axes[:, 0]))
         plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
     return _for_page(buffer.getvalue(), name, attributes)
+
+
+def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None) -> dict[str, Any]:
+    """Margins that hold the labels of any of these figures; to measure every label would take as long as to draw it."""
+    width, height = size
+    left, right, bottom, top = MARGINS
+    plot = (height - bottom - top - (rows - 1) * BETWEEN) / rows
+    return {
+        "left": left / width,
+        "right": 1 - right / width,
+        "bottom": bottom / height,
+        "top": 1 - top / height,
+        "hspace": BETWEEN / plot,
+        "height_ratios": heights,
+    }
 
 
 def figure_html(svg: str, title: str = "", words: str = "", style: str = "") -> str:

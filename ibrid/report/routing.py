@@ -4,7 +4,7 @@ pieces that pass a column use a height that is free of boxes and of other nets. 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -177,7 +177,7 @@ def _tracked(bars: list[Crossbar]) -> list[Crossbar]:
     """Order the vertical pieces of a channel for few crossings and give them tracks, shared where they do not meet."""
     upright = [bar for bar in bars if not bar.straight]
     if len(upright) <= 6:
-        ordered = min(permutations(upright), key=_cost) if upright else ()
+        ordered = _fewest_crossings(upright)
     else:
         ordered = sorted(upright, key=lambda bar: (bar.high - bar.low, bar.low))
     for index, bar in enumerate(ordered):
@@ -186,8 +186,12 @@ def _tracked(bars: list[Crossbar]) -> list[Crossbar]:
     return bars
 
 
-def _cost(order: Sequence[Crossbar]) -> int:
-    return sum(_crossings(a, b) for index, a in enumerate(order) for b in order[index + 1 :])
+def _fewest_crossings(bars: Sequence[Crossbar]) -> list[Crossbar]:
+    """The best of all orders."""
+    between = [[_crossings(first, second) for second in bars] for first in bars]
+    orders = permutations(range(len(bars)))
+    best = min(orders, key=lambda order: sum(between[one][other] for one, other in combinations(order, 2)))
+    return [bars[index] for index in best]
 
 
 def _crossings(first: Crossbar, second: Crossbar) -> int:

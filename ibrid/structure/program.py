@@ -10,9 +10,9 @@ Nothing else is part of the language: no imports, loops, expressions or other ca
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from keyword import iskeyword
 from pathlib import Path
+from typing import NamedTuple
 
 from ibrid.errors import DiagramError, ProgramError
 from ibrid.structure.diagram import Binding, Diagram
@@ -35,8 +35,7 @@ _TOKEN = re.compile(
 _ALLOWED = "a program holds one `def NAME(g):` with g.add(...) and g.connect(...) lines, and nothing else"
 
 
-@dataclass(frozen=True)
-class _Token:
+class _Token(NamedTuple):
     kind: str
     text: str
     line: int
@@ -109,9 +108,8 @@ class _Parser:
                 depth += 1 if found == "(" else -1
             if kind not in ("comment", "space") and not (kind == "newline" and depth > 0):
                 yield _Token(kind, found, line, column)
-            breaks = found.count("\n")
-            if breaks:
-                line += breaks
+            if "\n" in found:
+                line += found.count("\n")
                 start = match.start() + found.rindex("\n") + 1
         yield _Token("newline", "", line, 0)
         yield _Token("end", "", line, 0)

@@ -28,7 +28,7 @@ PROMISING = 1e-3
 
 @dataclass(frozen=True)
 class Pace:
-    """A search on the clean benchmark. `fitting` : seconds that its workers spent on candidates, all together."""
+    """A search on the clean benchmark. `fitting` : seconds of fits, of the workers on candidates and of the final choice."""
 
     workers: int
     evaluations: int
@@ -60,7 +60,7 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         **EXACT_MODE,
     )
     with Store.open(folder / ARCHIVE, read_only=True) as store:
-        fitting = sum(step.seconds for step in store.steps())
+        fitting = sum(step.seconds for step in store.steps()) + float(store.meta.get("refits", 0.0))
     return Pace(workers, run.evaluations, run.seconds, fitting)
 
 
