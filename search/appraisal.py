@@ -2,9 +2,9 @@
 
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.program import parse_program
 from search.merit import Criterion
 from search.oddities import Oddities, oddities
+from search.parsed import parsed
 from search.ranking import Entry
 from search.step import Step
 from search.store import Store
@@ -40,8 +40,7 @@ class Appraisal:
     def oddities(self, step: Step) -> Oddities:
         """What is doubtful in a fitted step."""
         if step.number not in self._odd:
-            diagram = parse_program(step.program)
-            self._odd[step.number] = oddities(diagram, self.record(step.number), self._kinds)
+            self._odd[step.number] = oddities(parsed(step.program), self.record(step.number), self._kinds)
         return self._odd[step.number]
 
     def at_floor(self, step: Step) -> bool:

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ibrid.errors import ProgramError
-from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.program import program_text
 from search.edits import EditError, apply_edit
 from search.gates import implausible
+from search.parsed import parsed
 from search.proposal import Proposal, Task
 from search.step import Status
 
@@ -46,7 +47,7 @@ def judge_program(
     that its kind does not have, say), and "unchanged" would not help whoever wrote that.
     """
     try:
-        diagram = parse_program(text, "the edited program")
+        diagram = parsed(text)
     except ProgramError as error:
         return Verdict(Status.UNREADABLE, str(error), text)
     text = program_text(diagram)

@@ -152,7 +152,7 @@ class _Wishes:
     def mean(self, name: str, top: Mapping[str, float], both: bool) -> float:
         """Mean over the neighbours; with `both`, on both sides."""
         near = self.after[name] + (self.before[name] if both or not self.after[name] else [])
-        return float(np.mean([top[other] + offset for other, offset in near])) if near else top[name]
+        return sum(top[other] + offset for other, offset in near) / len(near) if near else top[name]
 
     def first(self, name: str, top: Mapping[str, float]) -> float:
         """For the first neighbour downstream."""
@@ -188,4 +188,4 @@ def _straighten(
             above = top[layer[index - 1]] + shapes[layer[index - 1]].height + GAP
         if index + 1 < len(layer):
             below = top[layer[index + 1]] - GAP - shapes[name].height
-        top[name] = float(np.clip(wishes.first(name, top), above, max(above, below)))
+        top[name] = max(above, min(wishes.first(name, top), below))

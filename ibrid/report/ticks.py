@@ -15,19 +15,20 @@ SOME, ALL = 30.0, 3.0
 def plain_decades(*drawn: "Axis") -> None:
     """Write the ticks of logarithmic axes as numbers, not powers of ten, which are slow to set and hard to read.
 
-    Between decades there are numbers only where fewer than two decades are shown.
+    Between decades there are ticks only where fewer than two decades are shown: without a number they say little, and
+    they take a third of the time of a figure.
     """
-    from matplotlib.ticker import FuncFormatter, NullFormatter
+    from matplotlib.ticker import FuncFormatter, NullLocator
 
     for one in drawn:
         if one.get_scale() in ("log", "symlog"):
             one.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
-            one.set_minor_formatter(NullFormatter())
-        if one.get_scale() == "log":
             low, high = one.get_view_interval()
-            if low > 0 and high < SOME * low:
+            if one.get_scale() == "log" and low > 0 and high < SOME * low:
                 leading = "123456789" if high < ALL * low else "25"
                 one.set_minor_formatter(FuncFormatter(lambda value, _, kept=leading: _between(value, kept)))
+            else:
+                one.set_minor_locator(NullLocator())
 
 
 def unit_of(axis: "Axis") -> str:
