@@ -7,7 +7,10 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
-.PHONY: setup setup-llm setup-docs demo test bench bench-search bench-gap bench-baselines docs lint clean
+# the tests take every core up to four; a file stays in one process, because its tests share what they fit
+TEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+
+.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -66,7 +69,12 @@ lint: $(STAMP)
 	$(VENV)/bin/pyright
 
 test: lint
-	$(RUN) -m pytest
+	$(TEST) $(ARGS)
+
+# lines and branches that the tests reach, in out/coverage; make coverage ARGS="tests/test_fit.py" for a part of them
+coverage: $(STAMP)
+	@mkdir -p out/coverage
+	$(TEST) --cov --cov-report=term --cov-report=html:out/coverage/html $(ARGS)
 
 clean:
 	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache .hypothesis

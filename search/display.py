@@ -8,23 +8,24 @@ import sys
 from html import escape
 from typing import Any, Protocol, TextIO
 
-#: Width where no terminal says how wide it is.
-WIDTH = 80
+#: Width where no terminal says how wide it is, and of the output of a notebook.
+WIDTH, NOTEBOOK_WIDTH = 80, 100
 WAYS = ("terminal", "plain", "notebook", "silent")
 
 
 class Display(Protocol):
     """`pause` : least time between two states, in s. `width` : characters of a state at most, None for any. `columns` :
-    characters of a row for which there is room."""
+    characters of a row for which there is room. `kept` : whether the last state stays for whoever reads later."""
 
     pause: float
+    kept: bool
 
     @property
     def width(self) -> int | None: ...
     @property
     def columns(self) -> int: ...
-    def state(self, text: str) -> None:
-        """Show how things stand, in place of what was shown before where that can be."""
+    def state(self, text: str, share: float | None = None) -> None:
+        """Show how things stand, in place of what was shown before where that can be; `share` : of the work that is done."""
         ...
 
     def row(self, text: str) -> None:
@@ -61,10 +62,11 @@ class SilentDisplay:
     """Shows nothing."""
 
     pause = float("inf")
+    kept = False
     width = None
     columns = WIDTH
 
-    def state(self, text: str) -> None:
+    def state(self, text: str, share: float | None = None) -> None:
         """Nothing."""
 
     def row(self, text: str) -> None:
@@ -77,6 +79,7 @@ class SilentDisplay:
 class PlainDisplay:
     """States on `stream`, rows on `out`, each on a line of its own."""
 
+    kept = False
     width = None
 
     def __init__(self, stream: TextIO | None, out: TextIO | None, every: float) -> None:
@@ -87,7 +90,7 @@ class PlainDisplay:
         """Those of the terminal that the rows go to."""
         return _columns(self._out)
 
-    def state(self, text: str) -> None:
+    def state(self, text: str, share: float | None = None) -> None:
         _write(self._stream, f"{text}\n")
 
     def row(self, text: str) -> None:
@@ -101,6 +104,7 @@ class TerminalDisplay:
     """The state is rewritten in place on `stream`; rows go to `out` and scroll by above it."""
 
     pause = 0.1
+    kept = False
 
     def __init__(self, stream: TextIO | None, out: TextIO | None) -> None:
         self._stream, self._out, self._shown = stream, out, ""
@@ -115,7 +119,7 @@ class TerminalDisplay:
         """Those of the terminal that the rows go to."""
         return _columns(self._out)
 
-    def state(self, text: str) -> None:
+    def state(self, text: str, share: float | None = None) -> None:
         text = text[: self.width]
         self._rewrite(text)
         self._shown = text
@@ -141,19 +145,21 @@ class TerminalDisplay:
 
 
 class NotebookDisplay:
-    """One output of the cell, with the rows above the state, that is updated."""
+    """One output of the cell that is updated: the rows, below them a bar and the state."""
 
     pause = 0.5
-    width = None
-    columns = WIDTH
+    kept = True
+    width = NOTEBOOK_WIDTH
+    columns = NOTEBOOK_WIDTH
 
     def __init__(self) -> None:
         self._rows: list[str] = []
         self._state = ""
+        self._share: float | None = None
         self._handle: Any = None
 
-    def state(self, text: str) -> None:
-        self._state = text
+    def state(self, text: str, share: float | None = None) -> None:
+        self._state, self._share = text, share
         self._show()
 
     def row(self, text: str) -> None:
@@ -167,7 +173,10 @@ class NotebookDisplay:
         from IPython.display import display
 
         text = "\n".join([*self._rows, *([self._state] if self._state else [])])
-        bundle = {"text/plain": text, "text/html": f"<pre>{escape(text)}</pre>"}
+        bar = "" if self._share is None else f'<progress value="{self._share:.4f}" style="width:60ch"></progress>'
+        parts = ("\n".join(self._rows), bar, self._state)
+        html = "".join(part if part is bar else f"<pre>{escape(part)}</pre>" for part in parts if part)
+        bundle = {"text/plain": text, "text/html": html}
         if self._handle is None:
             self._handle = display(bundle, raw=True, display_id=True)
         else:

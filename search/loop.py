@@ -2,6 +2,7 @@
 
 Proposal k is made from the results of the steps up to k - window and from random numbers that follow from the seed and k
 alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
+With a proposer that learns, a whole batch of its answers is made from the results of the batches before.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ from search.archive import Archive, Entry
 from search.evaluation.assess import PROMISING
 from search.evaluation.job import Evaluator, Job, Result
 from search.judging import Verdict, judge, judge_program
+from search.learning.learner import Learner
 from search.merit import Criterion
 from search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.pruning import Pruning
@@ -63,6 +65,7 @@ class Loop:
         self.appraisal = Appraisal(store, criterion, task.kinds)
         self.requirements, self.watch = requirements, watch
         self.pruning, self.tidying = Pruning(), Pruning(pairs=True)
+        self.learner = next((one for one, _ in self.proposers if isinstance(one, Learner)), None)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
         self.archive = Archive(settings)
         self.steps: list[Step] = []
@@ -83,8 +86,9 @@ class Loop:
             self._append(self._first(start))
         ending = None
         while ending is None:
-            self._absorb(max(len(self.steps) - self.window, 0))
+            self._absorb(self._horizon)
             self._require_a_start()
+            self._learn()
             ending = self._ending()
             if ending is None:
                 ending = self._step()
@@ -118,6 +122,16 @@ class Loop:
         if self._spent and self.best is None and not self._under_way:
             return SPENT
         return NOTHING_NEW if self.idle >= self.settings.patience else None
+
+    @property
+    def _horizon(self) -> int:
+        """The last step whose result the next proposal sees."""
+        return max(len(self.steps) - self.window if self.learner is None else self.learner.rounds.horizon, 0)
+
+    def _learn(self) -> None:
+        """Train the proposer that learns once all results of its batch are in."""
+        if self.learner is not None and self.learner.due and not self.stop_asked:
+            self.learner.learn(self.steps, self._asked_again)
 
     @property
     def _reached(self) -> str | None:
@@ -186,6 +200,8 @@ class Loop:
         self.evaluations += fresh
         if step.hash and fresh:
             self.known.setdefault(step.hash, step.number)
+        if self.learner is not None:
+            self.learner.add(step)
 
     # --- proposing ---------------------------------------------------------------------------------------------------
 
@@ -232,7 +248,13 @@ class Loop:
         scale = str(rng.choice(SCALES, p=[self.settings.scales[one] for one in SCALES]))
         weights = np.array([weight for _, weight in self.proposers])
         proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
-        parent, island = self.archive.sample(rng, number)
+        if self.learner is None or proposer is not self.learner:
+            parent, island = self.archive.sample(rng, number)
+        elif self.learner.rounds.leader is None:  # a new group: the active island goes round with the groups
+            parent, island = self.archive.sample(rng, self.learner.rounds.next.context)
+        else:
+            leader = self.steps[self.learner.rounds.leader]
+            parent, island, scale = self._parent(leader), leader.island, leader.scale
         best = self.archive.best
         if pruned is not None:
             yield self.appraisal.entry(pruned), pruned.island, self.tidying, "module"
@@ -270,6 +292,14 @@ class Loop:
             last=self.steps[self.absorbed - 1] if self.absorbed > 1 else None,
             seen=self.known.__contains__,
         )
+
+    def _parent(self, step: Step) -> Entry:
+        """What a step edits; the start has none, and is never asked."""
+        return self.appraisal.entry(self.steps[step.parent or 0])
+
+    def _asked_again(self, step: Step) -> Context:
+        """The question that led to a step, without what was known of other candidates."""
+        return Context(self.task, self._evaluated(self._parent(step)), step.scale)
 
     def _failures(self, number: int) -> tuple[Step, ...]:
         refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)

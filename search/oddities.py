@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.roles import roles
 from ibrid.structure.wiring import PLANT
+from search.proposers.moves.family import views_of
 
 #: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
 ABSURD = 30.0
@@ -14,9 +14,10 @@ ABSURD = 30.0
 
 @dataclass(frozen=True)
 class Oddities:
-    """`missing` : control layers that are not there. `at_bound` : parameters at the end of their box: a block that does
-    nothing, say. `absurd` : plant parameters that stand in for a controller, such as a resistance of 1 per unit.
-    `residual` : modules that fit anything and mean little, which is a reason to look further, but none to doubt the rest."""
+    """`missing` : control layers that are not there; of two devices those of the one that lacks fewer.
+    `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` : plant parameters that
+    stand in for a controller, such as a resistance of 1 per unit. `residual` : modules that fit anything and mean
+    little, which is a reason to look further, but none to doubt the rest."""
 
     missing: int = 0
     at_bound: int = 0
@@ -35,9 +36,8 @@ SOUND = Oddities()
 
 def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
     """Count them in a fitted diagram."""
-    found = roles(diagram, kinds)
     return Oddities(
-        missing=0 if found is None else found.missing_layers,
+        missing=min((view.roles.missing_layers for view in views_of(diagram, kinds)), default=0),
         at_bound=len(record.at_bound),
         absurd=max((_absurd(diagram, record, kinds, op) for op in record.parameters), default=0),
         residual=record.residual_modules,

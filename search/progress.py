@@ -99,9 +99,9 @@ class Progress:
         self._display.row(printable(text))
 
     def finish(self) -> None:
-        """Show the last state, once, and leave the line."""
-        if self._last is not None and self._last is not self._drawn:
-            self._draw(self._clock())
+        """Show the last state, once, and leave the line; where it is kept, without the time that would have been left."""
+        if self._last is not None and (self._last is not self._drawn or self._display.kept):
+            self._draw(self._clock(), over=True)
         self._last = None
         self._display.close()
 
@@ -111,26 +111,29 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self.finish()
 
-    def _draw(self, now: float) -> None:
+    def _draw(self, now: float, *, over: bool = False) -> None:
         if self._last is not None:
             began, before = self._seen[0]
             done = self._last.evaluations - before
             rate = done / (now - began) if done > 0 and now > began else None
-            self._display.state(progress_line(self._last, self._total, rate, self._display.width))
+            text = progress_line(self._last, self._total, rate, self._display.width, over=over)
+            self._display.state(text, None if over or not self._total else self._last.evaluations / self._total)
             self._shown, self._drawn = now, self._last
 
 
-def progress_line(snapshot: Snapshot, total: int | None, rate: float | None, width: int | None = None) -> str:
+def progress_line(
+    snapshot: Snapshot, total: int | None, rate: float | None, width: int | None = None, *, over: bool = False
+) -> str:
     """One line, with shorter words, and at last without the shares, where the width does not allow more.
 
-    rate : evaluations per second, None while it is not known.
+    rate : evaluations per second, None while it is not known. over : nothing follows, so that no time is left to tell.
     """
     tally = snapshot.tally
     far = f"{snapshot.evaluations}/{total}" if total is not None else str(snapshot.evaluations)
     good = f"best {error(snapshot.best)}"
     if rate is not None:
         good += f", {rate:.3g}/s"
-        if total is not None:
+        if total is not None and not over:
             good += f", ETA {clock_time(max(0, total - snapshot.evaluations) / rate)}"
     if snapshot.spent:
         good += f", {snapshot.spent}"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ibrid
+from ibrid.assembly.equilibrium import equilibria
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.errors import DiagramError, IbridError
-from ibrid.export import nonlinear_model
+from ibrid.errors import DiagramError
 from ibrid.fit.kernel import respond
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.plants import PLANTS
@@ -104,11 +104,14 @@ def test_two_equal_devices_that_share_by_halves_have_twice_the_admittance_of_one
     np.testing.assert_allclose(found, 2 * alone, rtol=1e-9, atol=1e-12)
 
 
-def test_a_diagram_of_two_devices_has_no_averaged_model_and_says_so():
+def test_one_frame_is_not_asked_of_two_devices():
+    diagram = wire(textbook("parallel_gfl_gfm"), VOCABULARY)
+    with pytest.raises(DiagramError, match="two devices, each with a frame of its own"):
+        equilibria(diagram, {}, (1.0, 0.3, 1.0), "pcc", OMEGA_0)
+
+
+def test_the_linear_model_of_two_devices_is_as_any_other():
     record = ibrid.evaluate(textbook("parallel_gfl_gfm"), ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"]))
-    with pytest.raises((DiagramError, IbridError), match="two devices"):
-        nonlinear_model(record, "p=1,q=0.3")
-    # the linear model is as any other
     system = record.state_space("p=1,q=0.3")
     assert system.nstates == 23
     assert np.real(system.poles()).max() < 0

@@ -28,6 +28,7 @@ from ibrid.structure import (
     warnings,
     wire,
 )
+from ibrid.structure.devices import devices
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(1.0, 5000.0, 13)
@@ -151,11 +152,11 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
     assert parse_program(program_text(one.diagram)) == one.diagram
     assert one.diagram.name == before.name
     kinds = {instance.name: instance.kind for instance in before.instances}
-    plant = {instance.kind for instance in one.diagram.instances if instance.name == "plant"}
-    assert plant
+    plants = {each.plant for each in devices(wire(before, VOCABULARY))}
+    assert plants <= {instance.name for instance in one.diagram.instances}
     assert one.where
-    for instance in one.diagram.instances:  # a name that is used again stands for the same kind, or for the plant
-        assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name == "plant"
+    for instance in one.diagram.instances:  # a name that is used again stands for the same kind, or for a plant
+        assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name in plants
 
 
 @pytest.mark.parametrize(("name", "one"), EVERY)

@@ -13,6 +13,9 @@ from made_gap import VERDICTS, made
 from page_reader import Reader
 
 import ibrid
+from ibrid.analysis.grid import SeriesRL
+from ibrid.analysis.prediction import Prediction
+from ibrid.analysis.stability import Stability
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.report.notebook import DRAWN
@@ -23,6 +26,16 @@ from search.running import Run
 @pytest.fixture(scope="module")
 def record() -> Record:
     return evaluated("gfl_pll_filter_exact", restarts=0)
+
+
+@pytest.fixture(scope="module")
+def predicted(record: Record) -> Prediction:
+    return ibrid.predict(record, "p=0.5,q=0", np.geomspace(5, 5000, 20))
+
+
+@pytest.fixture(scope="module")
+def study(record: Record) -> Stability:
+    return ibrid.stability(record, [1.2, 3.0, 10.0], op="p=1,q=0.3")
 
 
 def a_search(best: Record | None) -> Run:
@@ -106,8 +119,51 @@ def test_a_search_without_an_answer_says_so():
     assert "No stable candidate" in checked(replace(a_search(None), trajectory=())._repr_html_())
 
 
-def test_outputs_beside_each_other_share_no_identifier(record: Record):
-    outputs = [record._repr_html_(), benchmark()._repr_html_(), a_search(record)._repr_html_()]
+def test_a_prediction_shows_its_point_its_bands_and_its_warnings(predicted: Prediction):
+    shown = checked(predicted._repr_html_())
+    assert shown.count("<figure>") == 4
+    assert "p=0.5,q=0" in shown
+    assert "Shaded: its 95 % band" in shown
+    assert "lies outside the measured range" in shown
+    assert f'<data value="{float(np.max(predicted.relative_band))!r}">' in shown
+    assert "pll.angle" in shown.partition("<summary>Modes</summary>")[2]
+
+
+def test_a_band_is_drawn_around_each_line_of_a_prediction(predicted: Prediction):
+    bare = replace(predicted, deviation=None)._repr_html_()
+    assert predicted._repr_html_().count("FillBetween") >= 8  # magnitude and phase of four entries
+    assert "FillBetween" not in bare
+    assert "no band" in checked(bare)
+
+
+def test_an_unstable_prediction_says_so_first(predicted: Prediction):
+    worse = replace(predicted, modes=(replace(predicted.modes[0], pole=3 + 40j), *predicted.modes[1:]))
+    assert "UNSTABLE" in checked(worse._repr_html_()).partition("<figure>")[0]
+
+
+def test_a_stability_study_shows_its_sentence_its_grids_and_folds_the_figures(study: Stability):
+    shown = checked(study._repr_html_())
+    (sentence,) = study.sentences
+    before, _, after = shown.partition("<details>")
+    assert sentence.split(":")[0] in before
+    assert [f'<th scope="row">{scr}</th>' in before for scr in ("1.2", "3", "10")] == [True] * 3
+    assert "<figure" not in before
+    assert all(
+        f"<summary>{title}" in f"<details>{after}" for title in ("Root locus", "Eigenloci", "Passivity", "Modes")
+    )
+
+
+def test_a_study_of_one_given_grid_has_no_critical_ratio_and_is_shown_all_the_same(record: Record):
+    one = ibrid.stability(record, grid=SeriesRL(0.03, 0.3, 2 * np.pi * 60), op="p=1,q=0.3")
+    shown = checked(one._repr_html_())
+    assert "Critical short-circuit ratios" not in shown
+    assert "UNSTABLE" in shown or "stable" in shown
+
+
+def test_outputs_beside_each_other_share_no_identifier(record: Record, predicted: Prediction, study: Stability):
+    elsewhere = ibrid.stability(record, [1.2, 3.0, 10.0], op="p=1,q=-0.3")
+    objects = (record, benchmark(), a_search(record), predicted, study, elsewhere)
+    outputs = [one._repr_html_() for one in objects]
     found = [set(re.findall(r'\bid="([^"]+)"', one)) for one in outputs]
     assert all(found)
     assert len(set().union(*found)) == sum(map(len, found))

@@ -10,7 +10,7 @@ from ibrid.measurement.hardware import VARIABLE, hardware_sweeps
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[1] / "notebooks").glob("*.ipynb"))
 #: Runs on measured data where they are, else on a simulated stand-in.
-HARDWARE = "03_missing_effect_on_hardware"
+HARDWARE = "04_missing_effect_on_hardware"
 
 
 def run(path: Path) -> nbformat.NotebookNode:
@@ -18,7 +18,7 @@ def run(path: Path) -> nbformat.NotebookNode:
     notebook = nbformat.read(path, as_version=4)
     assert "assert" in notebook.cells[-1].source, f"{path.name} must end by asserting its numbers"
     NotebookClient(
-        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": path.parent}}
+        notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": path.parent}}
     ).execute()
     return notebook
 

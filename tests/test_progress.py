@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from ibrid.errors import IbridError
-from search.display import WIDTH
+from search.display import NOTEBOOK_WIDTH, WIDTH
 from search.milestone_table import WIDEST, milestone_head, milestone_row, printable
 from search.progress import Progress, Snapshot, clock_time, progress_line
 from search.tally import Tally
@@ -298,21 +298,26 @@ def test_a_note_of_any_length_takes_four_lines_at_most():
     assert lines[-1].endswith("...")
 
 
-def test_a_notebook_shows_one_output_that_is_updated(tmp_path):
+def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     code = (
         "from search.progress import Progress, Snapshot\nfrom search.trajectory import Milestone\n"
         "progress = Progress()\nprogress.start(10)\nprogress.update(Snapshot(1, 1, 0.5))\n"
-        "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\nprogress.finish()\n"
+        "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\n"
     )
-    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
+    cells = [nbformat.v4.new_code_cell(text) for text in (code, f"{code}progress.finish()\n")]
+    book = nbformat.v4.new_notebook(cells=cells)
     client.NotebookClient(book, timeout=60, kernel_name="python3").execute()
-    (output,) = book.cells[0].outputs
-    lines = output["data"]["text/plain"].splitlines()
-    assert tuple(lines[:3]) == (*milestone_head(WIDTH), *milestone_row(Milestone(7, 9, "a <row>", 0.9, 0.5), WIDTH))
+    (during,), (after,) = (cell.outputs for cell in book.cells)
+    lines = after["data"]["text/plain"].splitlines()
+    row = milestone_row(Milestone(7, 9, "a <row>", 0.9, 0.5), NOTEBOOK_WIDTH)
+    assert tuple(lines[:3]) == (*milestone_head(NOTEBOOK_WIDTH), *row)
     assert lines[3].startswith("2/10 evaluations, step 2, best 0.250")
-    assert "a &lt;row&gt;" in output["data"]["text/html"]
+    assert "ETA" not in lines[3]
+    assert "a &lt;row&gt;" in after["data"]["text/html"]
+    assert '<progress value="0.1000"' in during["data"]["text/html"]
+    assert "<progress" not in after["data"]["text/html"]
 
 
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():

@@ -18,33 +18,33 @@ from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
 from ibrid.signals import Signal
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.drafting import Draft
-from ibrid.structure.roles import Roles, roles
+from ibrid.structure.roles import Roles
 from search.bench.inverters import DIAGRAMS, inverter
 from search.edits import apply_edit
 from search.gates import implausible
 from search.proposal import SCALES, Proposal
 from search.proposers.edited import edited
-from search.proposers.moves.family import Family, Move, view_of
+from search.proposers.moves.family import Family, Move, view_of, views_of
 from search.proposers.rules import CURIOSITY, FAMILIES, LATER, Rules, residual_bands
 
 SEARCH = Path(__file__).resolve().parents[1] / "search"
-#: An engineer's edit is no larger than this: a droop with its rotations has seven blocks.
+#: An engineer's edit is no larger than this: a droop with its rotations has eight blocks.
 MOST_ADDED = 8
 
 TEXTBOOK = {name: ibrid.textbook(name) for name in ibrid.textbook_names()}
 NAIVE = TEXTBOOK["naive"]
 #: The hidden ones too: what the rules meet on their way looks like these.
-TEXTBOOK.pop("parallel_gfl_gfm")  # the rules know one plant
 PARENTS = TEXTBOOK | {name: truth for name in DIAGRAMS if (truth := inverter(name).truth) is not None}
 
 
 def moves_of(diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY) -> Iterator[tuple[str, Move, ibrid.Diagram]]:
-    """Family, move and what comes out, of all that the rules list."""
-    view = view_of(diagram, kinds)
-    assert view is not None
-    for family in FAMILIES:
-        for move in family.moves(view):
-            yield family.name, move, edited(view, move)
+    """Family, move and what comes out, of all that the rules list, for each device."""
+    views = views_of(diagram, kinds)
+    assert views
+    for view in views:
+        for family in FAMILIES:
+            for move in family.moves(view):
+                yield family.name, move, edited(view, move)
 
 
 @cache
@@ -78,8 +78,7 @@ def after(proposal: Proposal, parent: ibrid.Diagram) -> ibrid.Diagram:
 def test_every_move_is_made_and_most_lead_to_a_legal_diagram(name):
     listed = list(moves_of(PARENTS[name]))
     assert len(listed) >= 30
-    # what drives the command drives a DC link too: a move that knows only of the command leaves it without an operating point
-    assert len(legal_moves(name)) >= (0.65 if name == "gfl_dc_link" else 0.9) * len(listed)
+    assert len(legal_moves(name)) >= 0.9 * len(listed)
 
 
 @pytest.mark.parametrize("name", PARENTS)
@@ -103,6 +102,11 @@ def test_no_move_adds_more_than_a_sub_loop(name):
         assert len({one.name for one in diagram.instances} - before) <= MOST_ADDED, move.note
 
 
+def roles_of(diagram: ibrid.Diagram) -> tuple[Roles, ...]:
+    """Those of each device."""
+    return tuple(view.roles for view in views_of(diagram, VOCABULARY))
+
+
 def layers(found: Roles) -> set[str]:
     """The sub-loops that an engineer names."""
     present = {
@@ -117,12 +121,11 @@ def layers(found: Roles) -> set[str]:
 
 @pytest.mark.parametrize("name", PARENTS)
 def test_no_move_brings_two_layers_of_a_controller(name):
-    before = roles(PARENTS[name], VOCABULARY)
-    assert before is not None
+    before = roles_of(PARENTS[name])
     for _, move, diagram in legal_moves(name):
-        found = roles(diagram, VOCABULARY)
-        assert found is not None
-        assert len(layers(found) - layers(before)) <= 1, move.note
+        # a device that is put in has none yet, one that is taken away takes its own along
+        pairs = zip(before, roles_of(diagram), strict=False)
+        assert sum(len(layers(after) - layers(one)) for one, after in pairs) <= 1, move.note
 
 
 def test_no_single_move_leads_from_the_naive_start_to_a_textbook_program():
@@ -132,13 +135,10 @@ def test_no_single_move_leads_from_the_naive_start_to_a_textbook_program():
 
 
 def test_every_layer_can_be_had_from_the_naive_start():
-    before = roles(NAIVE, VOCABULARY)
+    (before,) = roles_of(NAIVE)
     gained: set[str] = set()
     for _, _, diagram in legal_moves("naive"):
-        found = roles(diagram, VOCABULARY)
-        assert before is not None
-        assert found is not None
-        gained |= layers(found) - layers(before)
+        gained |= layers(roles_of(diagram)[0]) - layers(before)
     # a voltage loop needs the voltage of a capacitor, so the LCL comes first
     assert gained == {"LCL filter", "synchronisation", "current loop", "outer loops"}
 
@@ -234,18 +234,15 @@ def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
     assert {Rules(families).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {"a delay"}
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in PARENTS if name != "gfm_dvoc"]
-)  # its powers are within the oscillator
+@pytest.mark.parametrize("name", PARENTS)
 def test_families_come_first_as_long_as_a_layer_is_missing(name):
-    found, view = roles(PARENTS[name], VOCABULARY), view_of(PARENTS[name], VOCABULARY)
-    assert found is not None
-    assert view is not None
-    assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (found.missing_layers > 0)
+    for view in views_of(PARENTS[name], VOCABULARY):
+        assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (view.roles.missing_layers > 0)
 
 
 def test_every_layer_that_may_be_missing_has_a_family_that_comes_first():
-    assert {family.name for family in FAMILIES if family.first} == {"synchronisation", "current loop", "power loops"}
+    names = {family.name for family in FAMILIES if family.first}
+    assert names == {"synchronisation", "current loop", "voltage loop", "power loops"}
 
 
 # the other axis, the other current
@@ -365,7 +362,7 @@ LOW, HIGH = (0.9, 0.1, 0.0, 0.0), (0.0, 0.0, 0.5, 0.5)
 
 def test_an_error_at_low_frequencies_points_to_synchronisation_and_outer_loops():
     low, high = (families_proposed(NAIVE, "naive", erring(*shares), "structural") for shares in (LOW, HIGH))
-    outer = ("synchronisation", "power loops", "voltage magnitude")
+    outer = ("synchronisation", "power loops", "AC voltage", "DC link")
     # 150 draws each; the shares differ by more than a factor of two in weight, chance moves them by a tenth
     assert sum(low[name] for name in outer) > 1.3 * sum(high[name] for name in outer)
 

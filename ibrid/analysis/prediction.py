@@ -15,6 +15,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.showing import shown
 
 #: Part of |Y| by which an invisible direction must move a prediction to be named.
 MATTERS = 1e-6
@@ -98,6 +99,10 @@ class Prediction:
             "states": list(self.model.states),
             **{part: getattr(self.model, part).tolist() for part in "ABCD"},
         }
+
+    def _repr_html_(self) -> str:
+        """Stability, warnings and the four admittances with bands, for notebooks."""
+        return shown(self, "notebook_analysis", "prediction_html")
 
 
 def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:

@@ -22,6 +22,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.noise_estimate import PointNoise
 from ibrid.measurement.passivity import Passivity, passivity
 from ibrid.measurement.sweep import PointSweep
+from ibrid.showing import shown
 
 SCHEMA = "ibrid.stability/1"
 #: Frequencies of the passivity index by default.
@@ -100,6 +101,10 @@ class Stability:
             "power_node": self.power_node,
             "points": [one.plain() for one in self.points],
         }
+
+    def _repr_html_(self) -> str:
+        """The answer in sentences and the table over the grids, for notebooks."""
+        return shown(self, "notebook_analysis", "stability_html")
 
 
 def stability(

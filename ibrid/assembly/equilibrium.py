@@ -24,7 +24,16 @@ from ibrid.errors import DiagramError
 from ibrid.structure.devices import SHARE, devices
 from ibrid.structure.wiring import PLANT, Wiring
 
-__all__ = ["Frame", "Pair", "Parameters", "device_equilibria", "equilibria", "paper_equilibria", "to_frame"]
+__all__ = [
+    "Frame",
+    "Pair",
+    "Parameters",
+    "device_equilibria",
+    "device_points",
+    "equilibria",
+    "paper_equilibria",
+    "to_frame",
+]
 
 
 def equilibria(
@@ -78,20 +87,27 @@ def device_equilibria(
     Of two devices behind one PCC, p and q are sums over both, shared as their `Share` says, each measured at that node of its
     device; v is common. Raises DiagramError as `equilibria` does.
     """
-    parts = devices(wiring)
+    found = {}
+    for device, own in device_points(wiring, parameters, point):
+        frame, ports = equilibria(device, parameters, own, power_node, omega_0)
+        found |= {name: (frame, ports[name]) for name in device.kinds}
+    return found
+
+
+def device_points(
+    wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any]
+) -> list[tuple[Wiring, tuple[Any, Any, Any]]]:
+    """The devices of a diagram, each with its own (p, q, v): what its `Share` says of p and q, or what is left."""
     p, q, v = point
     left = [p, q]
+    parts = devices(wiring)
     points: dict[str, tuple[Any, Any, Any]] = {}
     for device in parts:
         for name in device.named(SHARE):
             own = parameters[name]["share_p"] * p, parameters[name]["share_q"] * q
             points[device.plant] = (*own, v)
             left = [left[0] - own[0], left[1] - own[1]]
-    found = {}
-    for device in parts:
-        frame, ports = equilibria(device, parameters, points.get(device.plant, (*left, v)), power_node, omega_0)
-        found |= {name: (frame, ports[name]) for name in device.kinds}
-    return found
+    return [(device, points.get(device.plant, (*left, v))) for device in parts]
 
 
 def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[Frame, dict[str, Pair]]]:

@@ -5,13 +5,13 @@ operating point where the law names one, zero in front of an integrator. What th
 reference. Signals behind integrators count from their value at rest, so that references hold whatever the gains are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2
 
 import numpy as np
 
-from ibrid.assembly.equilibrium import Frame, Pair, equilibria, to_frame
+from ibrid.assembly.equilibrium import Frame, Pair, device_points, equilibria, to_frame
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import IbridError
@@ -50,7 +50,7 @@ def rest(
     omega_0: float,
     pade_orders: Mapping[str, int],
 ) -> Rest:
-    """The operating point (p, q, v) of a wired diagram at parameter values.
+    """The operating point (p, q, v) of a wired diagram at parameter values; of two devices behind one PCC p and q are of both.
 
     Raises ModuleError for a kind without a large-signal law, DiagramError where the operating point of a module does not
     follow from the plant, IbridError where there is none.
@@ -58,13 +58,27 @@ def rest(
     for kind in wiring.kinds.values():
         require_large_signal(kind)
     numbers = parameters_at(wiring, table, {name: float(value) for name, value in values.items()})
-    frame, ports = equilibria(wiring, numbers, point, power_node, omega_0)
-    modules = tuple(
-        module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
-        for name, kind in wiring.kinds.items()
+    settled = []
+    for device, own in device_points(wiring, numbers, point):
+        frame, ports = equilibria(device, numbers, own, power_node, omega_0)
+        modules = tuple(
+            module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
+            for name, kind in device.kinds.items()
+        )
+        plant = plant_equilibrium(device.kinds[device.plant].name, numbers[device.plant], *own, power_node)
+        settled.append(_Settled(device, frame, ports, plant, own[2]).settle(modules))
+    return _together(wiring, settled)
+
+
+def _together(wiring: Wiring, parts: Sequence[Rest]) -> Rest:
+    """Devices that meet at the terminals alone, their modules in the order of the diagram."""
+    module = {one.name: one for part in parts for one in part.modules}
+    return Rest(
+        tuple(module[name] for name in wiring.kinds),
+        {name: part.states[name] for part in parts for name in part.states},
+        {channel: part.outputs[channel] for part in parts for channel in part.outputs},
+        {channel: part.references[channel] for part in parts for channel in part.references},
     )
-    plant = plant_equilibrium(wiring.kinds[wiring.plant].name, numbers[wiring.plant], *point, power_node)
-    return _Settled(wiring, frame, ports, plant, point[2]).settle(modules)
 
 
 class _Settled:

@@ -49,7 +49,18 @@ class NotInVocabulary(IbridError):
 
 
 class Edit(Draft):
-    """A draft in which every new module has parameters of its own: no name that owns a shared one is given again."""
+    """A draft in which every new module has parameters of its own: no name that owns a shared one is given again.
+
+    beside : modules of another device, which are there and are not looked for.
+    """
+
+    def __init__(self, diagram: Diagram, kinds: Vocabulary, beside: frozenset[str] = frozenset()) -> None:
+        super().__init__(diagram, kinds)
+        self.beside = beside
+
+    def named(self, *kinds: str) -> list[str]:
+        """Modules of some kinds, in order; those of another device left out."""
+        return [name for name in super().named(*kinds) if name not in self.beside]
 
     def add(self, kind: str, stem: str, **bindings: Binding) -> str:
         """Add a module, named after `stem`; raises NotInVocabulary."""
@@ -77,12 +88,20 @@ class Edit(Draft):
 
 @dataclass(frozen=True)
 class Model:
-    """A given model as the effects see it: its diagram, the kinds that may be used, a draft to look at, its roles."""
+    """A given model as the effects see it: its diagram, the kinds that may be used, a draft to look at, its roles.
+
+    Of two devices behind one PCC `draft` and `roles` are those of one, and `beside` are the modules of the other.
+    """
 
     diagram: Diagram
     kinds: Vocabulary
     draft: Draft
     roles: Roles
+    beside: frozenset[str] = frozenset()
+
+    def edit(self) -> Edit:
+        """A draft of the whole diagram, to be changed."""
+        return Edit(self.diagram, self.kinds, self.beside)
 
     def edited(
         self, effect: str, change: Change, where: str, edit: Callable[[Edit], Mapping[str, Strength] | None]
@@ -91,7 +110,7 @@ class Model:
 
         edit : returns the strengths of the free parameters that it brings in, by name.
         """
-        draft = Edit(self.diagram, self.kinds)
+        draft = self.edit()
         try:
             strengths = edit(draft) or {}
         except NotInVocabulary:

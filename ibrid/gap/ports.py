@@ -6,7 +6,8 @@ In series, a block 1 + Delta lies in a signal; a missing path is such a block be
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ibrid.gap.effect import Edit, NotInVocabulary, model_of
+from ibrid.gap.devices import models_of
+from ibrid.gap.effect import Model, NotInVocabulary
 from ibrid.gap.port_places import missing_paths, places_in_series
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
@@ -32,16 +33,17 @@ class Port:
 
 
 def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
-    """Every port that a legal diagram has, each with a legal diagram; () where there is not one plant with a command.
+    """Every port that a legal diagram has, device by device, each with a legal diagram; () where no plant has a command.
 
     Places at which an unknown transfer says exactly the same come once, but for those that an engineer tells apart.
     """
-    model = model_of(diagram, (*kinds, *PORT_KINDS))
-    if model is None:
-        return ()
+    return tuple(port for model in models_of(diagram, (*kinds, *PORT_KINDS)) for port in _ports_of(model))
+
+
+def _ports_of(model: Model) -> list[Port]:
     found = []
     for place in (*places_in_series(model), *missing_paths(model)):
-        draft = Edit(model.diagram, model.kinds)
+        draft = model.edit()
         try:
             block = place.edit(draft)
         except NotInVocabulary:
@@ -49,7 +51,7 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
         port = Port(place.name, place.words, draft.diagram(), block)
         if not violations(port.diagram, model.kinds):
             found.append(port)
-    return tuple(found)
+    return found
 
 
 def _unknown() -> Matrices:

@@ -15,7 +15,8 @@ from ibrid.structure.wiring import PLANT, Wiring
 
 #: One standard deviation of the logarithm: of plant parameters, and of all others.
 PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
-#: The same for a value that is zero or negative, absolute.
+#: The same for a value that is zero or negative, absolute, at least: of a large one, such as a droop of -16 rad/s, it is
+#: the tolerance above times its size.
 ABSOLUTE_TOLERANCE = 0.25
 
 #: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
@@ -94,7 +95,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
         if tolerance is None:
             kinds = {wiring.kinds[module].family for module, _ in parameter.members}
             tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
-            tolerance = tolerance if value > 0 else ABSOLUTE_TOLERANCE
+            tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
         if parameter.logarithmic and value <= 0:
             raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
         found[parameter.name] = Belief(value, tolerance)

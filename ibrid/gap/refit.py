@@ -18,6 +18,7 @@ from ibrid.fit.gauss_newton import begin, descend
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
+from ibrid.gap.whole_fit import whole_fit
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
@@ -170,6 +171,12 @@ class Refitter:
         if not np.isfinite(ends.cost).any():
             return None
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
+
+    def whole_fit(self, diagram: Diagram) -> Refit | None:
+        """A refit from where a fit without any prior ends, which takes seconds; None where there is none."""
+        wiring = wire(diagram, self.kinds)
+        starts = whole_fit(self.problem(diagram), wiring, self.rng, self.sweep.omega_0)
+        return self.refit(diagram, starts) if starts else None
 
     def glance(self, diagram: Diagram, starts: Sequence[Values]) -> float:
         """Cost, with ln(n) for every free number, after a few steps from the starts: an upper end of what a refit finds.

@@ -29,6 +29,8 @@ LIKELY = 3.84
 FAR = 3.0
 #: Draws beside the given starts, of a trial and of the given model.
 TRIAL_DRAWS, BASE_DRAWS = 16, 64
+#: Whole fits of a given model at most, each with other random numbers.
+WHOLE_FITS = 2
 #: Largest angle of a measuring frame (rad) and largest factor of a per-unit base that are looked for.
 LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
 FRAME = "frame_misalignment"
@@ -87,9 +89,17 @@ class Workshop:
         return replace(self.noise, sweep=convention.undone(self.noise.sweep))
 
     def given(self, diagram: Diagram) -> Model | None:
-        """The given model, refitted from many starts."""
-        refit = self.refitter(Convention()).refit(diagram, [{}], draws=BASE_DRAWS)
-        return None if refit is None else Model(diagram, Convention(), refit)
+        """The given model, refitted from many starts; with whole fits where that is not enough and values are unknown."""
+        refitter = self.refitter(Convention())
+        refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS)
+        if refit is None:
+            return None
+        for _ in range(WHOLE_FITS if len(refit.moved) < refit.free else 0):
+            if refit.p_value() > ADEQUATE:
+                break
+            found = refitter.whole_fit(diagram)
+            refit = found if found is not None and found.cost < refit.cost else refit
+        return Model(diagram, Convention(), refit)
 
     def again(self, model: Model, starts: Sequence[Mapping[str, float]], draws: int = 0) -> Model:
         """A model refitted from further starts; the better of both."""

@@ -26,13 +26,17 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Curves:
-    """One operating point, `index` choosing its colour. `frequency`, `model` : (N,) Hz and (N, 2, 2), or None."""
+    """One operating point, `index` choosing its colour. `frequency`, `model` : (N,) Hz and (N, 2, 2), or None.
+
+    `half_width` : (N, 2, 2) of the model's band, equal for real and imaginary parts; shaded where it is given.
+    """
 
     name: str
     index: int
     measured: PointSweep | None
     frequency: np.ndarray | None
     model: np.ndarray | None
+    half_width: np.ndarray | None = None
 
 
 def curves(record: Record, sweep: Sweep | None, with_model: bool = True) -> tuple[Curves, ...]:
@@ -92,22 +96,25 @@ def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str, zoo
 def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> None:
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
+    place = (slice(None), *ENTRIES[entry])
     start = _phase_window(entry, shown)
     floor = _floor(entry, shown)
     drawn = False
     for one in shown:
         colour, marker, dashes = series(one.index)
         if one.measured is not None:
-            measured = one.measured.admittance[(slice(None), *ENTRIES[entry])]
+            measured = one.measured.admittance[place]
             drawn |= _dots(magnitude, phase, one.measured, entry, measured, floor, start, colour, marker)
         if one.model is not None and one.frequency is not None:
-            line = one.model[(slice(None), *ENTRIES[entry])]
+            line = one.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
             if np.isfinite(size).any():
                 drawn = True
                 magnitude.plot(one.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
                 angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
                 phase.plot(*_broken(one.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5)
+                if one.half_width is not None:
+                    _shade(magnitude, phase, one.frequency, size, angle, one.half_width[place], colour)
     if drawn:
         magnitude.set_yscale("log")
     else:
@@ -118,6 +125,25 @@ def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> No
     phase.set_xscale("log")
     phase.set_yticks(np.arange(90 * np.ceil(start / 90), start + 361, 90))
     phase.set_ylim(start - 8, start + 368)
+
+
+def _shade(
+    magnitude: "Axes",
+    phase: "Axes",
+    frequency: np.ndarray,
+    size: np.ndarray,
+    angle: np.ndarray,
+    half_width: np.ndarray,
+    colour: str,
+) -> None:
+    """A band around a line, in magnitude and phase; a band that holds zero has no lower end and every phase."""
+    look = {"color": colour, "alpha": 0.22, "linewidth": 0}
+    magnitude.fill_between(frequency, np.maximum(size - half_width, 1e-3 * size), size + half_width, **look)
+    inside = half_width < size
+    turn = np.where(inside, np.degrees(np.arcsin(np.where(inside, half_width / size, 0.0))), 180.0)
+    at, middle = _broken(frequency, angle)
+    spread = np.interp(at, frequency, turn)
+    phase.fill_between(at, middle - spread, middle + spread, **look)
 
 
 def _dots(

@@ -3,8 +3,7 @@
 An output stands alone: its style reaches nothing else, it runs no script and loads nothing.
 """
 
-from collections.abc import Iterable, Sequence
-from hashlib import sha256
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +26,10 @@ from ibrid.report.gap_tables import effect_html
 from ibrid.report.legend import models_legend, points_legend
 from ibrid.report.markup import bullets, cell, data, escape, folded, head, page_header, paragraph, program, row, table
 from ibrid.report.measured_data import measured_data
+from ibrid.report.notebook_output import output, tag
 from ibrid.report.numbers import error, hertz, number
 from ibrid.report.page import record_header
 from ibrid.report.parameter_table import parameter_html, twins_table
-from ibrid.report.style import notebook_style_sheet
 from ibrid.report.trajectory import Trajectory, draw_trajectory
 from ibrid.report.verdict import verdict
 from ibrid.structure.diagram import Diagram
@@ -42,7 +41,7 @@ DRAWN = 6
 def diagram_html(diagram: Diagram, kinds: Sequence[ModuleKind] = VOCABULARY) -> str:
     """A block diagram, drawn; kinds that are not in `kinds` get a box of their own colour."""
     words = f"{diagram.name}: {len(diagram.instances)} modules, {len(diagram.connections)} connections"
-    return _shown([paragraph(words, "eyebrow"), diagrams_beside((("", diagram, ()),), kinds)])
+    return output([paragraph(words, "eyebrow"), diagrams_beside((("", diagram, ()),), kinds)])
 
 
 def sweep_html(sweep: Sweep) -> str:
@@ -56,7 +55,7 @@ def sweep_html(sweep: Sweep) -> str:
     drawn = tuple(Curves(point.op.name, place, point, None, None) for place, point in enumerate(points))
     left = len(sweep.points) - len(points)
     note = [paragraph(f"{left} more operating points are not drawn.", "note")] if left else []
-    return _shown([paragraph(words, "eyebrow"), listed, _bode(drawn, repr([one.op for one in points])), *note])
+    return output([paragraph(words, "eyebrow"), listed, _bode(drawn, repr([one.op for one in points])), *note])
 
 
 def record_html(record: Record) -> str:
@@ -79,7 +78,7 @@ def record_html(record: Record) -> str:
     parts += [folded("Warnings", bullets(record.warnings))] if record.warnings else []
     if diagram is not None:
         parts.append(folded("Block diagram", diagrams_beside((("", diagram, ()),), record.vocabulary)))
-    return _shown([*parts, folded("Program", program(record.program))])
+    return output([*parts, folded("Program", program(record.program))])
 
 
 def gap_html(gap: Gap) -> str:
@@ -90,11 +89,11 @@ def gap_html(gap: Gap) -> str:
     worst = views[0]
     if worst.lines:
         legend = models_legend([(line.name, line.index) for line in worst.lines], worst.lines[-1].index)
-        drawn = bode_figures(worst.curves, _tag(gap.program + worst.name), f" at {worst.name}", zoom=False)
+        drawn = bode_figures(worst.curves, tag(gap.program + worst.name), f" at {worst.name}", zoom=False)
         parts.append(folded(f"Frequency response at {worst.name}", legend + drawn))
     parts.append(folded("What changed in the program", program_html(gap)))
     parts.append(folded("Block diagrams", diagrams_html(gap)))
-    return _shown([*parts, folded("How it was decided", bullets(gap.steps))])
+    return output([*parts, folded("How it was decided", bullets(gap.steps))])
 
 
 def search_html(
@@ -122,14 +121,10 @@ def search_html(
             parts.append(diagrams_beside((("The answer", diagram, ()),), best.vocabulary))
         parts.append(folded("Parameters", parameter_html(best)))
         parts.append(folded("Program", program(best.program)))
-    return _shown([*parts, paragraph(f"More in {folder / 'report.html'}", "note")])
+    return output([*parts, paragraph(f"More in {folder / 'report.html'}", "note")])
 
 
 # --- pieces ----------------------------------------------------------------------------------------------------------
-
-
-def _shown(parts: Iterable[str]) -> str:
-    return f'<div class="ibrid"><style>{notebook_style_sheet()}</style>{"".join(parts)}</div>'
 
 
 def _bode(shown: Sequence[Curves], of: str) -> str:
@@ -137,7 +132,7 @@ def _bode(shown: Sequence[Curves], of: str) -> str:
     words = "Lines: model. Dots: measured." if lines else "Dots: measured."
     names = ", ".join(one.name for one in shown)
     legend = points_legend([one.name for one in shown], lines=lines)
-    return paragraph(words, "note") + legend + bode_figures(shown, _tag(of + words), f" at {names}", zoom=False)
+    return paragraph(words, "note") + legend + bode_figures(shown, tag(of + words), f" at {names}", zoom=False)
 
 
 def _point_row(point: PointSweep) -> str:
@@ -154,10 +149,5 @@ def _trajectory_svg(trajectory: Sequence[tuple[int, float | None, float | None]]
     found = np.array([[np.nan if value is None else value for value in one] for one in trajectory], dtype=float)
     shown = Trajectory(found[:, 0], found[:, 1], np.ones(len(found), dtype=bool), found[:, 2])
     label = f"NRMSE of {len(found)} candidates, and the best so far, over the evaluations."
-    name = _tag(repr(trajectory))
+    name = tag(repr(trajectory))
     return inline_svg(lambda axes: draw_trajectory(axes, shown), name=name, label=label, size=(8.0, 3.4))
-
-
-def _tag(text: str) -> str:
-    """A name that figures of different outputs on one page do not share."""
-    return f"n{sha256(text.encode()).hexdigest()[:10]}"

@@ -1,6 +1,6 @@
 """The page of stability in a grid: the answer on top, grids, root locus, eigenloci, passivity, modes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import QUANTILE, Mode
@@ -35,11 +35,12 @@ def stability_page(found: Stability, source: str = "") -> str:
         "SCR = 1/|Z| at 1 per unit of voltage; Nyquist and passivity use the load admittance -Y; v, p, q at the PCC stay "
         "those of the operating point."
     )
-    header = page_header(above, title, f"{'; '.join(found.sentences)}.", _facts(found))
-    return page(f"{title}: {source}" if source else title, header, _sections(found), words)
+    header = page_header(above, title, f"{'; '.join(found.sentences)}.", stability_facts(found))
+    return page(f"{title}: {source}" if source else title, header, stability_sections(found), words)
 
 
-def _facts(found: Stability) -> Iterator[tuple[str, str]]:
+def stability_facts(found: Stability) -> Iterator[tuple[str, str]]:
+    """What stands beside the verdict: critical ratios or verdicts, and the grid."""
     for one in found.points:
         for critical in one.critical:
             word = f"critical SCR at {one.op}"
@@ -51,16 +52,25 @@ def _facts(found: Stability) -> Iterator[tuple[str, str]]:
     yield "nominal frequency", hertz(found.f0_hz)
 
 
-def _sections(found: Stability) -> Iterator[Section]:
+def stability_sections(found: Stability, name: str = "", *, zoom: bool = True) -> Iterator[Section]:
+    """The parts of the answer. `name` : goes before those of the figures; `zoom` : False where no script runs."""
     points = found.points
     if any(one.critical for one in points):
         yield "critical", "Critical short-circuit ratios", _critical(points)
     yield "grids", "On each grid", "".join(map(_grids, points))
     if any(one.cases[0].modes is not None for one in points):
-        yield "locus", "Root locus over the short-circuit ratio", _each(points, _locus)
-    yield "eigenloci", "Eigenloci of Z (-Y)", _each(points, _eigenloci)
-    yield "passivity", "Passivity", _passivity(points)
-    yield "modes", "Modes on an ideal grid", "".join(map(_modes, points))
+        yield (
+            "locus",
+            "Root locus over the short-circuit ratio",
+            _each(_locus(f"{name}locus-{index}", one) for index, one in enumerate(points)),
+        )
+    yield (
+        "eigenloci",
+        "Eigenloci of Z (-Y)",
+        _each(_eigenloci(f"{name}loci-{index}", one, zoom) for index, one in enumerate(points)),
+    )
+    yield "passivity", "Passivity", _passivity(f"{name}passivity", points, zoom)
+    yield "modes", "Modes on an ideal grid", "".join(modes_table(one.op, one.ideal) for one in points)
     warnings = list(dict.fromkeys(words for one in points for words in one.warnings))
     if warnings:
         yield "warnings", "Warnings", bullets(warnings)
@@ -104,35 +114,33 @@ def _grids(one: PointStability) -> str:
     return table(f"Grids at {one.op}", caption, lines)
 
 
-def _each(points: Sequence[PointStability], drawn: Callable[[int, PointStability], str]) -> str:
-    return '<div class="four">' + "".join(drawn(index, one) for index, one in enumerate(points)) + "</div>"
+def _each(drawn: Iterable[str]) -> str:
+    return f'<div class="four">{"".join(drawn)}</div>'
 
 
-def _locus(index: int, one: PointStability) -> str:
+def _locus(name: str, one: PointStability) -> str:
     label = f"Poles at {one.op} over the short-circuit ratio, real part against frequency."
-    svg = inline_svg(lambda axes: draw_locus(axes, one), name=f"locus-{index}", label=label, size=(5.2, 4.2))
+    svg = inline_svg(lambda axes: draw_locus(axes, one), name=name, label=label, size=(5.2, 4.2))
     words = "Circles: the weakest grid; squares: the strongest; crosses: critical. Scales logarithmic away from zero."
     return figure_html(svg, escape(one.op), words)
 
 
-def _eigenloci(index: int, one: PointStability) -> str:
+def _eigenloci(name: str, one: PointStability, zoom: bool) -> str:
     label = f"Eigenloci of Z (-Y) at {one.op}; the table gives counts and distances from -1."
-    svg = inline_svg(
-        lambda axes: draw_eigenloci(axes, one), name=f"loci-{index}", label=label, size=(5.2, 5.0), zoom=True
-    )
+    svg = inline_svg(lambda axes: draw_eigenloci(axes, one), name=name, label=label, size=(5.2, 5.0), zoom=zoom)
     first = "SCR " if isinstance(one.cases[0].grid, SeriesRL) else ""
     names = [f"{first}{grid_name(case)}: {'stable' if case.stable else 'UNSTABLE'}" for case in shown_cases(one)]
     words = "Around -1. Radius log2(1 + size), so that the unit circle stays. Faint: negative frequencies."
     return f"<div><h3>{escape(one.op)}</h3>{points_legend(names, lines=True)}{figure_html(svg, words=words)}</div>"
 
 
-def _passivity(points: Sequence[PointStability]) -> str:
+def _passivity(name: str, points: Sequence[PointStability], zoom: bool) -> str:
     svg = inline_svg(
         lambda axes: draw_passivity(axes, points),
-        name="passivity",
+        name=name,
         label="Smallest eigenvalue of the Hermitian part of -Y over frequency.",
         size=(7.4, 3.6),
-        zoom=True,
+        zoom=zoom,
     )
     words = bullets(f"{one.op}: {passivity_words(one)}" for one in points)
     note = "Where the index of every device in a grid is positive, no oscillation can grow at that frequency."
@@ -140,9 +148,10 @@ def _passivity(points: Sequence[PointStability]) -> str:
     return paragraph(note, "note") + words + legend + figure_html(svg, style="medium")
 
 
-def _modes(one: PointStability) -> str:
+def modes_table(op: str, found: Sequence[Mode]) -> str:
+    """The modes of a model on an ideal grid that matter, with bands and the states that take part."""
     lines = head(["frequency", "damping ratio", "real part (1/s)", "95 %", "states that take part"], numeric=(1, 2, 3))
-    for mode in shown_modes(one.ideal):
+    for mode in shown_modes(found):
         band = "-" if mode.real_deviation is None else f"± {number(QUANTILE * mode.real_deviation, 2)}"
         cells = [
             f'<td class="n">{data(mode.damping, percent(mode.damping) if mode.frequency else "-")}</td>',
@@ -151,7 +160,7 @@ def _modes(one: PointStability) -> str:
             cell(_states(mode), wraps=True),
         ]
         lines += row(hertz(mode.frequency), cells)
-    return table(f"Modes at {one.op}", f"{one.op}, on an ideal grid.", lines)
+    return table(f"Modes at {op}", f"{op}, on an ideal grid.", lines)
 
 
 def _states(mode: Mode) -> str:

@@ -54,8 +54,15 @@ def _makers(models: Sequence[str], limits: Limits, prices: Prices) -> Mapping[st
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),
+        "policy": _policy,
         "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
     }
+
+
+def _policy() -> Proposer:
+    from search.proposers.policy import PolicyProposer  # torch, which it needs, is an extra
+
+    return PolicyProposer()
 
 
 def _require(models: Sequence[str], limits: Limits, prices: Prices, name: str) -> None:

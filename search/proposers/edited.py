@@ -24,4 +24,4 @@ def new_structure(diagram: Diagram, context: Context) -> bool:
 def proposal_of(view: View, move: Move, diagram: Diagram, family: str = "") -> Proposal:
     """The proposal whose edit turns the parent into `diagram`; `family` of the edit is kept for statistics."""
     edit = edit_between(program_text(view.whole), program_text(diagram))
-    return Proposal(edit, note=move.note, usage={"family": family} if family else {})
+    return Proposal(edit, note=view.words(move), usage={"family": family} if family else {})

@@ -9,7 +9,7 @@ from ibrid.fit.objective import BAND_NAMES
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
 from search.proposers.moves.components import COMPONENTS
-from search.proposers.moves.family import Family, Move, view_of
+from search.proposers.moves.family import Family, Move, View, views_of
 from search.proposers.moves.sub_loops import SUB_LOOPS
 from search.proposers.moves.wiring import WIRING
 
@@ -29,7 +29,8 @@ class Rules:
     """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
 
     One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a preference, not a fence: what
-    an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over.
+    an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over. Of
+    two devices behind one PCC one is edited at a time.
     """
 
     name = "rules"
@@ -41,14 +42,14 @@ class Rules:
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of the parent that leads to a structure which the run has not met."""
-        view = view_of(context.parent.diagram, context.task.kinds)
-        if view is None:
-            return Proposal("", failure="the rules know diagrams with exactly one LCL or LFilter; use another proposer")
+        views = views_of(context.parent.diagram, context.task.kinds)
+        if not views:
+            return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
         bands = residual_bands(context.parent.record)
-        options = {family: list(family.moves(view)) for family in self.families}
+        options = {family: [(view, move) for view in views for move in family.moves(view)] for family in self.families}
         while options := {family: moves for family, moves in options.items() if moves}:
             family = _drawn(list(options), bands, context.scale, rng)
-            move = _popped(options[family], rng)
+            view, move = _popped(options[family], rng)
             found = edited(view, move)
             if new_structure(found, context):
                 return proposal_of(view, move, found, family.name)
@@ -72,9 +73,9 @@ def _number(table: Mapping[str, float | None], name: str) -> float:
     return value if value is not None and np.isfinite(value) else 0.0
 
 
-def _popped(moves: list[Move], rng: np.random.Generator) -> Move:
-    """A move, drawn by weight and taken off the list."""
-    weights = np.array([one.weight for one in moves])
+def _popped(moves: list[tuple[View, Move]], rng: np.random.Generator) -> tuple[View, Move]:
+    """A move with the view that it was found in, drawn by weight and taken off the list."""
+    weights = np.array([one.weight for _, one in moves])
     return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
 
 

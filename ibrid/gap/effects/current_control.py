@@ -1,6 +1,6 @@
 """The current loop: there or not, the filter of its measurement, the decoupling of its axes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from ibrid.gap.effect import Edit, Effect, Insertion, Model, Strength
 from ibrid.gap.places import (
@@ -119,25 +119,28 @@ def _decoupling(model: Model) -> Iterator[Insertion]:
         if other == "JMul" or roles.frequency is not None:
             frequency = "nominal frequency" if other == "JMul" else "synchronisation's frequency"
             where = f"{name} with the {frequency} ({other} in place of {kind})"
-            yield from model.edited("decoupling", "replace", where, _exchanged(model, name, other))
+            yield from model.edited("decoupling", "replace", where, other_form(model, name, other))
     for kind in () if present else ("JMul", "JMul_omega") if roles.frequency is not None else ("JMul",):
 
         def path(draft: Edit, kind: str = kind) -> dict[str, Strength]:
             name = draft.add(kind, "decoupling")
             draft.connect(current, f"{name}.in_")
             join(draft, f"{name}.out", roles.command, roles.command)
-            return _finished(draft, model, name, kind, vanishes=True)
+            return cross_coupling(draft, model, name, kind, vanishes=True)
 
         yield from model.edited("decoupling", "add", f"{current} to {roles.command} ({kind})", path)
 
 
-def _exchanged(model: Model, name: str, kind: str):
-    """The other kind has its inductance in another unit, so it gets another name."""
-    stem = {"JMul": "decoupling_nominal", "JMul_omega": "decoupling_pll"}[kind]
-    return lambda draft: _finished(draft, model, draft.replace(name, kind, stem), kind, vanishes=False)
+def other_form(
+    model: Model, name: str, kind: str, *, stem: str = "decoupling"
+) -> Callable[[Edit], dict[str, Strength]]:
+    """The edit that puts the other kind of cross coupling in a module's place, under another name: its L has another unit."""
+    fresh = f"{stem}_{'nominal' if kind == 'JMul' else 'pll'}"
+    return lambda draft: cross_coupling(draft, model, draft.replace(name, kind, fresh), kind, vanishes=False)
 
 
-def _finished(draft: Edit, model: Model, name: str, kind: str, *, vanishes: bool) -> dict[str, Strength]:
+def cross_coupling(draft: Edit, model: Model, name: str, kind: str, *, vanishes: bool) -> dict[str, Strength]:
+    """Wire the frequency of a new JMul_omega as the plant's; strengths of it or of a JMul, in the unit of its kind."""
     if kind == "JMul_omega":
         for source in draft.sources(f"{model.roles.plant}.delta_omega"):
             draft.connect(source, f"{name}.delta_omega")

@@ -1,8 +1,23 @@
 """Families of edits of one component: a filter, delay or path added, a block exchanged for another or taken away."""
 
 from search.proposers.moves.blocks import exchange, removals
-from search.proposers.moves.family import Family, where_missing, where_present
-from search.proposers.moves.paths import damping, decoupled, decoupling, fed_forward, feedforward, frequency_droop
+from search.proposers.moves.damping import (
+    active_damping,
+    damped,
+    feedback,
+    virtual_impedance,
+    with_virtual_impedance,
+)
+from search.proposers.moves.family import Family, View, where_missing, where_present
+from search.proposers.moves.paths import (
+    decoupled,
+    decoupling,
+    fed_forward,
+    feedforward,
+    frequency_droop,
+    voltage_decoupled,
+    voltage_decoupling,
+)
 from search.proposers.moves.shapers import (
     any_wire,
     command_delay,
@@ -14,14 +29,28 @@ from search.proposers.moves.shapers import (
     synchronisation_filter,
     voltage_filter,
 )
+from search.proposers.moves.synchronisation import grid_forming
+
+
+def _virtual_or_following(view: View) -> bool:
+    return with_virtual_impedance(view) or not grid_forming(view)
+
 
 _FEEDFORWARD, _PHASE_LOCKED = (0.3, 1.0, 1.0, 0.5), (0.3, 1.0, 0.5, 0.1)
+_COUPLING, _IMPEDANCE, _RESONANCE = (0.5, 1.0, 0.7, 0.2), (1.0, 1.0, 0.5, 0.1), (0.1, 0.5, 1.0, 1.0)
 
 COMPONENTS = (
     Family("voltage feedforward", "module", _FEEDFORWARD, 10.0, where_missing(feedforward, fed_forward)),
     Family("other feedforward", "module", _FEEDFORWARD, 0.5, where_present(feedforward, fed_forward)),
-    Family("decoupling", "module", (0.5, 1.0, 0.7, 0.2), 10.0, where_missing(decoupling, decoupled)),
-    Family("other decoupling", "module", (0.5, 1.0, 0.7, 0.2), 0.3, where_present(decoupling, decoupled)),
+    Family("decoupling", "module", _COUPLING, 10.0, where_missing(decoupling, decoupled)),
+    Family("other decoupling", "module", _COUPLING, 0.3, where_present(decoupling, decoupled)),
+    Family("voltage decoupling", "module", _COUPLING, 8.0, where_missing(voltage_decoupling, voltage_decoupled)),
+    Family("other voltage decoupling", "module", _COUPLING, 0.3, where_present(voltage_decoupling, voltage_decoupled)),
+    Family("virtual impedance", "module", _IMPEDANCE, 4.0, where_missing(virtual_impedance, _virtual_or_following)),
+    Family(
+        "other virtual impedance", "module", _IMPEDANCE, 0.2, where_present(virtual_impedance, _virtual_or_following)
+    ),
+    Family("active damping", "module", _RESONANCE, 2.0, where_missing(active_damping, damped)),
     Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 5.0, where_missing(command_delay, delayed)),
     Family("other delay", "module", (0.0, 0.3, 1.0, 1.0), 0.3, where_present(command_delay, delayed)),
     Family("PLL filter", "module", _PHASE_LOCKED, 5.0, where_missing(synchronisation_filter, filtered_synchronisation)),
@@ -36,7 +65,7 @@ COMPONENTS = (
     Family("other power filters", "module", (0.5, 1.0, 0.3, 0.1), 0.5, where_present(power_filters, filtered_powers)),
     Family("current filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, current_filter),
     Family("voltage filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, voltage_filter),
-    Family("feedback and damping", "module", (0.3, 0.7, 1.0, 0.7), 0.7, damping),
+    Family("other feedback", "module", (0.3, 0.7, 1.0, 0.7), 0.7, feedback),
     Family("frequency droop", "module", (1.0, 0.5, 0.1, 0.0), 0.4, frequency_droop),
     Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 3.0, exchange),
     Family("one block less", "module", (0.3, 0.3, 0.3, 0.3), 0.3, removals),

@@ -41,3 +41,9 @@ def to_axis(draft: Draft, source: str, target: str, axis: str) -> None:
         draft.disconnect(old, f"{pack}.{axis}")
     draft.connect(source, f"{pack}.{axis}")
     draft.connect(f"{pack}.out", target)
+
+
+def frequency_sources(draft: Draft, roles: Roles) -> list[str]:
+    """What makes the frequency of the controller's frame: all that adds up at the plant, but for zeros."""
+    sources = draft.sources(f"{roles.plant}.delta_omega")
+    return [one for one in sources if draft.instances[split_port(one)[0]].kind != "ConstZero"]

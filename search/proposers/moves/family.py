@@ -7,6 +7,8 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import Roles, roles
+from search.proposers.moves.command import follow_command, followers
+from search.proposers.moves.devices import Device, device_parts
 
 
 @dataclass(frozen=True)
@@ -21,16 +23,57 @@ class Move:
 
 @dataclass(frozen=True)
 class View:
-    """The parent as the moves see it: its diagram, a draft to look at, its roles and the kinds that may be used."""
+    """The parent as the moves see it: its diagram, a draft to look at, its roles and the kinds that may be used.
+
+    Of two devices behind one PCC a view shows one, as if it were alone; `device` : how it lies in the `whole`.
+    """
 
     diagram: Diagram
     draft: Draft
     roles: Roles
     kinds: Vocabulary
+    device: Device
+
+    @property
+    def whole(self) -> Diagram:
+        """The parent with all its devices."""
+        return self.device.whole
+
+    @property
+    def alone(self) -> bool:
+        """True when there is no other device."""
+        return self.diagram is self.device.whole
+
+    @property
+    def wires(self) -> list[tuple[str, str]]:
+        """The wires that may be changed one by one: those into inputs that follow the command are not among them."""
+        bound = followers(self.draft)
+        return [(source, target) for source, target in self.draft.wires if target not in bound]
 
     def known(self, *names: str) -> tuple[str, ...]:
         """Of some kinds, those that this vocabulary has."""
         return tuple(name for name in names if name in self.draft.vocabulary)
+
+    def knows(self, *names: str) -> bool:
+        """True when this vocabulary has all of some kinds."""
+        return len(self.known(*names)) == len(names)
+
+    def words(self, move: Move) -> str:
+        """What a move changes; of two devices also in which."""
+        return move.note if self.alone else f"{move.note}, in the device of {self.roles.plant}"
+
+    def after(self, move: Move) -> Diagram:
+        """The whole after a move: what follows the command follows it still, and nothing is left undriven or unused.
+
+        A move that takes every module away takes the device away.
+        """
+        draft = Draft(self.diagram, self.kinds)
+        move.change(draft)
+        if not draft.instances:
+            return self.device.without_part(self.kinds)
+        follow_command(draft, followers(self.draft))
+        draft.tidy()
+        return self.device.with_part(draft.diagram(), self.kinds)
 
 
 Moves = Callable[[View], Iterator[Move]]
@@ -61,7 +104,17 @@ class Family:
     first: bool = False
 
 
-def view_of(diagram: Diagram, kinds: Vocabulary) -> View | None:
-    """A parent as the moves see it; None when its roles cannot be told."""
-    found = roles(diagram, kinds)
-    return None if found is None else View(diagram, Draft(diagram, kinds), found, kinds)
+def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:
+    """A parent as the moves see it, once for each of its devices; empty when the roles of none can be told."""
+    found = []
+    for device in device_parts(diagram, kinds):
+        seen = roles(device.part, kinds)
+        if seen is not None:
+            found.append(View(device.part, Draft(device.part, kinds), seen, kinds, device))
+    return tuple(found)
+
+
+def view_of(diagram: Diagram, kinds: Vocabulary, *, device: int = 0) -> View | None:
+    """One of a parent's devices as the moves see it; None when there is none of which the roles can be told."""
+    found = views_of(diagram, kinds)
+    return found[device] if device < len(found) else None

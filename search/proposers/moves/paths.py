@@ -1,10 +1,10 @@
-"""Paths added to a controller: feedforward, decoupling, damping, a droop of the frequency."""
+"""Paths added to a controller: feedforward, decoupling of current and voltage, a droop of the frequency."""
 
 from collections.abc import Iterator
 
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from search.proposers.moves.drawing import summing
+from search.proposers.moves.drawing import frequency_sources, summing
 from search.proposers.moves.family import Move, View
 
 
@@ -45,56 +45,68 @@ def fed_forward(view: View) -> bool:
 
 def decoupling(view: View) -> Iterator[Move]:
     """The cross-coupling of the filter inductance cancelled, with the nominal or the synchronisation's frequency."""
-    roles = view.roles
+    yield from _decouplings(view, view.roles.current, view.roles.command, "current")
+
+
+def voltage_decoupling(view: View) -> Iterator[Move]:
+    """The current of the filter's capacitor that the voltage loop needs, with the nominal or the synchronisation's
+    frequency."""
+    if view.roles.voltage_loop is not None:
+        yield from _decouplings(view, view.roles.voltage, view.roles.reference, "voltage")
+
+
+def _decouplings(view: View, port: str, target: str, words: str) -> Iterator[Move]:
     for kind in view.known("JMul", "JMul_omega"):
-        for port, target, words in (
-            (roles.current, roles.command, "current"),
-            (roles.voltage, roles.reference, "voltage"),
-        ):
-            if (words == "voltage" and roles.voltage_loop is None) or (kind == "JMul_omega" and words == "voltage"):
-                continue
-            if kind == "JMul_omega" and roles.frequency is None:
-                continue
+        if kind == "JMul_omega" and view.roles.frequency is None:
+            continue
 
-            def path(draft: Draft, kind: str = kind, port: str = port, target: str = target) -> None:
-                name = draft.add(kind, "decoupling")
-                draft.chain(port, f"{name}.in_", f"{name}.out", summing(draft, target))
-                if kind == "JMul_omega":
-                    for source in draft.sources(f"{roles.plant}.delta_omega"):
-                        draft.connect(source, f"{name}.delta_omega")
+        def path(draft: Draft, kind: str = kind) -> None:
+            add_crossing(draft, view, kind, port, "decoupling" if words == "current" else "voltage_decoupling", target)
 
-            frequency = "the measured frequency" if kind == "JMul_omega" else "the nominal frequency"
-            yield Move(f"decoupling of the {words} with {frequency}", path)
+        frequency = "the measured frequency" if kind == "JMul_omega" else "the nominal frequency"
+        yield Move(f"decoupling of the {words} with {frequency}", path)
+
+
+def add_crossing(draft: Draft, view: View, kind: str, port: str, stem: str, target: str | None = None) -> str:
+    """A JMul or JMul_omega behind a port, with the frequency of the frame, that joins at `target`; returns its output."""
+    name = draft.add(kind, stem)
+    draft.connect(port, f"{name}.in_")
+    for source in frequency_sources(draft, view.roles) if kind == "JMul_omega" else ():
+        draft.connect(source, f"{name}.delta_omega")
+    if target is not None:
+        draft.connect(f"{name}.out", summing(draft, target))
+    return f"{name}.out"
 
 
 def decoupled(view: View) -> bool:
-    """True when a cross-coupling is there."""
-    return bool(view.draft.named("JMul", "JMul_omega"))
+    """True when a cross-coupling is there that is neither of the voltage nor a virtual reactance."""
+    others = {*_voltage_crossings(view), *virtual_reactances(view)}
+    return any(name not in others for name in view.draft.named("JMul", "JMul_omega"))
 
 
-def damping(view: View) -> Iterator[Move]:
-    """Further feedback of measured dq signals: active damping, virtual impedance, feedforward of the grid current."""
-    roles = view.roles
-    grid, targets = f"{roles.plant}.i_g", {roles.command: "command", roles.reference: "current reference"}
-    if roles.voltage_loop:
-        targets[f"{roles.voltage_loop}.in_"] = "voltage reference"
-    signals = [(f"{roles.plant}.i_C", "capacitor current")] if roles.lcl else []
-    signals += [(grid, "grid current"), (roles.voltage, "filter voltage")]
-    for port, what in signals:
-        for target, where in targets.items():
-            for kind in view.known("Gain_dq", "JMul"):
+def voltage_decoupled(view: View) -> bool:
+    """True when the filter's voltage has a cross-coupling."""
+    return bool(_voltage_crossings(view))
 
-                def path(draft: Draft, port: str = port, target: str = target, kind: str = kind) -> None:
-                    name = draft.add(kind, "feedback")
-                    draft.chain(port, f"{name}.in_", f"{name}.out", summing(draft, target))
 
-                cross = "the " if kind == "Gain_dq" else "the crossed "
-                yield Move(f"{cross}{what} fed to the {where}", path)
-            if port == grid and target != roles.command:
-                yield Move(
-                    f"the {what} added to the {where}",
-                    lambda draft, port=port, target=target: draft.connect(port, target),
-                )
+def _voltage_crossings(view: View) -> list[str]:
+    crossings = view.draft.named("JMul", "JMul_omega")
+    return [name for name in crossings if view.roles.voltage in view.draft.sources(f"{name}.in_")]
+
+
+def virtual_reactances(view: View) -> list[str]:
+    """Cross-couplings that act on the voltage loop's reference."""
+    draft, loop = view.draft, view.roles.voltage_loop
+    found = []
+    for name in draft.named("JMul", "JMul_omega") if loop else ():
+        ends = draft.targets(f"{name}.out")
+        for end in list(ends):
+            owner = split_port(end)[0]
+            if owner and draft.instances[owner].kind == "Negate_dq":
+                ends += draft.targets(f"{owner}.out")
+        if f"{loop}.in_" in ends:
+            found.append(name)
+    return found
 
 
 def frequency_droop(view: View) -> Iterator[Move]:
@@ -108,9 +120,10 @@ def frequency_droop(view: View) -> Iterator[Move]:
         for filtered in (False, True):
 
             def path(draft: Draft, name: str = name, filtered: bool = filtered) -> None:
-                (source,) = draft.sources(f"{roles.plant}.delta_omega")[:1]
                 gain = draft.add("Gain", "frequency_droop")
-                draft.chain(source, f"{gain}.in_", f"{gain}.out", f"{name}.in_")
+                for source in frequency_sources(draft, roles):
+                    draft.connect(source, f"{gain}.in_")
+                draft.connect(f"{gain}.out", f"{name}.in_")
                 if filtered:
                     draft.insert_before(f"{gain}.in_", "LPF1", "frequency_filter")
 

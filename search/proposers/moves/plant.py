@@ -1,6 +1,6 @@
 """The other filter between converter and grid."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import Roles
@@ -15,14 +15,11 @@ def plants(view: View) -> Iterator[Move]:
 
         def converter_side(draft: Draft) -> None:
             plant = _other_plant(draft, roles, "LCL")
-            for target in list(draft.targets(f"{plant}.i_g")):
-                name = split_port(target)[0]
-                if name and draft.instances[name].kind not in ("Rot_i", "PQ_calc"):
-                    draft.disconnect(f"{plant}.i_g", target)
-                    draft.connect(f"{plant}.i_ti", target)
+            _to_converter_current(draft, plant, lambda kind: kind not in ("Rot_i", "PQ_calc", "dVOC"))
 
         def grid_side(draft: Draft) -> None:
-            _other_plant(draft, roles, "LCL")
+            plant = _other_plant(draft, roles, "LCL")
+            _to_converter_current(draft, plant, lambda kind: kind == "DC_link")
 
         yield Move("LCL filter instead of the L filter, control of the converter current", converter_side)
         yield Move("LCL filter instead of the L filter, control of the grid current", grid_side)
@@ -34,6 +31,15 @@ def plants(view: View) -> Iterator[Move]:
             _other_plant(draft, roles, "LFilter")
 
         yield Move("L filter instead of the LCL filter", single)
+
+
+def _to_converter_current(draft: Draft, plant: str, moved: Callable[[str], bool]) -> None:
+    """Let the kinds that are `moved` see the converter's current in place of the grid's."""
+    for target in draft.targets(f"{plant}.i_g"):
+        name = split_port(target)[0]
+        if name and moved(draft.instances[name].kind):
+            draft.disconnect(f"{plant}.i_g", target)
+            draft.connect(f"{plant}.i_ti", target)
 
 
 def _other_plant(draft: Draft, roles: Roles, kind: str) -> str:

@@ -7,6 +7,7 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
+from search.proposers.moves.command import followers, of_circuit
 from search.proposers.moves.family import Move, View
 
 #: Blocks that shape a signal on its way, most usual first.
@@ -89,7 +90,7 @@ def current_filter(view: View) -> Iterator[Move]:
     control = [
         target
         for target in view.draft.targets(roles.current)
-        if target != TERMINAL_CURRENT and view.draft.instances[split_port(target)[0]].kind not in ("Rot_i", "PQ_calc")
+        if not of_circuit(view.draft, target) and view.draft.instances[split_port(target)[0]].kind != "PQ_calc"
     ]
     for kind in shapers(view, Signal.DQ_VEC):
         if control:
@@ -109,7 +110,8 @@ def current_filter(view: View) -> Iterator[Move]:
 def voltage_filter(view: View) -> Iterator[Move]:
     """On the measured voltage: in the feedforward, or for the whole controller."""
     roles = view.roles
-    targets = view.draft.targets(roles.voltage)
+    bound = followers(view.draft)
+    targets = [target for target in view.draft.targets(roles.voltage) if target not in bound]
     for kind in shapers(view, Signal.DQ_VEC):
         for target in targets:
 
@@ -143,8 +145,14 @@ def delayed(view: View) -> bool:
 
 def any_wire(view: View) -> Iterator[Move]:
     """A shaper on any single wire: what the textbook has no name for."""
-    for source, target in view.draft.wires:
-        if target == TERMINAL_CURRENT or "delta" in split_port(target)[1] or split_port(target)[1] == "v_in":
+    for source, target in view.wires:
+        name, port = split_port(target)
+        if (
+            target == TERMINAL_CURRENT
+            or "delta" in port
+            or port == "v_in"
+            or view.draft.instances[name].kind == "DC_link"
+        ):
             continue
         for kind in shapers(view, view.draft.signal(source)):
 

@@ -1,16 +1,24 @@
 """Families of structural edits: the filter, the synchronisation, the control loops, each added or replaced whole."""
 
-from search.proposers.moves.control_loops import (
-    current_loop,
-    loop_removals,
+from search.proposers.moves.control_loops import current_loop, loop_removals, voltage_loop
+from search.proposers.moves.family import Family, View, where_missing, where_present
+from search.proposers.moves.outer_loops import (
+    ac_voltage_loop,
+    dc_voltage_loop,
     missing_axis,
     power_loops,
-    voltage_loop,
-    voltage_magnitude,
+    voltage_droop,
+    voltage_given,
 )
-from search.proposers.moves.family import Family, View, where_missing, where_present
 from search.proposers.moves.plant import plants
-from search.proposers.moves.synchronisation import no_synchronisation, synchronisation
+from search.proposers.moves.second_device import no_second_device, second_device
+from search.proposers.moves.synchronisation import (
+    blend,
+    frequency_damping,
+    grid_forming,
+    no_synchronisation,
+    synchronisation,
+)
 
 
 def _lcl(view: View) -> bool:
@@ -22,24 +30,40 @@ def _synchronised(view: View) -> bool:
 
 
 def _outer(view: View) -> bool:
-    return bool(view.roles.outer)
+    return bool(view.roles.outer) or view.roles.voltage_loop is not None
 
+
+def _forming_without_outer(view: View) -> bool:
+    return grid_forming(view) and not view.roles.outer
+
+
+def _voltage_to_give(view: View) -> bool:
+    return view.roles.voltage_loop is not None and not voltage_given(view)
+
+
+_SLOW, _OUTER, _FREQUENCY = (1.0, 1.0, 0.5, 0.1), (1.0, 1.0, 0.3, 0.1), (1.0, 1.0, 0.5, 0.3)
 
 SUB_LOOPS = (
     Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _lcl)),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(plants, _lcl)),
-    Family(
-        "synchronisation", "structural", (1.0, 1.0, 0.5, 0.3), 9.0, where_missing(synchronisation, _synchronised), True
-    ),
-    Family(
-        "other synchronisation", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, where_present(synchronisation, _synchronised)
-    ),
+    Family("synchronisation", "structural", _FREQUENCY, 9.0, where_missing(synchronisation, _synchronised), True),
+    Family("other synchronisation", "structural", _SLOW, 0.5, where_present(synchronisation, _synchronised)),
+    Family("PLL and droop together", "structural", _SLOW, 1.0, blend),
+    Family("damping of the swing", "structural", _SLOW, 3.0, frequency_damping),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, no_synchronisation),
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
-    Family("voltage loop", "structural", (1.0, 1.0, 0.5, 0.1), 0.5, voltage_loop),
+    Family("voltage loop", "structural", _SLOW, 9.0, where_present(voltage_loop, _forming_without_outer), True),
+    Family("other voltage loop", "structural", _SLOW, 0.5, where_missing(voltage_loop, _forming_without_outer)),
     Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 9.0, where_missing(power_loops, _outer), True),
     Family("missing axis", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, missing_axis),
-    Family("other power loops", "structural", (1.0, 1.0, 0.3, 0.1), 0.3, where_present(power_loops, _outer)),
-    Family("voltage magnitude", "structural", (1.0, 0.7, 0.2, 0.1), 0.5, voltage_magnitude),
+    Family("other power loops", "structural", _OUTER, 0.3, where_present(power_loops, _outer)),
+    Family("AC voltage", "structural", (1.0, 0.7, 0.2, 0.1), 1.0, ac_voltage_loop),
+    Family("DC link", "structural", _OUTER, 1.0, dc_voltage_loop),
+    Family("voltage droop", "structural", _OUTER, 6.0, where_present(voltage_droop, _voltage_to_give)),
+    Family(
+        "other voltage droop", "structural", (1.0, 0.7, 0.2, 0.1), 0.3, where_missing(voltage_droop, _voltage_to_give)
+    ),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),
+    Family("second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, second_device),
+    Family("one device less", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, no_second_device),
 )

@@ -7,12 +7,13 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
+from search.proposers.moves.command import of_circuit
 from search.proposers.moves.family import Family, Move, View
 
 
 def _signs(view: View) -> Iterator[Move]:
     """The opposite sign on a wire that carries a feedback."""
-    for source, target in view.draft.wires:
+    for source, target in view.wires:
         name, port = split_port(target)
         kind = view.draft.instances[name].kind if name else ""
         owner = split_port(source)[0]
@@ -52,9 +53,8 @@ def _measurements(view: View) -> Iterator[Move]:
     powers = [[f"{name}.p", f"{name}.q"] for name in roles.power]
     groups = [group for group in (currents, voltages, *powers) if len(group) > 1]
     for group in groups:
-        for source, target in draft.wires:
-            name, port = split_port(target)
-            fixed = not name or port in ("v_in", "v_DQ", "i_dq")
+        for source, target in view.wires:
+            fixed = of_circuit(draft, target)
             for other in group if source in group and not fixed else []:
                 if other != source:
                     yield Move(f"{other} instead of {source} at {target}", _rewired(source, other, target))
@@ -88,8 +88,7 @@ def _rewired(source: str, other: str, target: str):
 def _everywhere(source: str, other: str):
     def change(draft: Draft) -> None:
         for target in draft.targets(source):
-            name, port = split_port(target)
-            if name and port not in ("v_in", "v_DQ", "i_dq") and draft.instances[name].kind != "PQ_calc":
+            if not of_circuit(draft, target) and draft.instances[split_port(target)[0]].kind != "PQ_calc":
                 _rewired(source, other, target)(draft)
 
     return change
@@ -97,7 +96,7 @@ def _everywhere(source: str, other: str):
 
 def cut_wires(view: View) -> Iterator[Move]:
     """One wire of a sum less."""
-    for source, target in view.draft.wires:
+    for source, target in view.wires:
         if len(view.draft.sources(target)) > 1 and target != TERMINAL_CURRENT:
             yield Move(f"no {source} at {target}", lambda d, s=source, t=target: d.disconnect(s, t))
 
@@ -108,7 +107,7 @@ def _injection_points(view: View) -> Iterator[Move]:
     points = [roles.command, roles.reference]
     points += [f"{name}.in_" for name in (roles.voltage_loop,) if name]
     points += [f"{name}.in_" for name in draft.named("Delay", "Pade1_dq", "LPF1_dq")]
-    for source, target in draft.wires:
+    for source, target in view.wires:
         if target in points and draft.signal(source) is Signal.DQ_VEC:
             for point in dict.fromkeys(points):
                 if point != target and split_port(point)[0] != split_port(source)[0]:

@@ -1,0 +1,65 @@
+"""`ibrid policy train --out DIR`: makes the small learned proposer anew."""
+
+import os
+from argparse import Namespace
+from typing import Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import complain
+from ibrid.errors import IbridError
+
+
+def declare(commands: Any) -> None:
+    """Add the command to the parser."""
+    policy = commands.add_parser("policy", help="the small learned proposer: train it anew")
+    verbs = policy.add_subparsers(metavar="VERB")
+    train = verbs.add_parser(
+        "train", help="draw inverters, damage and fit them, and learn the repairs; an hour on two cores"
+    )
+    train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
+    train.add_argument("--inverters", type=inputs.natural, default=1000, metavar="N", help="drawn to learn from (1000)")
+    train.add_argument("--steps", type=inputs.natural, default=1200, metavar="N", help="of training (1200)")
+    train.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
+    train.add_argument("--workers", type=inputs.natural, metavar="N", help="processes that draw and fit (all cores)")
+    train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")
+    train.add_argument("--resume", action="store_true", help="go on with the training in the folder")
+    train.set_defaults(run=run_train)
+    policy.set_defaults(run=_no_verb)
+
+
+def _no_verb(arguments: Namespace) -> int:
+    raise IbridError("ibrid policy needs a verb: train; see ibrid policy train --help")
+
+
+def run_train(arguments: Namespace) -> int:
+    """Train and say how good the policy is."""
+    from search.evaluation.ray_session import open_session
+    from search.policy.experience.shards import Processes, RayCluster
+    from search.policy.making import Order, train_policy
+    from search.policy.training import TrainingSettings
+
+    cores = os.cpu_count() or 1
+    workers = cores if arguments.workers is None else arguments.workers
+    if workers < 1:
+        raise IbridError(f"--workers must be 1 or more, found {workers}")
+    order = Order(arguments.inverters, arguments.seed, TrainingSettings(steps=arguments.steps, seed=arguments.seed))
+    session = None if arguments.ray is None else open_session(workers, arguments.ray)
+    try:
+        crew = Processes(workers) if session is None else RayCluster()
+        found = train_policy(arguments.out, order, crew=crew, resume=arguments.resume, cores=cores)
+    except KeyboardInterrupt:
+        complain(f"stopped; go on with: ibrid policy train --out {arguments.out} --resume (and the same options)")
+        return 1
+    finally:
+        if session is not None:
+            session.close()
+    print(f"\n{'never trained on':<30} {'questions':>9} {'valid':>6} {'exact':>6} {'of 4':>6} {'-ln p':>6}")
+    for name, one in found.items():
+        shares = (
+            " ".join(f"{share:>6.0%}" for share in (one.valid, one.exact, one.exact_of_several))
+            if one.questions
+            else ""
+        )
+        print(f"{name:<30} {one.questions:>9} {shares} {one.loss:>6.2f}" if one.questions else f"{name:<30} {0:>9}")
+    print(f"\n{arguments.out}: model.safetensors, config.json, vocabulary.json, MODEL_CARD.md")
+    return 0

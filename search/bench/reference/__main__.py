@@ -1,0 +1,101 @@
+"""`python -m search.bench.reference`: every reference inverter swept, fitted, searched and diagnosed, in one table.
+
+Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the same --out, only what is
+missing is measured. Delete OUT to measure anew.
+"""
+
+import argparse
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ibrid.commands.inputs import count
+from ibrid.errors import IbridError, near
+from ibrid.ledger import Ledger
+from ibrid.writing import require_place, write_whole
+from search.bench.reference.rows import INVERTERS, TASKS, Effort, FindGap, Task, measured, tasks
+from search.bench.reference.tables import heading, line, page
+from search.bench.scoring import Search
+
+
+def main(
+    arguments: Sequence[str] | None = None, *, search: Search | None = None, find_gap: FindGap | None = None
+) -> int:
+    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _benchmark(options, search or _search(), find_gap or _find_gap())
+    except IbridError as error:
+        print(f"bench-inverters: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
+        return 1
+
+
+def _search() -> Search:
+    from search.running import run
+
+    return run
+
+
+def _find_gap() -> FindGap:
+    from ibrid.gap.workflow import find_gap
+
+    return find_gap
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m search.bench.reference", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument(
+        "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
+    )
+    parser.add_argument("--only", action="append", default=[], metavar="KIND", help=f"of rows: {', '.join(TASKS)}")
+    parser.add_argument("--budget", type=count, default=500, help="evaluations of each search (500)")
+    parser.add_argument("--workers", type=count, default=1, help="workers of each search (1)")
+    parser.add_argument("--out", type=Path, default=Path("out/bench-inverters"), help="folder of the results")
+    parser.add_argument("--page", type=Path, default=Path("docs/inverters_results.md"), help="where the page goes")
+    return parser
+
+
+def _benchmark(options: argparse.Namespace, search: Search, find_gap: FindGap) -> int:
+    for asked, known, what in (
+        (options.inverter, INVERTERS, "reference inverter"),
+        (options.only, TASKS, "kind of row"),
+    ):
+        for name in asked:
+            if name not in known:
+                raise IbridError(f"there is no {what} called {name}; {near(name, known)}")
+    require_place(options.page)
+    ledger = Ledger(options.out)
+    effort = Effort(search, options.out / "runs", options.budget, options.workers, find_gap)
+    failed = False
+    for kind in (one for one in TASKS if not options.only or one in options.only):
+        print(f"\n{heading(kind)}", flush=True)
+        for task in tasks(options.inverter or INVERTERS, (kind,), options.budget):
+            failed |= not _done(task, effort, ledger)
+    write_whole(options.page, page(list(tasks(INVERTERS, TASKS, options.budget)), ledger.rows))
+    print(f"\nwritten: {options.page}")
+    return 1 if failed else 0
+
+
+def _done(task: Task, effort: Effort, ledger: Ledger) -> bool:
+    """Measure a row unless it is there, and print it; False when there is none, it is tried again next time."""
+    if task.key not in ledger.rows:
+        shutil.rmtree(effort.folder / task.key, ignore_errors=True)  # of a search that was stopped
+        effort.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            ledger.add(measured(task, effort))
+        except IbridError as error:
+            print(f"{task.key}: {error}", flush=True)
+            return False
+        shutil.rmtree(effort.folder / task.key, ignore_errors=True)
+    print(line(ledger.rows[task.key]), flush=True)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

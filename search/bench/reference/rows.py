@@ -1,0 +1,179 @@
+"""The rows: what is measured of a reference inverter, each kind by itself, as plain data."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.gap.result import Gap
+from ibrid.gap.workflow import find_gap
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.plants.linear_sweep import state_space
+from ibrid.plants.reference import P1_Q03, ReferenceInverter
+from ibrid.plants.time_sweep import injected_admittance
+from search.bench.baselines.recovered import recovered
+from search.bench.hidden import FREQUENCY, exact_model
+from search.bench.inverters import inverter, plant_of
+from search.bench.reference.hiding import HIDINGS, GapCase, Hiding, hidden_case, itself
+from search.bench.scoring import Search, perform
+from search.bench.trials import Trial
+
+#: The reference inverters, grid-following first.
+INVERTERS = (
+    "paper_like",
+    "gfl_l_filter",
+    "gfl_dc_link",
+    "gfm_droop",
+    "gfm_vsm",
+    "gfm_dvoc",
+    "hybrid_gfl_gfm",
+    "parallel_gfl_gfm",
+)
+#: Kinds of rows, in the order in which they are measured.
+TASKS = ("sweeps", "fit", "gap", "search")
+
+Row = dict[str, Any]
+FindGap = Callable[..., Gap]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How searches are made: in `folder`/KEY, with `budget` evaluations by `workers`. `search`, `find_gap` : or what stands
+    for them in tests."""
+
+    search: Search
+    folder: Path
+    budget: int = 500
+    workers: int = 1
+    find_gap: FindGap = find_gap
+
+
+@dataclass(frozen=True)
+class Task:
+    """A row to measure. `task` : of `TASKS`. `hiding` : of a gap, what is hidden; None: nothing."""
+
+    inverter: str
+    task: str
+    budget: int
+    hiding: Hiding | None = None
+
+    @property
+    def key(self) -> str:
+        """Names the row in the ledger, and the folder of a search; a search's budget is part of it."""
+        if self.task == "search":
+            return f"{self.inverter}-search-{self.budget}"
+        hidden = "" if self.task != "gap" else f"-{'nothing' if self.hiding is None else self.hiding.words}"
+        return f"{self.inverter}-{self.task}{hidden}".replace(" ", "_")
+
+
+def tasks(inverters: Sequence[str], kinds: Sequence[str], budget: int) -> Iterator[Task]:
+    """All rows, kind by kind."""
+    for kind in kinds:
+        for name in inverters:
+            yield Task(name, kind, budget)
+            if kind == "gap":
+                yield from (Task(name, kind, budget, one) for one in HIDINGS if one.inverter == name)
+
+
+def measured(task: Task, effort: Effort) -> Row:
+    """The row, measured now; IbridError where there is none."""
+    began = time.perf_counter()
+    row = _MEASURE[task.task](task, effort)
+    seconds = round(time.perf_counter() - began, 2)
+    return {"key": task.key, "inverter": task.inverter, "task": task.task, "seconds": seconds, **row}
+
+
+def _sweeps(task: Task, effort: Effort) -> Row:
+    """Largest relative differences over frequencies and operating points, of the norms of 2x2 matrices.
+
+    `injected` : of the sweep by injection into the nonlinear simulation from its linearisation, at the points of the
+    shipped sweep. `program` : of the textbook program with true parameters from the linearisation, the held-out point too.
+    """
+    plant, hidden = _plant(task.inverter), inverter(task.inverter)
+    held = () if hidden.held_out is None else tuple(one.op for one in hidden.held_out.points)
+    points = (*P1_Q03, *held)
+    model = exact_model(hidden.program, hidden.values or {}, points, plant.f0_hz, plant.power_node)
+    return {
+        "states": len(plant.dynamics.states),
+        "injected": max(_difference(injected_admittance(plant, op, FREQUENCY), plant, op) for op in P1_Q03),
+        "program": max(_difference(model.response(op.name, FREQUENCY), plant, op) for op in points),
+    }
+
+
+def _difference(found: np.ndarray, plant: ReferenceInverter, op: OperatingPoint) -> float:
+    exact = state_space(plant, op).admittance(FREQUENCY)
+    return float((np.linalg.norm(found - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))).max())
+
+
+def _fit(task: Task, effort: Effort) -> Row:
+    """The textbook program fitted from default starts. `recovered` : true parameters within 5 %, `of` so many."""
+    hidden = inverter(task.inverter)
+    truth = hidden.truth
+    if truth is None or hidden.held_out is None:
+        raise IbridError(f"{task.inverter} has no known truth; choose one of {', '.join(INVERTERS)}")
+    together = replace(hidden.sweep, points=(*hidden.sweep.points, *hidden.held_out.points))
+    record = evaluate(truth, together, holdout_op=hidden.held_out.names)
+    return {
+        "nrmse": record.nrmse,
+        "holdout": max(record.holdout.values()),
+        "stable": all(record.stable.values()),
+        "recovered": len(recovered(record, truth, hidden.values or {})),
+        "of": len(hidden.values or {}),
+    }
+
+
+def _gap(task: Task, effort: Effort) -> Row:
+    """`first` : the hidden effect is named first, None where nothing is hidden. `named` : ids, the class of the first.
+
+    `right` : the verdict is no-gap where nothing is hidden, and the hidden effect is named, and alone, where it is.
+    """
+    case = itself(task.inverter) if task.hiding is None else hidden_case(task.hiding)
+    gap = _answer(case, effort)
+    hidden = None if task.hiding is None else task.hiding.effect
+    named = [one.id for one in gap.effects]
+    first = None if hidden is None else bool(named) and named[0] == hidden
+    return {
+        "words": "nothing" if task.hiding is None else task.hiding.words,
+        "hidden": hidden,
+        "verdict": gap.verdict,
+        "named": named,
+        "alike": list(gap.effects[0].indistinguishable_from) if gap.effects else [],
+        "first": first,
+        "right": gap.verdict == "no-gap"
+        if hidden is None
+        else gap.verdict == "named" and bool(first) and len(named) == 1,
+        "before": gap.before["refit"],
+        "after": gap.after["refit"],
+        "holdout": gap.after["holdout"],
+        "sentence": gap.sentence,
+    }
+
+
+def _answer(case: GapCase, effort: Effort) -> Gap:
+    return effort.find_gap(case.model, case.sweep, case.values or None, holdout_op=(case.held_out,))
+
+
+def _search(task: Task, effort: Effort) -> Row:
+    """See `search.bench.scoring.score`."""
+    trial = Trial("inverters", task.inverter, "rules", 0, effort.budget)
+    row = perform(trial, effort.folder / task.key, search=effort.search, workers=effort.workers)
+    names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success", "seconds")
+    return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}
+
+
+def _plant(name: str) -> ReferenceInverter:
+    plant = plant_of(name)
+    if plant is None:
+        raise IbridError(f"{name} has no nonlinear model; choose one of {', '.join(INVERTERS)}")
+    return plant
+
+
+_MEASURE: Mapping[str, Callable[[Task, Effort], Row]] = MappingProxyType(
+    {"sweeps": _sweeps, "fit": _fit, "gap": _gap, "search": _search}
+)

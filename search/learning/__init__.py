@@ -1,0 +1,1 @@
+"""Test-time reinforcement learning: the rewards of a search train its proposer on the way (paper, section V.C)."""

@@ -1,0 +1,252 @@
+"""A proposer that learns: answers in groups, and after each batch an update from their rewards. Importing it needs no torch."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from search.learning.advantages import group_advantages, rewarded
+from search.learning.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from search.learning.rounds import Place, Rounds
+from search.learning.settings import LearningSettings
+from search.learning.updates import META, Update, counted, read_updates, updates_json
+from search.policy.backend import threads
+from search.policy.interface import Policy, Sampled
+from search.proposal import Context, Proposal
+from search.step import Step
+
+if TYPE_CHECKING:
+    from search.learning.trainer import Group, Trainer
+
+#: What a step keeps of its answer, in its `usage`.
+KEPT = "learning"
+#: Answers that are drawn to prove that the served weights are the trained ones.
+PROBES = 4
+#: The context of a step, from the step; for masks, which know the parent and the scale alone.
+ContextOf = Callable[[Step], Context]
+
+
+@runtime_checkable
+class Publishes(Protocol):
+    """A policy whose answers come from elsewhere than the model that is trained."""
+
+    def publish(self) -> None:
+        """Hand the weights as they are to whoever serves them; IbridError when that fails."""
+        ...
+
+
+class Learner:
+    """Asks `policy` for groups of answers, and trains it on what they were worth; a proposer in the sense of
+    `search.proposal`.
+
+    Answers follow from the weights, the seed of the run and the number of their context, so they are the same after a
+    resume. `rounds` : which step is which answer; the loop feeds it by `add`. Tokens and served log-probabilities are kept
+    in the steps, weights in the folder of the run.
+    """
+
+    attempts = 1
+    window: int | None = None
+
+    def __init__(self, policy: Policy, settings: LearningSettings, *, seed: int, window: int) -> None:
+        self.policy, self.settings, self.seed = policy, settings, seed
+        self.name = policy.name
+        self.rounds = Rounds(policy.name, settings.contexts, settings.group, window)
+        self.updates: list[Update] = []
+        self.stopped = ""  # why nothing is trained any more
+        self._path: Path | None = None
+        self._keep: Callable[[str, str], None] = lambda name, text: None
+        self._answers: tuple[int, list[Sampled]] | None = None  # of the context under way
+        self._prompt: tuple[int, list[int]] | None = None  # of the context under way
+        self._told = -1  # the last context whose question is in a step
+        self._sampling = 0.0
+
+    def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
+        """Where the weights go, and who takes the text about the updates for the store; goes on from what is there."""
+        self._path, self._keep = folder / CHECKPOINT, keep
+
+    def add(self, step: Step) -> None:
+        """Take note of a step, made now or in an earlier sitting."""
+        mine = step.number > 0 and step.proposer == self.name
+        context = self.rounds.next.context
+        self.rounds.add(step)
+        if mine and "prompt" in (kept := _kept(step)):
+            self._prompt, self._told = (context, list(kept["prompt"])), context
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """The next answer of the group; the group is drawn when its first answer is asked for."""
+        place = self.rounds.next
+        try:
+            answers = self._group(place, context)
+        except IbridError as error:
+            return Proposal("", failure=str(error))
+        sampled = answers[place.member]
+        proposal = self.policy.proposal(sampled, context)
+        kept: dict[str, Any] = {**asdict(place), "tokens": list(sampled.tokens), "logprobs": list(sampled.logprobs)}
+        if self._told != place.context and self._prompt is not None:
+            kept["prompt"] = self._prompt[1]
+        return replace(proposal, usage={**proposal.usage, KEPT: kept})
+
+    @property
+    def due(self) -> bool:
+        """True when a batch is complete that was not learnt from."""
+        return self.rounds.complete and len(self._history) < self.rounds.batches
+
+    def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
+        """Update the weights from the last batch, all results of which are in; kept on disk before this returns."""
+        began = time.monotonic()
+        batch = [steps[number] for number in self.rounds.numbers]
+        found = [rewarded(step, steps, batch[0].number) for step in batch]
+        groups = list(self._groups(batch, [one.reward for one in found], context))
+        taught = [group for group in groups if group is not None]
+        update = Update(
+            number=len(self._history) + 1,
+            first=batch[0].number,
+            last=batch[-1].number,
+            dropped=self.settings.contexts - len(taught),
+            tokens=float(np.mean([len(_kept(step).get("tokens", ())) for step in batch])),
+            seconds_sampling=self._sampling,
+            remark=self.stopped,
+            **counted(found),
+        )
+        if taught and not self.stopped:
+            update = replace(update, **asdict(self._trainer.update(taught)))
+            update = self._proven(update, batch, context)
+        update = replace(update, seconds_update=time.monotonic() - began)
+        self._conclude(update)
+        return update
+
+    # --- sampling ----------------------------------------------------------------------------------------------------
+
+    def _group(self, place: Place, context: Context) -> list[Sampled]:
+        """All answers of the context under way."""
+        if self._answers is None or self._answers[0] != place.context:
+            began = time.monotonic()
+            self._require_in_step()
+            if self._prompt is None or self._prompt[0] != place.context:
+                self._prompt = (place.context, list(self.policy.prompt(context)))
+            drawn = self._sampled(self._prompt[1], context, self.settings.group, (1, place.context))
+            self._answers = (place.context, drawn)
+            self._sampling += time.monotonic() - began
+        return self._answers[1]
+
+    def _sampled(self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, int]) -> list[Sampled]:
+        seed = int(np.random.default_rng([self.seed, *what]).integers(2**63))
+        _ = self._trainer  # the weights of an earlier sitting are in place
+        with threads(self.settings.threads):
+            return self.policy.sample([prompt], [context], number, seed)[0]
+
+    # --- learning ----------------------------------------------------------------------------------------------------
+
+    def _groups(
+        self, batch: Sequence[Step], rewards: Sequence[float | None], context: ContextOf
+    ) -> "Iterator[Group | None]":
+        """The groups of a batch in their order, None for one that teaches nothing."""
+        for begin in range(0, len(batch), self.settings.group):
+            members = range(begin, begin + self.settings.group)
+            told = [rewards[one] if "tokens" in _kept(batch[one]) else None for one in members]
+            advantages = group_advantages(told, self.settings.floor)
+            if advantages is None:
+                yield None
+                continue
+            known = [one for one, advantage in zip(members, advantages, strict=True) if np.isfinite(advantage)]
+            sampled = tuple(_sampled(batch[one]) for one in known)
+            yield self._made(_prompt(batch, members), sampled, context(batch[begin]), advantages[np.isfinite(advantages)])
+
+    def _made(
+        self, prompt: Sequence[int], answers: Sequence[Sampled], context: Context, advantages: np.ndarray
+    ) -> "Group":
+        from search.learning.trainer import Group
+
+        masks = tuple(self.policy.masks(prompt, one.tokens, context) for one in answers)
+        return Group(tuple(prompt), tuple(answers), masks, advantages)
+
+    def _proven(self, update: Update, batch: Sequence[Step], context: ContextOf) -> Update:
+        """Draw answers to the first question of the batch once more and compare what is served with what is trained."""
+        if not update.updated:
+            self.stopped = _sentence("the answers of this batch were served by other weights", update.drift, "stopped")
+            return replace(update, remark=self.stopped)
+        if isinstance(self.policy, Publishes):
+            self.policy.publish()
+        asked = context(batch[0])
+        prompt = _prompt(batch, range(self.settings.group))
+        answers = self._sampled(prompt, asked, PROBES, (2, update.number))
+        probe = self._trainer.drift(self._made(prompt, answers, asked, np.zeros(len(answers))))
+        update = replace(update, probe=probe)
+        if not probe <= self.settings.stop:
+            self.stopped = _sentence("after this update other weights are served", probe, "stopped")
+            return replace(update, remark=self.stopped)
+        worst = max(probe, update.drift or 0.0)
+        if worst > self.settings.alarm:
+            return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
+        return update
+
+    def _conclude(self, update: Update) -> None:
+        self._history.append(update)
+        self._sampling = 0.0
+        text = updates_json(self._history)
+        if self._path is not None:
+            state = {"updates": text, "start": self._trainer.start, "stopped": self.stopped, **self._trainer.state()}
+            write_checkpoint(self._path, state)
+        self._keep(META, text)
+
+    @property
+    def _history(self) -> list[Update]:
+        _ = self._trainer
+        return self.updates
+
+    @cached_property
+    def _trainer(self) -> "Trainer":
+        """Made when it is needed, since torch is slow to import; with the weights of an earlier sitting."""
+        from search.learning.trainer import Trainer
+
+        trainer = Trainer(self.policy.model(), self.settings, self.policy.pad, self.seed)
+        state = None if self._path is None else read_checkpoint(self._path)
+        if state is not None:
+            self._restore(trainer, state)
+        return trainer
+
+    def _restore(self, trainer: "Trainer", state: Mapping[str, Any]) -> None:
+        if state.get("start") != trainer.start:
+            raise IbridError(f"{self._path}: belongs to a model with other weights; resume with the one it was made with")
+        try:
+            trainer.restore(state)
+        except (KeyError, ValueError, RuntimeError, TypeError) as error:
+            raise IbridError(f"{self._path}: does not fit ({error!s:.120}); restore it, or start a new run") from None
+        self.updates = list(read_updates(state["updates"]))
+        self.stopped = state["stopped"]
+        if isinstance(self.policy, Publishes):
+            self.policy.publish()
+        self._keep(META, updates_json(self.updates))
+
+    def _require_in_step(self) -> None:
+        seen, made = len(self._history), self.rounds.batches
+        if seen != made:
+            raise IbridError(
+                f"{self._path}: the weights have seen {seen} batches, but the steps hold {made}; restore the folder of the "
+                "run, or start a new run"
+            )
+
+
+def _kept(step: Step) -> Mapping[str, Any]:
+    found = step.usage.get(KEPT, {})
+    return found if isinstance(found, Mapping) else {}
+
+
+def _sampled(step: Step) -> Sampled:
+    kept = _kept(step)
+    return Sampled(tuple(kept["tokens"]), tuple(kept["logprobs"]))
+
+
+def _prompt(batch: Sequence[Step], members: Sequence[int]) -> list[int]:
+    """The question of a group, which the first of its steps that has an answer keeps."""
+    return next((list(_kept(batch[one])["prompt"]) for one in members if "prompt" in _kept(batch[one])), [])
+
+
+def _sentence(what: str, drift: float | None, word: str) -> str:
+    end = "; nothing is trained any more" if word == "stopped" else ""
+    return f"{what}: log-probabilities differ by {drift or 0.0:.2g} in the mean{end}"

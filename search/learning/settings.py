@@ -1,0 +1,83 @@
+"""Every number of learning during a search; the defaults are the paper's profile and that of ThetaEvolve."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Any
+
+from ibrid.errors import IbridError
+
+#: Adam's step for a model of so many parameters or more, which is one that others trained on much text.
+LARGE = 50_000_000
+RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 1e-5, 2e-5
+
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """How answers are drawn in groups, and what one update does with their rewards.
+
+    `contexts` : questions of a batch. `group` : answers to each; they are compared with one another. `epochs` : updates from
+    each batch. `rate` : Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`,
+    `decay2` : of Adam's moments. `longest_gradient` : norm to which a gradient is cut.
+
+    `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max of the
+    importance weights. `floor` : least standard deviation of the rewards of a group, so that the noise of a fit is no signal.
+    `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of low-rank adapters, 0 for
+    training everything. `threads` : of torch on the CPU; they are part of the result, so the number of workers is not.
+
+    `alarm`, `stop` : mean |log-probability served - trained| above which the page warns, and above which nothing is
+    trained any more.
+    """
+
+    contexts: int = 32
+    group: int = 16
+    epochs: int = 1
+    rate: float | None = None
+    decay1: float = 0.9
+    decay2: float = 0.98
+    longest_gradient: float = 1.0
+    clip_low: float = 0.2
+    clip_high: float = 0.28
+    most_weight: float = 2.0
+    floor: float = 0.02
+    divergence: float = 0.0
+    lora: int = 0
+    threads: int = 1
+    alarm: float = 0.02
+    stop: float = 0.1
+
+    def __post_init__(self) -> None:
+        for holds, law, found in _laws(self):
+            if not holds:
+                raise IbridError(f"{law}, found {found}; change it in the settings of learning")
+
+    @property
+    def batch(self) -> int:
+        """Answers between two updates."""
+        return self.contexts * self.group
+
+    def rate_of(self, parameters: int) -> float:
+        """Adam's step for a model with so many parameters."""
+        if self.rate is not None:
+            return self.rate
+        if self.lora:
+            return RATE_LORA
+        return RATE_LARGE if parameters >= LARGE else RATE_SMALL
+
+
+def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
+    """Whether a law holds, the law in words, and what was found."""
+    yield one.contexts >= 1, "a batch needs 1 context or more", one.contexts
+    yield one.group >= 2, "a group needs 2 answers or more, since they are compared with one another", one.group
+    yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
+    yield one.threads >= 1, "torch needs 1 thread or more", one.threads
+    yield one.rate is None or 0 < one.rate < inf, "the learning rate must be above zero", one.rate
+    for name in ("decay1", "decay2"):
+        yield 0 <= getattr(one, name) < 1, f"{name} must be from 0 to below 1", getattr(one, name)
+    yield 0 < one.clip_low < 1, "clip_low must be between 0 and 1", one.clip_low
+    for name in ("longest_gradient", "clip_high", "most_weight", "alarm", "stop"):
+        yield 0 < getattr(one, name) <= inf, f"{name} must be above zero", getattr(one, name)
+    for name in ("floor", "divergence"):
+        found = getattr(one, name)
+        yield isfinite(found) and found >= 0, f"{name} must not be negative", found
+    yield one.lora >= 0, "the rank of adapters must be 0 or more", one.lora

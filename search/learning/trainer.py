@@ -1,0 +1,179 @@
+"""One update from a batch of groups: gradient of the objective, Adam, and what it did to the policy; torch.
+
+One trainer has one model, the one that is sampled from, so what is served after an update is what was trained.
+"""
+
+import copy
+import hashlib
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from search.learning.adapters import add_adapters
+from search.learning.objective import divergence, group_objective, over_answers
+from search.learning.scoring import Scored, score
+from search.learning.settings import LearningSettings
+from search.policy.backend import threads
+from search.policy.interface import Sampled
+
+
+@dataclass(frozen=True)
+class Group:
+    """Answers to one question. `masks` : as of `search.policy.interface.Policy.masks`. `advantages` : (N,)."""
+
+    prompt: tuple[int, ...]
+    answers: tuple[Sampled, ...]
+    masks: tuple[np.ndarray | None, ...]
+    advantages: np.ndarray
+
+
+@dataclass(frozen=True)
+class Trained:
+    """Means over the tokens of a batch, before its update but for `clipped`.
+
+    `entropy` : nats. `divergence` : from the policy at the start. `weight`, `largest_weight` : of importance. `clipped` :
+    share of tokens whose gradient the clip took away. `drift` : |log-probability served - trained|. `gradient` : norm.
+    `updated` : False when the drift was too large.
+    """
+
+    entropy: float
+    divergence: float
+    weight: float
+    largest_weight: float
+    clipped: float
+    drift: float
+    gradient: float
+    updated: bool
+
+
+class Trainer:
+    """Adam on the objective of `search.learning.objective`; everything on the device and in the threads of `settings`."""
+
+    def __init__(self, model: Any, settings: LearningSettings, pad: int, seed: int = 0) -> None:
+        self.model, self.settings, self.pad = model.eval(), settings, pad
+        self.start = fingerprint(model)
+        self.reference = copy.deepcopy(model).requires_grad_(False)
+        model.requires_grad_(True)
+        if settings.lora:
+            add_adapters(model, settings.lora, seed)
+        self.trained = {name: one for name, one in model.named_parameters() if one.requires_grad}
+        self.rate = settings.rate_of(sum(one.numel() for one in model.parameters()))
+        decays = (settings.decay1, settings.decay2)
+        self.optimizer = torch.optim.Adam(self.trained.values(), lr=self.rate, betas=decays)
+
+    def score(self, group: Group) -> Scored:
+        """Log-probabilities of a group's answers under the model as it is."""
+        return score(self.model, group.prompt, [one.tokens for one in group.answers], group.masks, self.pad)
+
+    def drift(self, group: Group) -> float:
+        """Mean |log-probability served - trained| over the tokens of a group."""
+        with self._threads(), torch.no_grad():
+            scored = self.score(group)
+            return _mean((scored.logprobs - self._served(group, scored)).abs(), scored.real)
+
+    def update(self, groups: Sequence[Group]) -> Trained:
+        """One update for each epoch; none when the answers were served by another policy than the trained one."""
+        old: list[torch.Tensor | None] = [None] * len(groups)
+        measured: list[Mapping[str, float]] = []
+        clipped, gradient, updated = 0.0, 0.0, True
+        with self._threads():
+            if self.settings.epochs > 1:
+                with torch.no_grad():
+                    old = [self.score(group).logprobs for group in groups]
+            for epoch in range(self.settings.epochs):
+                self.optimizer.zero_grad(set_to_none=True)
+                shares = [self._backward(group, before, len(groups)) for group, before in zip(groups, old, strict=True)]
+                measured = measured or shares
+                clipped = _weighted(shares, "clipped")
+                if epoch == 0 and not _weighted(shares, "drift") <= self.settings.stop:
+                    updated = False
+                    break
+                cut = torch.nn.utils.clip_grad_norm_(self.trained.values(), self.settings.longest_gradient)
+                gradient = gradient or float(cut)
+                self.optimizer.step()
+            self.optimizer.zero_grad(set_to_none=True)
+        return Trained(
+            entropy=_weighted(measured, "entropy"),
+            divergence=_weighted(measured, "divergence"),
+            weight=_weighted(measured, "weight"),
+            largest_weight=max(one["largest_weight"] for one in measured),
+            clipped=clipped,
+            drift=_weighted(measured, "drift"),
+            gradient=gradient,
+            updated=updated,
+        )
+
+    def state(self) -> dict[str, Any]:
+        """Weights that are trained, the state of Adam and of torch's random numbers."""
+        weights = {name: one.detach().cpu() for name, one in self.trained.items()}
+        return {"weights": weights, "optimizer": self.optimizer.state_dict(), "random": torch.get_rng_state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of another model."""
+        if set(state["weights"]) != set(self.trained):
+            raise ValueError("it holds the weights of another model")
+        with torch.no_grad():
+            for name, one in self.trained.items():
+                one.copy_(state["weights"][name])
+        self.optimizer.load_state_dict(state["optimizer"])
+        torch.set_rng_state(state["random"])
+
+    def _backward(self, group: Group, old: torch.Tensor | None, groups: int) -> Mapping[str, float]:
+        """Add the gradient of one group's share of the objective; returns what there is to say of its tokens."""
+        settings = self.settings
+        scored = self.score(group)
+        before = scored.logprobs.detach() if old is None else old
+        served = self._served(group, scored)
+        found = group_objective(
+            scored.logprobs, before, served, torch.tensor(group.advantages).to(scored.logprobs), scored.real,
+            low=settings.clip_low, high=settings.clip_high, most=settings.most_weight,
+        )  # fmt: skip
+        with torch.no_grad():
+            answers = [one.tokens for one in group.answers]
+            begun = score(self.reference, group.prompt, answers, group.masks, self.pad).logprobs
+        away = divergence(scored.logprobs, begun)
+        loss = -found.value
+        if settings.divergence:
+            loss = loss + settings.divergence * over_answers(away, scored.real)
+        (loss / groups).backward()
+        return {
+            "tokens": float(scored.real.sum()),
+            "entropy": _mean(scored.entropy, scored.real),
+            "divergence": _mean(away.detach(), scored.real),
+            "drift": _mean((before - served).abs(), scored.real),
+            "weight": found.weight,
+            "largest_weight": found.largest_weight,
+            "clipped": found.clipped,
+        }
+
+    def _served(self, group: Group, scored: Scored) -> torch.Tensor:
+        longest = scored.real.shape[1]
+        rows = [[*one.logprobs, *[0.0] * (longest - len(one.logprobs))] for one in group.answers]
+        return torch.tensor(rows).to(scored.logprobs)
+
+    def _threads(self) -> AbstractContextManager[None]:
+        """The number decides in which order sums are made, so it is part of the result."""
+        return threads(self.settings.threads)
+
+
+def fingerprint(model: Any) -> str:
+    """What tells the weights of a model from others."""
+    found = hashlib.sha256()
+    for name, one in model.state_dict().items():
+        found.update(name.encode())
+        found.update(one.detach().cpu().contiguous().flatten().view(torch.uint8).numpy())
+    return found.hexdigest()[:32]
+
+
+def _mean(values: torch.Tensor, real: torch.Tensor) -> float:
+    return float((values * real).sum() / real.sum().clamp(min=1))
+
+
+def _weighted(shares: Sequence[Mapping[str, float]], name: str) -> float:
+    """Mean over the tokens of all groups."""
+    tokens = sum(one["tokens"] for one in shares)
+    return sum(one["tokens"] * one[name] for one in shares) / tokens if tokens else 0.0

@@ -1,0 +1,35 @@
+"""torch and transformers, imported when a policy runs and never before."""
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from ibrid.errors import IbridError
+
+
+def require(package: str) -> Any:
+    """The package; IbridError, naming what to install, where it is missing."""
+    try:
+        return importlib.import_module(package)
+    except ImportError:
+        raise IbridError(
+            f"the policy needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
+        ) from None
+
+
+@contextmanager
+def threads(number: int) -> Iterator[None]:
+    """Within, torch computes with so many threads on the CPU."""
+    torch = require("torch")
+    before = torch.get_num_threads()
+    torch.set_num_threads(number)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def device() -> str:
+    """A GPU that torch finds, else the CPU."""
+    return "cuda" if require("torch").cuda.is_available() else "cpu"

@@ -1,0 +1,73 @@
+"""The files of a policy: config.json, model.safetensors, vocabulary.json and MODEL_CARD.md in one folder."""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import IbridError
+from ibrid.writing import write_whole
+from search.policy.backend import require
+from search.policy.tokens import END, PAD, TOKENS
+
+VOCABULARY_FILE, CARD = "vocabulary.json", "MODEL_CARD.md"
+#: Sizes of the shipped model; a larger one is a matter of data and time.
+SIZES = {"hidden_size": 160, "intermediate_size": 432, "num_hidden_layers": 4, "num_attention_heads": 5}
+LONGEST_SEQUENCE = 1024
+
+
+def shipped_folder() -> Path:
+    """The weights that come with the package."""
+    return Path(str(files("search.policy") / "weights"))
+
+
+def new_model(seed: int, sizes: dict[str, int] | None = None) -> Any:
+    """An untrained causal language model over the tokens of the policy, float32."""
+    torch, transformers = require("torch"), require("transformers")
+    sizes = sizes or SIZES
+    config = transformers.LlamaConfig(
+        vocab_size=len(TOKENS),
+        **sizes,
+        num_key_value_heads=sizes["num_attention_heads"],
+        max_position_embeddings=LONGEST_SEQUENCE,
+        tie_word_embeddings=True,
+        pad_token_id=TOKENS.ids[PAD],
+        bos_token_id=None,
+        eos_token_id=TOKENS.ids[END],
+    )
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        return transformers.LlamaForCausalLM(config).float()
+
+
+def require_weights(folder: Path) -> None:
+    """Raise IbridError unless the folder holds a policy."""
+    if not all((folder / name).is_file() for name in ("config.json", "model.safetensors", VOCABULARY_FILE)):
+        raise IbridError(f"{folder}: holds no policy; make one with ibrid policy train --out DIR")
+
+
+def load_model(folder: Path) -> Any:
+    """The model of a folder, float32, on the CPU; IbridError when there is none or it speaks another language."""
+    require_weights(folder)
+    torch, transformers = require("torch"), require("transformers")
+    damaged = require("safetensors").SafetensorError
+    try:
+        words = json.loads((folder / VOCABULARY_FILE).read_text(encoding="utf-8"))
+        if words != list(TOKENS.words):
+            raise IbridError(f"{folder}: its weights belong to other tokens than this version's; train again")
+        return transformers.LlamaForCausalLM.from_pretrained(
+            folder, local_files_only=True, use_safetensors=True, dtype=torch.float32
+        )
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, damaged) as error:
+        raise IbridError(f"{folder}: cannot be loaded ({' '.join(str(error).split())[:200]}); train again") from None
+
+
+def save_model(model: Any, folder: Path, card: str) -> None:
+    """Write the weights as 16-bit numbers, with the tokens and the card."""
+    torch = require("torch")
+    folder.mkdir(parents=True, exist_ok=True)
+    half = {name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()}
+    model.save_pretrained(folder, state_dict=half, safe_serialization=True)
+    (folder / "generation_config.json").unlink(missing_ok=True)
+    write_whole(folder / VOCABULARY_FILE, json.dumps(list(TOKENS.words), indent=0) + "\n")
+    write_whole(folder / CARD, card)

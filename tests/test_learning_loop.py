@@ -1,0 +1,317 @@
+"""A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run ends as it would have."""
+
+import importlib.util
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+
+if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
+    pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
+
+import torch
+from scripted_search import NAIVE, ScriptedEvaluator, scripted, steps_of
+from toy_policy import ToyPolicy
+
+from ibrid.errors import IbridError
+from search.learning.learner import Learner
+from search.learning.settings import LearningSettings
+from search.learning.trainer import fingerprint
+from search.learning.updates import META, Update, read_updates
+from search.loop import BUDGET, TARGET, Loop
+from search.policy.interface import Policy
+from search.proposers.rules import Rules
+from search.settings import SearchSettings
+from search.step import Status, Step
+from search.store import Store
+
+pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+
+PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0, patience=1000)
+SMALL = LearningSettings(contexts=2, group=4, rate=0.03)
+
+
+def more_gain(program: str, number: int) -> str:
+    """Edit `number` adds (number + 1)/1000 to the fixed gain; edit 0 is one that is illegal."""
+    gain = float(found[1]) if (found := re.search(r'"gain", k=([\d.]+)\)', program)) else 0.0
+    if number == 0:
+        return program.replace('    g.connect("gain.out", "plant.u_r")\n', "")
+    return re.sub(r'"gain"(, k=[\d.]+)?\)', f'"gain", k={gain + number / 1000:.4g})', program)
+
+
+def by_gain(program: str) -> float:
+    """The larger the gain the better."""
+    found = re.search(r'"gain", k=([\d.]+)\)', program)
+    return math.exp(-20 * float(found[1])) if found else 1.0
+
+
+class Reversed(ScriptedEvaluator):
+    """A pool whose last job ends first."""
+
+    def first_ended(self) -> int:
+        return list(self.open)[-1]
+
+
+@contextmanager
+def learning(folder: Path, policy: Policy | None = None, learn: LearningSettings = SMALL, **options) -> Iterator[Loop]:
+    """A loop with a learner, opened as `search.run` does."""
+    search = options.setdefault("settings", PLAIN)
+    folder.mkdir(exist_ok=True)
+    learner = Learner(policy or ToyPolicy(more_gain, 6), learn, seed=options.get("seed", 0), window=search.window)
+    more = options.pop("beside", ())
+    evaluator = options.pop("evaluator", None) or ScriptedEvaluator(by_gain, stable=lambda _: True)
+    with scripted(folder / "archive.sqlite", proposers=((learner, 1.0), *more), evaluator=evaluator, **options) as loop:
+        learner.open(folder, loop.store.set_meta)
+        yield loop
+
+
+def ended(folder: Path, policy: Policy | None = None, **options) -> tuple[list[Step], Learner]:
+    with learning(folder, policy, **options) as loop:
+        loop.run(NAIVE)
+        assert loop.learner is not None
+        return steps_of(folder / "archive.sqlite"), loop.learner
+
+
+def told(folder: Path) -> tuple[Update, ...]:
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        return read_updates(store.meta.get(META, ""))
+
+
+def timeless(updates: tuple[Update, ...]) -> list[Update]:
+    return [replace(one, seconds_sampling=0.0, seconds_update=0.0) for one in updates]
+
+
+def groups_of(steps: list[Step]) -> list[list[Step]]:
+    mine = [step for step in steps if step.proposer == "toy"]
+    return [list(some) for _, some in groupby(mine, key=lambda step: step.usage["learning"]["context"])]
+
+
+# groups and batches
+
+
+def test_all_answers_of_a_group_edit_the_same_parent_at_the_same_scale(tmp_path):
+    steps, _ = ended(tmp_path / "run", budget=60)
+    found = groups_of(steps)
+    assert len(found) > 6
+    assert {len(one) for one in found[:-1]} == {4}
+    for one in found:
+        assert len({(step.parent, step.scale, step.island) for step in one}) == 1
+        assert [step.usage["learning"]["member"] for step in one] == list(range(len(one)))
+        assert ["prompt" in step.usage["learning"] for step in one] == [True] + [False] * (len(one) - 1)
+    assert len({one[0].parent for one in found}) > 3
+    assert len({one[0].scale for one in found}) == 3
+
+
+def test_contexts_of_a_batch_go_round_the_islands(tmp_path):
+    settings = replace(PLAIN, from_elites=0.0, from_island=1.0)
+    steps, _ = ended(tmp_path / "run", budget=200, settings=settings, policy=ToyPolicy(more_gain, 40))
+    assert {one[0].island for one in groups_of(steps)} == set(range(settings.islands))
+
+
+def test_parents_come_from_the_batches_before(tmp_path):
+    evaluator, seen = ScriptedEvaluator(by_gain, stable=lambda _: True), []
+
+    class Watching(ToyPolicy):
+        def prompt(self, context):
+            seen.append(max(evaluator.collected))
+            return super().prompt(context)
+
+    steps, _ = ended(tmp_path / "run", Watching(more_gain, 6), budget=60, evaluator=evaluator)
+    mine = [step for step in steps if step.proposer == "toy"]
+    for place, step in enumerate(mine):
+        batch = place // SMALL.batch
+        assert step.parent is not None
+        assert step.parent <= (mine[batch * SMALL.batch].number - 1 if batch else 0)
+    begins = [0, 0, *(mine[batch * SMALL.batch].number - 1 for batch in range(1, 20) for _ in range(2)
+                      if batch * SMALL.batch < len(mine))]  # fmt: skip
+    assert all(newest <= begin for newest, begin in zip(seen, begins, strict=False))
+
+
+def test_there_is_one_update_for_each_whole_batch_and_it_is_told_in_the_store(tmp_path):
+    steps, learner = ended(tmp_path / "run", budget=60)
+    answers = sum(step.proposer == "toy" for step in steps)
+    updates = told(tmp_path / "run")
+    assert len(updates) == answers // 8 == len(learner.updates)
+    for one, batch in zip(updates, zip(*[iter(step for step in steps if step.proposer == "toy")] * 8, strict=False)):
+        assert (one.first, one.last) == (batch[0].number, batch[-1].number)
+        ends = [step.status for step in batch]
+        assert one.refused == ends.count(Status.ILLEGAL) / 8
+        twins = [step for step in batch if step.same_as is not None and step.same_as >= one.first]
+        assert one.siblings == len(twins) / 8
+        assert one.duplicates == (ends.count(Status.DUPLICATE) - len(twins)) / 8
+        assert one.valid == (ends.count(Status.OK) + len(twins)) / 8
+        assert one.updated == (one.dropped < 2)
+        assert one.tokens == 2
+        assert not one.updated or (one.probe is not None and one.probe < 1e-5)
+        assert one.remark == ""
+    assert updates[0].divergence == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_policy_learns_during_a_search_which_edit_pays(tmp_path):
+    policy = ToyPolicy(more_gain, 6)
+    steps, learner = ended(tmp_path / "run", policy, budget=500, settings=replace(PLAIN, window=4))
+    mine = [step for step in steps if step.proposer == "toy"]
+    early, late = mine[:64], mine[-64:]
+
+    def share(some: list[Step], *edits: int) -> float:
+        return sum(step.usage["learning"]["tokens"][0] - 2 in edits for step in some) / len(some)
+
+    assert share(early, 5) < 0.4
+    assert share(late, 4, 5) > 0.7
+    assert share(late, 0) < 0.1  # the illegal one
+    assert learner.updates[-1].divergence > 0.1
+
+
+def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
+    steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6, masked=False), budget=12)
+    assert Status.NO_EDIT in {step.status for step in steps}
+    assert learner.updates[0].refused > 0
+
+
+# the same run, whatever happens
+
+
+def same(first: tuple[list[Step], Learner], second: tuple[list[Step], Learner]) -> None:
+    assert first[0] == second[0]
+    assert timeless(tuple(first[1].updates)) == timeless(tuple(second[1].updates))
+    assert fingerprint(first[1].policy.model()) == fingerprint(second[1].policy.model())
+
+
+def test_a_run_is_the_same_in_whatever_order_results_come(tmp_path):
+    backwards = Reversed(by_gain, stable=lambda _: True)
+    same(ended(tmp_path / "one", budget=40), ended(tmp_path / "two", budget=40, evaluator=backwards))
+    other = ended(tmp_path / "three", budget=40, seed=1)
+    assert other[0] != steps_of(tmp_path / "one" / "archive.sqlite")
+
+
+class Killed(Exception):
+    pass
+
+
+@pytest.mark.parametrize("beside", [(), ((Rules(), 0.5),)], ids=["alone", "mixed"])
+def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, beside):
+    options = {"budget": 40, "beside": beside, "settings": replace(PLAIN, pruning=0.15, final_pruning=0.1)}
+    whole = ended(tmp_path / "whole", **options)
+    assert len(whole[1].updates) >= 3
+    sitting = 0
+    while sitting < 60:
+        sitting += 1
+        with learning(tmp_path / "killed", **options) as loop:
+            calls, most = 0, 3 + 5 * (sitting % 3)
+            original = loop.store.propose
+
+            def propose(step: Step) -> None:
+                nonlocal calls
+                calls += 1
+                if calls > most:
+                    raise Killed
+                original(step)  # noqa: B023
+
+            loop.store.propose = propose  # type: ignore[method-assign]
+            try:
+                loop.run(NAIVE)
+            except Killed:
+                continue
+            assert loop.learner is not None
+            same(whole, (steps_of(tmp_path / "killed" / "archive.sqlite"), loop.learner))
+            break
+    assert 5 < sitting < 60
+
+
+def test_a_run_killed_between_an_update_and_its_place_in_the_store_loses_nothing(tmp_path):
+    whole = ended(tmp_path / "whole", budget=40)
+    with learning(tmp_path / "killed", budget=40) as loop:
+        assert loop.learner is not None
+
+        def dies(name: str, text: str) -> None:
+            raise Killed
+
+        loop.learner.open(tmp_path / "killed", dies)
+        with pytest.raises(Killed):
+            loop.run(NAIVE)
+    assert told(tmp_path / "killed") == ()
+    same(whole, ended(tmp_path / "killed", budget=40))
+    assert timeless(told(tmp_path / "killed")) == timeless(told(tmp_path / "whole"))
+
+
+def test_a_larger_budget_goes_on_in_the_middle_of_a_batch(tmp_path):
+    whole = ended(tmp_path / "whole", budget=45)
+    ended(tmp_path / "resumed", budget=19)
+    same(whole, ended(tmp_path / "resumed", budget=45))
+
+
+def test_a_search_with_a_target_ends_though_a_batch_is_under_way(tmp_path):
+    with learning(tmp_path / "run", budget=300, target=0.9, settings=SearchSettings()) as loop:
+        assert loop.run(NAIVE) == TARGET
+    with learning(tmp_path / "other", budget=30, settings=SearchSettings()) as loop:
+        assert loop.run(NAIVE) == BUDGET
+
+
+# what goes wrong
+
+
+def test_a_policy_that_serves_other_weights_is_not_trained_and_the_search_goes_on(tmp_path):
+    policy, strange = ToyPolicy(more_gain, 6), ToyPolicy(more_gain, 6, seed=5)
+    with torch.no_grad():
+        strange.model().lm_head.weight.mul_(40)
+    policy.stale = strange.model()
+    before = fingerprint(policy.model())
+    _, learner = ended(tmp_path / "run", policy, budget=40)
+    assert fingerprint(policy.model()) == before
+    taught = [one for one in learner.updates if one.dropped < 2]
+    assert "served by other weights" in taught[0].remark
+    assert "nothing is trained any more" in taught[0].remark
+    assert not any(one.updated for one in learner.updates)
+
+
+def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_probe(tmp_path):
+    import copy
+
+    policy = ToyPolicy(more_gain, 6)
+    policy.stale = copy.deepcopy(policy.model())
+    settings = replace(SMALL, rate=0.1)
+    _, learner = ended(tmp_path / "run", policy, budget=60, learn=settings)
+    probes = [one for one in learner.updates if one.probe is not None]
+    assert probes[0].probe is not None
+    assert probes[0].probe > settings.alarm
+    assert probes[0].remark
+    assert not learner.updates[-1].updated
+
+
+class Failing(ToyPolicy):
+    """A server that is away at first."""
+
+    def sample(self, prompts, contexts, number, seed):
+        if self.sampled == 0:
+            self.sampled = 1
+            raise IbridError("the server is away")
+        return super().sample(prompts, contexts, number, seed)
+
+
+def test_an_answer_that_was_never_given_is_left_out(tmp_path):
+    steps, learner = ended(tmp_path / "run", Failing(more_gain, 6), budget=30)
+    assert (steps[1].status, steps[1].reason) == (Status.NO_ANSWER, "the server is away")
+    assert "prompt" in steps[2].usage["learning"]
+    assert learner.updates[0].updated
+
+
+def test_lost_workers_are_left_out_and_counted(tmp_path):
+    def law(program: str):
+        return Status.LOST if "k=0.003)" in program else by_gain(program)
+
+    _, learner = ended(tmp_path / "run", evaluator=ScriptedEvaluator(law, stable=lambda _: True), budget=30)
+    assert sum(one.lost for one in learner.updates) > 0
+
+
+def test_weights_of_another_model_or_moment_are_refused_in_a_sentence(tmp_path):
+    ended(tmp_path / "run", budget=30)
+    with pytest.raises(IbridError, match=r"learning.pt: belongs to a model with other weights"):
+        ended(tmp_path / "run", ToyPolicy(more_gain, 6, seed=3), budget=40)
+    (tmp_path / "run" / "learning.pt").unlink()
+    with pytest.raises(IbridError, match=r"the weights have seen 0 batches, but the steps hold \d"):
+        ended(tmp_path / "run", budget=60)

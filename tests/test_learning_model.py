@@ -1,0 +1,250 @@
+"""Sampling, scoring and updating a small model: the same numbers two ways, and a known edit that is learnt."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
+    pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
+
+import torch
+from toy_policy import ASK, END, FIRST, tiny_model
+
+from ibrid.errors import IbridError
+from search.learning.advantages import group_advantages
+from search.learning.checkpoint import read_checkpoint, write_checkpoint
+from search.learning.sampling import sample_answers
+from search.learning.scoring import score
+from search.learning.settings import LearningSettings
+from search.learning.trainer import Group, Trained, Trainer, fingerprint
+from search.policy.backend import threads
+
+pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+
+PROMPT = [ASK, 3, 4, 3]
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    with threads(1):
+        yield
+
+
+def plain_logprobs(model, prompt, answer) -> torch.Tensor:
+    """Of an answer's tokens, by one pass over question and answer together."""
+    logits = model(input_ids=torch.tensor([[*prompt, *answer]])).logits[0]
+    told = torch.log_softmax(logits.float(), -1)[len(prompt) - 1 : -1]
+    return told.gather(1, torch.tensor([list(answer)]).T)[:, 0]
+
+
+# sampling and scoring
+
+
+def test_scores_and_their_gradient_are_those_of_one_pass_over_question_and_answer():
+    model, answers = tiny_model(7, layers=2), [(5, 2, 0), (6,), (2, 2)]
+    scored = score(model, PROMPT, answers, [None] * 3, END)
+    scored.logprobs.sum().backward()
+    gradient = {name: one.grad.clone() for name, one in model.named_parameters() if one.grad is not None}
+    model.zero_grad()
+    plain = [plain_logprobs(model, PROMPT, one) for one in answers]
+    torch.cat(plain).sum().backward()
+    for row, expected in zip(scored.logprobs, plain, strict=True):
+        np.testing.assert_allclose(row[: len(expected)].detach(), expected.detach(), rtol=0, atol=1e-6)  # float32
+    assert scored.real.sum(1).tolist() == [3, 1, 2]
+    for name, one in model.named_parameters():
+        np.testing.assert_allclose(gradient[name], one.grad, rtol=1e-4, atol=1e-6)
+
+
+def test_sampled_log_probabilities_are_those_that_the_trainer_finds():
+    model = tiny_model(7, layers=2)
+    answers = sample_answers(model, PROMPT, 24, end=[END], longest=9, seed=3)
+    assert len({len(one.tokens) for one in answers}) > 3  # so answers do leave the batch
+    scored = score(model, PROMPT, [one.tokens for one in answers], [None] * 24, END)
+    for one, row in zip(answers, scored.logprobs, strict=True):
+        np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=1e-6)
+        assert END not in one.tokens[:-1]
+
+
+def test_answers_follow_the_models_distribution_and_the_seed():
+    model = tiny_model(5, seed=1)
+    with torch.no_grad():
+        model.lm_head.weight.mul_(40)  # far from equal
+        expected = torch.softmax(model(input_ids=torch.tensor([PROMPT])).logits[0, -1], -1).numpy()
+    first = sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=0)
+    found = np.bincount([one.tokens[0] for one in first], minlength=5) / 2000
+    np.testing.assert_allclose(found, expected, atol=0.045)  # four standard deviations of a share of 2000
+    assert expected.max() > 2 * expected.min()
+    assert sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=0) == first
+    assert sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=1) != first
+
+
+def test_an_answer_does_not_depend_on_how_many_others_are_drawn_with_it_in_one_place():
+    model = tiny_model(7, layers=2)
+    long = sample_answers(model, PROMPT, 8, end=[END], longest=9, seed=3)
+    short = sample_answers(model, PROMPT, 8, end=[END], longest=2, seed=3)
+    assert [one.tokens[:2] for one in long] == [one.tokens for one in short]
+
+
+def test_a_guide_is_obeyed_and_its_probabilities_are_those_of_what_it_allows():
+    model, allowed = tiny_model(7), np.array([True, False, False, False, True, True, False])
+    answers = sample_answers(model, PROMPT, 40, end=[END], longest=5, seed=0, guide=lambda before: allowed)
+    assert {token for one in answers for token in one.tokens} == {0, 4, 5}
+    masks = [np.tile(allowed, (len(one.tokens), 1)) for one in answers]
+    scored = score(model, PROMPT, [one.tokens for one in answers], masks, END)
+    for one, row in zip(answers, scored.logprobs, strict=True):
+        np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=1e-6)
+    assert (scored.entropy.max() <= np.log(3) + 1e-6).item()
+
+
+# the update
+
+
+def a_group(model, rewards, number=16, seed=0, served=None) -> Group:
+    """Answers of one token; `rewards` : of an answer's token."""
+    answers = sample_answers(served or model, [ASK], number, end=[], longest=1, seed=seed)
+    advantages = group_advantages([rewards(one.tokens[0]) for one in answers], 0.02)
+    assert advantages is not None
+    return Group((ASK,), tuple(answers), (None,) * number, advantages)
+
+
+def chance(model, token: int) -> float:
+    """That the answer to the question is this token."""
+    with torch.no_grad():
+        return torch.softmax(model(input_ids=torch.tensor([[ASK]])).logits[0, -1], -1)[token].item()
+
+
+def taught(trainer: Trainer, most: int) -> Trained:
+    """Updates that reward token 4 until it is nearly always said, `most` at most; the last of them."""
+    trained, seed = None, 0
+    while trained is None or (chance(trainer.model, 4) < 0.8 and seed < most):
+        trained, seed = trainer.update([a_group(trainer.model, lambda token: float(token == 4), seed=seed)]), seed + 1
+        assert trained.updated
+    return trained
+
+
+def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
+    model = tiny_model(FIRST + 6)
+    assert chance(model, 4) < 0.3
+    trained = taught(Trainer(model, LearningSettings(rate=0.03), END), most=16)
+    assert chance(model, 4) >= 0.8
+    assert trained.divergence > 0.5  # it has left the start
+
+
+def test_one_epoch_moves_weights_by_the_gradient_of_the_objective():
+    model = tiny_model(FIRST + 3)
+    group = a_group(model, lambda token: float(token))
+    before = {name: one.detach().clone() for name, one in model.named_parameters()}
+    told = torch.cat([plain_logprobs(model, [ASK], one.tokens) for one in group.answers])
+    objective = (told * torch.tensor(group.advantages).float()).mean()  # ratio and weight are 1, its gradient the same
+    gradient = torch.autograd.grad(objective, list(model.parameters()))
+    trainer = Trainer(model, LearningSettings(rate=1e-3, longest_gradient=1e9), END)
+    trained = trainer.update([group])
+    norm = torch.sqrt(sum((one**2).sum() for one in gradient)).item()
+    assert trained.gradient == pytest.approx(norm, rel=1e-4)
+    for (name, one), slope in zip(model.named_parameters(), gradient, strict=True):
+        moved, strong = one.detach() - before[name], slope.abs() > 1e-5
+        # Adam's first step is the rate, against the sign of the loss
+        np.testing.assert_allclose(moved[strong], 1e-3 * slope.sign()[strong], rtol=2e-2)
+
+
+def test_dropped_answers_and_other_epochs_count_as_they_should():
+    model = tiny_model(FIRST + 3)
+    group = a_group(model, lambda token: float(token))
+    trained = Trainer(model, LearningSettings(rate=0.05, epochs=6), END).update([group])
+    assert 0 < trained.clipped <= 1  # six large steps leave the clip
+    assert trained.weight == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothing():
+    model, stale, strange = tiny_model(FIRST + 3), tiny_model(FIRST + 3), tiny_model(FIRST + 3, seed=9)
+    with torch.no_grad():
+        stale.lm_head.weight.mul_(1.3)
+        strange.lm_head.weight.mul_(60)
+    trainer = Trainer(model, LearningSettings(rate=1e-3, stop=0.1), END)
+    before = fingerprint(model)
+    trained = trainer.update([a_group(model, float, served=strange)])
+    assert not trained.updated
+    assert trained.drift > 0.1
+    assert fingerprint(model) == before
+    trained = trainer.update([a_group(model, float, served=stale)])
+    assert trained.updated
+    assert 1e-4 < trained.drift < 0.1
+    assert trained.largest_weight > 1 + 1e-4
+    assert fingerprint(model) != before
+
+
+def test_the_divergence_holds_a_policy_back():
+    def course(weight: float) -> float:
+        model = tiny_model(FIRST + 6)
+        trainer = Trainer(model, LearningSettings(rate=0.02, divergence=weight), END)
+        for seed in range(8):
+            trainer.update([a_group(model, lambda token: float(token == 4), seed=seed)])
+        return chance(model, 4)
+
+    assert course(2.0) < course(0.0) - 0.05
+
+
+# what is kept
+
+
+def test_a_trainer_that_is_restored_goes_on_as_if_nothing_had_been(tmp_path):
+    def go_on(trainer: Trainer, seeds: range) -> str:
+        for seed in seeds:
+            trainer.update([a_group(trainer.model, float, seed=seed)])
+        return fingerprint(trainer.model)
+
+    settings = LearningSettings(rate=0.01)
+    whole = go_on(Trainer(tiny_model(6), settings, END), range(6))
+    first = Trainer(tiny_model(6), settings, END)
+    go_on(first, range(3))
+    write_checkpoint(tmp_path / "state", first.state())
+    second = Trainer(tiny_model(6), settings, END)
+    state = read_checkpoint(tmp_path / "state")
+    assert state is not None
+    second.restore(state)
+    assert go_on(second, range(3, 6)) == whole
+
+
+def test_a_damaged_checkpoint_is_one_sentence(tmp_path):
+    path = tmp_path / "state"
+    assert read_checkpoint(path) is None
+    for content in (b"", b"garbage", b"PK\x03\x04 not a zip"):
+        path.write_bytes(content)
+        with pytest.raises(IbridError, match=r"state: .*; restore it, or start a new run"):
+            read_checkpoint(path)
+    torch.save({"version": 99}, path)
+    with pytest.raises(IbridError, match="must hold the state of learning"):
+        read_checkpoint(path)
+
+
+def test_threads_and_the_random_state_are_left_as_they_were():
+    before = torch.get_rng_state()
+    model = tiny_model(6)
+    with threads(2):
+        Trainer(model, LearningSettings(rate=0.01), END).update([a_group(model, float)])
+        assert torch.get_num_threads() == 2
+    assert torch.equal(before, torch.get_rng_state())
+
+
+def test_adapters_are_trained_alone_and_begin_as_nothing():
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install peft")
+    model = tiny_model(FIRST + 6, layers=2)
+    with torch.no_grad():
+        model.lm_head.weight.mul_(20)  # adapters leave it as it is, and so small it says next to nothing
+    said = chance(model, 4)
+    base = {name: one.detach().clone() for name, one in model.named_parameters()}
+    trainer = Trainer(model, LearningSettings(rate=0.02, lora=4), END)
+    assert chance(model, 4) == pytest.approx(said, abs=1e-6)
+    assert 0 < sum(one.numel() for one in trainer.trained.values()) < sum(one.numel() for one in base.values())
+    taught(trainer, most=24)
+    assert chance(model, 4) > said + 0.2
+    for name, one in model.named_parameters():
+        if "lora_" not in name:
+            assert torch.equal(one.detach(), base[name.replace(".base_layer", "")])
+
+
+def test_adapters_without_peft_are_one_sentence(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "peft", None)
+    with pytest.raises(IbridError, match="need the package peft; pip install peft"):
+        Trainer(tiny_model(6), LearningSettings(lora=4), END)
