@@ -10,7 +10,7 @@ STAMP := $(VENV)/.ibrid-ready
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
 TEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines docs lint clean
+.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -45,6 +45,11 @@ bench-gap: $(STAMP)
 # half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data, into docs/baselines.md
 bench-baselines: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.baselines $(ARGS)
+
+# an hour or more: every reference inverter swept, fitted, diagnosed and searched, into docs/inverters_results.md;
+# make bench-inverters ARGS="--only fit --inverter gfm_droop" does a part
+bench-inverters: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
 
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)

@@ -13,6 +13,7 @@ from ibrid.report.parameter_table import parameter_html, twins_table
 from ibrid.report.verdict import verdict
 from ibrid.writing import write_whole
 from search.report.course import lineage_html, trajectory_html
+from search.report.learning import learning_html
 from search.report.models import comparison_html, diagrams_html, response_html
 from search.report.run_data import RunData, Stored, read_run
 from search.report.statistics import speed, statistics_html
@@ -133,6 +134,8 @@ def _sections(run: RunData) -> Iterator[Section]:
     yield "structures", "Which structures fit", structures_html(run)
     yield "lineage", "How it came about", lineage_html(run)
     yield "statistics", "What was proposed", statistics_html(run)
+    if lessons := learning_html(run):
+        yield "learning", "What the proposer learnt", lessons
     if run.answer is not None:
         yield "program", "Program", program(run.answer.program)
     elif run.start is not None and run.start.reason:

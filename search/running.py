@@ -25,6 +25,8 @@ from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator
 from search.evaluation.local import LocalEvaluator
 from search.keyboard import keyboard
+from search.learning.learner import Learner
+from search.learning.settings import LearningSettings
 from search.loop import STOPPED, Goal, Loop
 from search.merit import criterion
 from search.page import write_run_page
@@ -42,6 +44,9 @@ from search.store import Store
 from search.tally import counts
 from search.trajectory import trajectory, trajectory_csv
 from search.watcher import Watcher
+
+#: A search that learns goes on for so many batches without a new structure, since a policy may have to learn to make any.
+PATIENT = 4
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,7 @@ def run(
     require: str | None = None,
     choose: str = "error",
     truth: Diagram | None = None,
+    learn: bool | LearningSettings = False,
     resume: bool = False,
     settings: SearchSettings | None = None,
     progress: Progress | str = "silent",
@@ -121,6 +127,7 @@ def run(
     choose : the answer by "error", held-out "frequencies", or held-out operating points ("op").
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
+    learn : train the proposer on the way, "policy" or "llm" with one local folder; True is the paper's profile, batches of 512.
     settings : every other number. progress : "auto", "terminal", "plain", "notebook", "silent", or a Progress.
 
     Returns the Run; the folder holds run.toml, archive.sqlite, best.py, best.json, trajectory.csv, selection.json and
@@ -134,6 +141,14 @@ def run(
     proposers = choose_proposers(proposer, models, limits, prices)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
+    lessons = {}
+    if learn:
+        from search.learning.choose import learning  # and with it the policy, which a search rarely needs
+
+        profile = learn if isinstance(learn, LearningSettings) else LearningSettings()
+        proposers = learning(proposers, profile, seed=seed, window=settings.window)
+        settings = replace(settings, patience=max(settings.patience, PATIENT * profile.batch))
+        lessons = {"learning": vars(profile)}
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)
     held = tuple(point.op.name for point in plan.held_out)
@@ -145,7 +160,7 @@ def run(
         "prices": [list(one) for one in prices], "parameters": parameters, "equilibrium": equilibrium,
         "vocabulary": plan.vocabulary, "holdout_op": list(held), "require": require or "", "choose": choose,
         "workers": workers, "ray": ray or "", "data": sweep.source, "data_sha256": digest(texts["data"]),
-        "start_sha256": digest(first), "settings": vars(settings),
+        "start_sha256": digest(first), "settings": vars(settings), **lessons,
     }  # fmt: skip
     folder = _folder(folder)
     with open_run(folder, options, texts, resume) as store:
@@ -162,7 +177,7 @@ def run(
                 task, store, evaluator, proposers, settings, Goal(budget, target), seed=seed, criterion=judged,
                 requirements=requirements, watch=watcher,
             )  # fmt: skip
-            _remember(proposers, store)
+            _remember(proposers, store, folder)
             with keyboard(loop, shown):
                 ending = loop.run(first)
         answer, selection = _concluded(loop, store, subject, choose, folder, ending)
@@ -218,9 +233,12 @@ def _evaluator(subject: Subject, workers: int, ray: str | None, settings: Search
     return RayEvaluator(subject, workers, address=ray, wall=settings.wall, lost=settings.lost)
 
 
-def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store) -> None:
-    """Give an agent the store to look back at, and count what language models spent in earlier sittings."""
+def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store, folder: Path) -> None:
+    """Give an agent the store to look back at, tell one that learns where its weights are kept, and count what language
+    models spent in earlier sittings."""
     for one, _ in proposers:
+        if isinstance(one, Learner):
+            one.open(folder, store.set_meta)
         if isinstance(one, Agent):
             one.history = store
         if isinstance(one, Spender):

@@ -126,7 +126,9 @@ def test_the_divergence_is_zero_for_equal_policies_and_the_textbooks_in_the_mean
 # the gradient of a policy of two tokens: p(1) = 1/(1 + exp(-x)), answers of one token
 
 
-def of_two(x: float, answers: list[int], served: list[float], rewards: list[float], old: float | None = None, **options):
+def of_two(
+    x: float, answers: list[int], served: list[float], rewards: list[float], old: float | None = None, **options
+):
     """Objective and its derivative by x. served : log-probabilities. old : logit of the policy before."""
     import torch
 
@@ -186,7 +188,9 @@ def test_a_token_whose_ratio_has_left_the_clip_pulls_no_further():
     x, old = 1.5, 0.0
     answers, rewards = [1, 0], [1.0, -1.0]
     served = [math.log(0.5), math.log(0.5)]
-    found, slope = of_two(x, answers, served, rewards, old=old)  # ratios 1.64 and 0.36: both beyond, both good as they are
+    found, slope = of_two(
+        x, answers, served, rewards, old=old
+    )  # ratios 1.64 and 0.36: both beyond, both good as they are
     assert (slope, found.clipped) == (0.0, 1.0)
     found, slope = of_two(x, answers, served, rewards[::-1], old=old)  # both the wrong way: nothing holds them
     assert slope < 0

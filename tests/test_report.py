@@ -357,7 +357,7 @@ def test_modes_are_those_of_a_second_order_system():
     omega, zeta = 2 * np.pi * 50, 0.1
     poles = [[-zeta * omega, sign * omega * np.sqrt(1 - zeta**2)] for sign in (-1, 1)]
     (found,) = modes([*poles, [-5.0, 0.0]])
-    assert found.frequency == pytest.approx(50)
+    assert found.frequency == pytest.approx(50 * np.sqrt(1 - zeta**2))  # of the oscillation that one sees
     assert found.damping == pytest.approx(0.1)
 
 

@@ -3,9 +3,10 @@
 from functools import cache
 
 import pytest
+from scripted_search import naive_record
 
 import ibrid
-from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.drafting import Draft
 from ibrid.structure.frames import put_into_frame
@@ -81,6 +82,10 @@ def moves_of(diagram: ibrid.Diagram) -> dict[str, tuple[View, Move]]:
     }
 
 
+def _done(_: object) -> None:
+    """What a move's change returns."""
+
+
 @cache
 def path(name: str) -> tuple[ibrid.Diagram, ...]:
     """The naive start and what each edit makes of it."""
@@ -110,10 +115,8 @@ def test_every_textbook_inverter_but_variations_of_these_has_a_path():
 # what follows the command
 
 
-@pytest.mark.parametrize("name", ["gfl_dc_link"])
-def test_a_dc_link_follows_the_command_through_every_edit(name):
-    diagram = ibrid.textbook(name)
-    for view, move in moves_of(diagram).values():
+def test_a_dc_link_follows_the_command_through_every_edit():
+    for view, move in moves_of(ibrid.textbook("gfl_dc_link")).values():
         after = edited(view, move)
         draft = Draft(after, VOCABULARY)
         for link in draft.named("DC_link"):
@@ -128,7 +131,7 @@ def test_a_dc_link_that_takes_something_else_is_left_alone():
     assert followers(draft) == frozenset()
     view = view_of(draft.diagram(), VOCABULARY)
     assert view is not None
-    after = edited(view, Move("a delay", lambda one: [one.insert_before("plant.u_r", "Delay", "x"), None][1]))
+    after = edited(view, Move("a delay", lambda one: _done(one.insert_before("plant.u_r", "Delay", "x"))))
     assert Draft(after, VOCABULARY).sources("dc_link.u") == ["plant.e"]
 
 
@@ -184,19 +187,14 @@ def test_a_name_that_the_other_device_has_is_given_another():
     both = ibrid.textbook("parallel_gfl_gfm")
     view = view_of(both, VOCABULARY)
     assert view is not None
-    taken = Move("a filter", lambda draft: _discarded(draft.insert_before("gfl_pll.e_q", "LPF1", "gfm_p_filter")))
+    taken = Move("a filter", lambda draft: _done(draft.insert_before("gfl_pll.e_q", "LPF1", "gfm_p_filter")))
     after = edited(view, taken)
     assert ibrid.violations(after) == ()
     assert {"gfm_p_filter", "gfm_p_filter_2"} <= {one.name for one in after.instances}
 
 
-def _discarded(_: object) -> None: ...
-
-
 def test_a_second_device_without_a_controller_can_be_taken_away_again():
-    (view,) = views_of(ibrid.textbook("gfl"), VOCABULARY)
-    beside = next(move for family in FAMILIES if family.name == "second device" for move in family.moves(view))
-    two = edited(view, beside)
+    (two,) = second_device_beside("gfl")
     assert ibrid.violations(two) == ()
     assert len(views_of(two, VOCABULARY)) == 2
     (note,) = [note for note in moves_of(two) if note.startswith("without the device of")]
@@ -210,15 +208,19 @@ def test_a_device_with_a_controller_is_not_taken_away_in_one_edit():
         assert ibrid.violations(after) or len(views_of(after, VOCABULARY)) == 2, note
 
 
-def test_of_two_devices_the_layers_that_are_missing_are_those_of_the_more_complete_one():
-    from scripted_search import naive_record
+def second_device_beside(name: str) -> list[ibrid.Diagram]:
+    """Of a textbook program all that the family makes."""
+    (view,) = views_of(ibrid.textbook(name), VOCABULARY)
+    return [edited(view, move) for family in FAMILIES if family.name == "second device" for move in family.moves(view)]
 
-    (view,) = views_of(ibrid.textbook("gfl"), VOCABULARY)
-    beside = next(move for family in FAMILIES if family.name == "second device" for move in family.moves(view))
-    assert oddities(edited(view, beside), naive_record(), VOCABULARY).missing == 0
-    (view,) = views_of(NAIVE, VOCABULARY)
-    beside = next(move for family in FAMILIES if family.name == "second device" for move in family.moves(view))
-    assert oddities(edited(view, beside), naive_record(), VOCABULARY).missing == 3
+
+def test_of_two_devices_the_layers_that_are_missing_are_those_of_the_more_complete_one():
+    (both,) = second_device_beside("gfl")
+    assert oddities(both, naive_record(), VOCABULARY).missing == 0
+
+
+def test_a_second_device_is_no_way_round_a_controller():
+    assert second_device_beside("naive") == []
 
 
 # single edits of the families beyond grid following
@@ -263,8 +265,6 @@ def test_a_current_loop_alone_keeps_the_outer_loops_as_its_reference():
 
 
 def test_under_the_papers_vocabulary_the_voltage_magnitude_is_the_d_component():
-    from ibrid.modules.vocabulary import PAPER_VOCABULARY
-
     (view,) = views_of(ibrid.textbook("gfl"), PAPER_VOCABULARY)
     (move,) = [move for family in FAMILIES if family.name == "AC voltage" for move in family.moves(view)]
     kinds = {one.kind for one in edited(view, move).instances}

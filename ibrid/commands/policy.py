@@ -11,10 +11,9 @@ from ibrid.errors import IbridError
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    policy = commands.add_parser("policy", help="the small learned proposer: train it anew")
-    verbs = policy.add_subparsers(metavar="VERB")
-    train = verbs.add_parser(
-        "train", help="draw inverters, damage and fit them, and learn the repairs; an hour on two cores"
+    train = commands.add_parser("policy", help="train the small learned proposer anew, about an hour on two free cores")
+    train.add_argument(
+        "verb", metavar="train", choices=("train",), help="draw inverters, damage and fit them, learn the repairs"
     )
     train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
     train.add_argument("--inverters", type=inputs.natural, default=1000, metavar="N", help="drawn to learn from (1000)")
@@ -24,11 +23,6 @@ def declare(commands: Any) -> None:
     train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")
     train.add_argument("--resume", action="store_true", help="go on with the training in the folder")
     train.set_defaults(run=run_train)
-    policy.set_defaults(run=_no_verb)
-
-
-def _no_verb(arguments: Namespace) -> int:
-    raise IbridError("ibrid policy needs a verb: train; see ibrid policy train --help")
 
 
 def run_train(arguments: Namespace) -> int:
@@ -38,15 +32,14 @@ def run_train(arguments: Namespace) -> int:
     from search.policy.making import Order, train_policy
     from search.policy.training import TrainingSettings
 
-    cores = os.cpu_count() or 1
-    workers = cores if arguments.workers is None else arguments.workers
+    workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
     if workers < 1:
         raise IbridError(f"--workers must be 1 or more, found {workers}")
     order = Order(arguments.inverters, arguments.seed, TrainingSettings(steps=arguments.steps, seed=arguments.seed))
     session = None if arguments.ray is None else open_session(workers, arguments.ray)
     try:
         crew = Processes(workers) if session is None else RayCluster()
-        found = train_policy(arguments.out, order, crew=crew, resume=arguments.resume, cores=cores)
+        found = train_policy(arguments.out, order, crew=crew, resume=arguments.resume)
     except KeyboardInterrupt:
         complain(f"stopped; go on with: ibrid policy train --out {arguments.out} --resume (and the same options)")
         return 1

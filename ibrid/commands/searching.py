@@ -11,6 +11,7 @@ from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
+    from search.learning.settings import LearningSettings
     from search.running import Run
 
 
@@ -18,6 +19,15 @@ MODEL_HELP = (
     "for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
     "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
 )
+
+#: Settings of learning that have an option.
+LEARNING = {
+    "contexts": "questions between two updates (32)",
+    "group": "answers to each question, compared with one another (16)",
+    "rate": "learning rate of Adam (by the size of the model)",
+    "lora": "rank of low-rank adapters, which need the package peft (0: train all weights)",
+    "threads": "threads of torch; another number gives other results in the last digits (1)",
+}
 
 
 def declare(commands: Any) -> None:
@@ -29,7 +39,7 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--proposer",
         default="rules",
-        help="rules (default) | random | llm | agent, or a mix with weights such as rules:0.7,random:0.3",
+        help="rules (default) | random | policy | llm | agent, or a mix with weights such as rules:0.7,random:0.3",
     )
     search.add_argument(
         "--model",
@@ -79,8 +89,13 @@ def declare(commands: Any) -> None:
         help="shown beside the answer, also when given with --resume alone; the search does not see it",
     )
     search.add_argument(
-        "--learn", action="store_true", help="train the proposer on the way (no proposer of this version learns)"
+        "--learn",
+        action="store_true",
+        help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER",
     )
+    for name, unit in LEARNING.items():
+        kind = inputs.positive if name == "rate" else inputs.natural
+        search.add_argument(f"--learn-{name}", type=kind, metavar="X" if name == "rate" else "N", help=unit)
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
     tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
@@ -102,8 +117,6 @@ def declare(commands: Any) -> None:
 
 def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
-    if arguments.learn:
-        raise IbridError("--learn needs a proposer that learns, which this version does not have; leave it out")
     sweep = inputs.data(arguments.data)
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
@@ -139,6 +152,7 @@ def run_search(arguments: Namespace) -> int:
             require=arguments.require,
             choose=arguments.choose,
             truth=truth,
+            learn=_learning(arguments),
             resume=arguments.resume,
             progress="auto",
         )
@@ -146,6 +160,19 @@ def run_search(arguments: Namespace) -> int:
         complain(f"stopped at once; {_go_on(arguments)}")
         return 1
     return _say(found, arguments, truth)
+
+
+def _learning(arguments: Namespace) -> "LearningSettings | bool":
+    """Settings of learning as given; False without --learn."""
+    given = {name: found for name in LEARNING if (found := getattr(arguments, f"learn_{name}")) is not None}
+    if not arguments.learn:
+        if given:
+            raise IbridError(f"--learn-{next(iter(given))} says how a proposer learns; add --learn, or leave it out")
+        return False
+
+    from search.learning.settings import LearningSettings
+
+    return LearningSettings(**given)
 
 
 def _price(text: str) -> tuple[float, float]:

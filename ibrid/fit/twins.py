@@ -5,7 +5,9 @@ R_F' = R_F + kP_i - kP_i' leave the terminal response unchanged when all outer l
 measured unfiltered and no delay lies in the loop. Otherwise the swap is a good start for a second minimum.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +27,10 @@ class Swap:
     def entries(self) -> tuple[int, ...]:
         """All entries of x that take part."""
         return (*self.inner, *(index for pair in self.outer for index in pair), self.resistance)
+
+    def implausibility(self, x: np.ndarray) -> float:
+        """R_F, in search coordinates: of the two, the twin with the larger one is the less plausible."""
+        return float(x[self.resistance])
 
     def apply(self, theta: np.ndarray) -> np.ndarray:
         """Physical values with the zeros swapped."""
@@ -64,7 +70,15 @@ def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
     return tuple(swaps)
 
 
-def twins_of(problem: Problem, swaps: tuple[Swap, ...], x: np.ndarray) -> list[np.ndarray]:
+class Exchange(Protocol):
+    """What gives a twin of physical values."""
+
+    def apply(self, theta: np.ndarray) -> np.ndarray:
+        """Those of the twin."""
+        ...
+
+
+def twins_of(problem: Problem, swaps: Sequence[Exchange], x: np.ndarray) -> list[np.ndarray]:
     """The twins of x that lie in the boxes."""
     coordinates = problem.coordinates
     theta = coordinates.to_theta(x)

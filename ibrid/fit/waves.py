@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.anchor import nearest
+from ibrid.fit.corner_swap import corner_swaps
 from ibrid.fit.gauss_newton import Batch, begin, descend
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
@@ -48,7 +49,7 @@ class Search:
         self.problem, self.rng, self.settings = problem, rng, settings
         self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
         self.drawer = StartDrawer(problem, wiring, omega_0)
-        self.swaps = find_swaps(problem, wiring)
+        self.swaps = (*find_swaps(problem, wiring), *corner_swaps(problem, wiring, omega_0))
         self.measured_poles = fitted_poles(problem) if settings.seeds == "vector-fitting" else None
         self.finished: list[Finished] = []
 
@@ -161,14 +162,13 @@ class Search:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
 
     def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Of the best answer and its twins that fit equally well, the one with the least R_F, and the others."""
+        """Of the best answer and its twins that fit equally well, the least implausible one, and the others."""
         best = self.best
         batch = self._twin_batch(best.x)
         bound = max(best.error * (1 + TWIN_TOLERANCE), self.settings.solved)
         equal = [best.x, *batch.x[self._errors(batch.x) <= bound]]
         if len(equal) > 1:
-            resistance = self.swaps[0].resistance
-            equal.sort(key=lambda x: x[resistance])
+            equal.sort(key=self.swaps[0].implausibility)
         return equal[0], equal[1:]
 
     def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -19,6 +19,8 @@ Each is a nonlinear averaged model with known parameters, its equilibrium, a blo
 linearisation to 1e-8 at every operating point; tests hold both. `ibrid sweep PLANT` measures one anew; where sweep and textbook
 program have one name, `ibrid evaluate NAME NAME` fits the diagram and `ibrid gap NAME NAME` holds the two against each other.
 
+How well each is fitted, found by the search and understood by the gap workflow: `docs/inverters_results.md`.
+
 The slowest pole is that at the two operating points of the sweep, on a stiff grid.
 
 """

@@ -9,7 +9,7 @@ from ibrid.evaluation.record import Record
 
 @dataclass(frozen=True)
 class Mode:
-    """A pole pair: `frequency` |p| / 2 pi in Hz, `damping` -Re p / |p|, `real` in 1/s."""
+    """A pole pair: `frequency` of oscillation, Im p / 2 pi in Hz; `damping` -Re p / |p|; `real` in 1/s."""
 
     frequency: float
     damping: float
@@ -21,8 +21,8 @@ def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[M
     found = []
     for real, imaginary in poles:
         size = math.hypot(real, imaginary)
-        if imaginary > 0 and size <= 2 * math.pi * highest:
-            found.append(Mode(size / (2 * math.pi), -real / size, real))
+        if 0 < imaginary <= 2 * math.pi * highest:
+            found.append(Mode(imaginary / (2 * math.pi), -real / size, real))
     return sorted(found, key=lambda one: one.damping)
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 KEPT = "learning"
 #: Answers that are drawn to prove that the served weights are the trained ones.
 PROBES = 4
+#: Share of answers with the same structure as one before in their batch above which the page warns.
+COLLAPSE = 0.5
 #: The context of a step, from the step; for masks, which know the parent and the scale alone.
 ContextOf = Callable[[Step], Context]
 
@@ -99,6 +101,7 @@ class Learner:
     def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
         """Update the weights from the last batch, all results of which are in; kept on disk before this returns."""
         began = time.monotonic()
+        self._require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
         found = [rewarded(step, steps, batch[0].number) for step in batch]
         groups = list(self._groups(batch, [one.reward for one in found], context))
@@ -116,6 +119,9 @@ class Learner:
         if taught and not self.stopped:
             update = replace(update, **asdict(self._trainer.update(taught)))
             update = self._proven(update, batch, context)
+        if update.siblings > COLLAPSE:
+            told = f"{update.siblings:.0%} of the answers repeat another of their batch: the policy narrows down"
+            update = replace(update, remark="; ".join(filter(None, (update.remark, told))))
         update = replace(update, seconds_update=time.monotonic() - began)
         self._conclude(update)
         return update
@@ -126,7 +132,7 @@ class Learner:
         """All answers of the context under way."""
         if self._answers is None or self._answers[0] != place.context:
             began = time.monotonic()
-            self._require_in_step()
+            self._require_seen(self.rounds.batches)
             if self._prompt is None or self._prompt[0] != place.context:
                 self._prompt = (place.context, list(self.policy.prompt(context)))
             drawn = self._sampled(self._prompt[1], context, self.settings.group, (1, place.context))
@@ -155,7 +161,9 @@ class Learner:
                 continue
             known = [one for one, advantage in zip(members, advantages, strict=True) if np.isfinite(advantage)]
             sampled = tuple(_sampled(batch[one]) for one in known)
-            yield self._made(_prompt(batch, members), sampled, context(batch[begin]), advantages[np.isfinite(advantages)])
+            yield self._made(
+                _prompt(batch, members), sampled, context(batch[begin]), advantages[np.isfinite(advantages)]
+            )
 
     def _made(
         self, prompt: Sequence[int], answers: Sequence[Sampled], context: Context, advantages: np.ndarray
@@ -212,7 +220,9 @@ class Learner:
 
     def _restore(self, trainer: "Trainer", state: Mapping[str, Any]) -> None:
         if state.get("start") != trainer.start:
-            raise IbridError(f"{self._path}: belongs to a model with other weights; resume with the one it was made with")
+            raise IbridError(
+                f"{self._path}: belongs to a model with other weights; resume with the one it was made with"
+            )
         try:
             trainer.restore(state)
         except (KeyError, ValueError, RuntimeError, TypeError) as error:
@@ -223,11 +233,10 @@ class Learner:
             self.policy.publish()
         self._keep(META, updates_json(self.updates))
 
-    def _require_in_step(self) -> None:
-        seen, made = len(self._history), self.rounds.batches
-        if seen != made:
+    def _require_seen(self, batches: int) -> None:
+        if (seen := len(self._history)) != batches:
             raise IbridError(
-                f"{self._path}: the weights have seen {seen} batches, but the steps hold {made}; restore the folder of the "
+                f"{self._path}: the weights have seen {seen} batches, but the steps hold {batches}; restore the folder of the "
                 "run, or start a new run"
             )
 

@@ -20,8 +20,8 @@ class LearningSettings:
     each batch. `rate` : Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`,
     `decay2` : of Adam's moments. `longest_gradient` : norm to which a gradient is cut.
 
-    `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max of the
-    importance weights. `floor` : least standard deviation of the rewards of a group, so that the noise of a fit is no signal.
+    `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
+    of the importance weights. `floor` : least standard deviation of the rewards of a group, for the noise of a fit is no signal.
     `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of low-rank adapters, 0 for
     training everything. `threads` : of torch on the CPU; they are part of the result, so the number of workers is not.
 

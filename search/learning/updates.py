@@ -19,9 +19,9 @@ class Update:
 
     `first`, `last` : its steps. `reward`, `best_reward` : mean and largest. Shares of the answers: `valid` (fitted, twins
     included), `unchanged`, `duplicates` (known before the batch), `siblings` (same structure as an earlier answer of the
-    batch), `refused` (no usable or no legal edit), `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts whose
-    answers all had the same reward. `tokens` : of an answer, mean. The rest as `search.learning.trainer.Trained` has it, None
-    where nothing was scored; `probe` : drift after the update. `remark` : a sentence when something is wrong.
+    batch), `refused` (no usable or no legal edit), `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts
+    whose answers all had the same reward. `tokens` : of an answer, mean. The rest as `search.learning.trainer.Trained` has it,
+    None where nothing was scored; `probe` : drift after the update. `remark` : a sentence when something is wrong.
     """
 
     number: int

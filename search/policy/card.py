@@ -66,8 +66,8 @@ One answer drawn at temperature 1 within the grammar. "Valid": leads to another 
 ## Limits
 
 It knows the shipped kinds, at most 64 modules, and puts in no second device; kinds of one's own, fixed numbers and boxes
-are not its words. Its habits are those of the drawn inverters: what nobody thought of when these were written it will hardly propose.
-It proposes; the fit decides.
+are not its words. Its habits are those of the drawn inverters: it will hardly propose what
+these never have. It proposes; the fit decides.
 """
 
 

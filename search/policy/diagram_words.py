@@ -75,7 +75,7 @@ def diagram_of(words: Sequence[str], vocabulary: Vocabulary) -> Diagram:
     reader = _Reader(words, kinds)
     diagram = Diagram("build")
     for number, kind in enumerate(kinds):
-        diagram.add(kind.name, f"m{number}", **reader.bindings.get(number, {}))
+        diagram.add(kind.name, f"m{number}", line=None, **reader.bindings.get(number, {}))
     for source, target in reader.wires:
         diagram.connect(_end(source), _end(target))
     return diagram

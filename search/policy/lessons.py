@@ -1,7 +1,7 @@
-"""Examples as tokens: a question, the answer, how much it counts; and batches of them, a little blurred each time."""
+"""Examples as tokens: a question, its answers, how much each counts; and batches of them, a little blurred each time."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import exp
 
@@ -16,7 +16,7 @@ from search.policy.record_words import question_words
 from search.policy.tokens import PAD, TOKENS, LanguageError
 from search.proposal import SCALES
 
-#: How often a question asks for the scale that the answer has; else for one at random, as a search does.
+#: How often a question asks for the scale that an answer has; else for one at random, as a search does.
 TRUE_SCALE = 0.4
 _ASKED = (0.3, 0.4, 0.3)
 #: How often a level is told one off, and a phase or a size not at all.
@@ -24,28 +24,29 @@ _BLURRED, _LEFT_OUT = 0.08, 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
-    """`question`, `answer` : tokens. `scale_at` : place of the scale in the question. `weight` : from 0 to 1.
+class Answer:
+    """`tokens` : of an edit, the end included. `scale` : how far it reaches. `weight` : how much it counts, 0 to 1."""
 
-    `scale` : of the answer. `example` : its number of inverter, what it repairs and its family, for the measurement.
-    """
-
-    question: np.ndarray
-    answer: np.ndarray
+    tokens: np.ndarray
     scale: str
     weight: float
-    inverter: int
-    what: str
-    family: str
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """`question` : tokens, the scale the last but one. `answers` : edits that repair the same parent."""
+
+    question: np.ndarray
+    answers: tuple[Answer, ...]
 
     @property
     def length(self) -> int:
         """Tokens in all."""
-        return len(self.question) + len(self.answer)
+        return len(self.question) - 1 + sum(1 + len(one.tokens) for one in self.answers)
 
 
 def lesson_of(example: Example) -> Lesson | None:
-    """The lesson of an example; None where the language cannot say it or its answer is too long."""
+    """The lesson of an example; None where the language cannot say it, and for answers that are too long or change nothing."""
     setting = next(one for one in SETTINGS if one.name == example.setting)
     view = numbered(parse_program(example.parent), setting.kinds, equilibrium=setting.equilibrium)
     words = (setting.name, setting.equilibrium, setting.parameters)
@@ -56,18 +57,28 @@ def lesson_of(example: Example) -> Lesson | None:
         question = TOKENS.encode(question_words(view, example.residual, scale, words))
     except LanguageError:
         return None
-    if len(answer) > LONGEST or len(answer) < 2:
+    if not 2 <= len(answer) <= LONGEST:
         return None
-    return Lesson(
-        np.array(question, np.int64), np.array(answer, np.int64), scale, weight_of(example), example.inverter,
-        example.what, example.family,
-    )  # fmt: skip
+    return Lesson(np.array(question, np.int64), (Answer(np.array(answer, np.int64), scale, weight_of(example)),))
+
+
+def lessons_of(examples: Iterable[Example]) -> list[Lesson]:
+    """The lessons of examples, in their order; answers to the same question are one lesson."""
+    found: dict[tuple[int, ...], Lesson] = {}
+    for example in examples:
+        lesson = lesson_of(example)
+        if lesson is None:
+            continue
+        key = (example.inverter, *lesson.question[:-2].tolist())
+        before = found.get(key)
+        found[key] = lesson if before is None else replace(before, answers=(*before.answers, *lesson.answers))
+    return list(found.values())
 
 
 def weight_of(example: Example) -> float:
     """How much an example counts: by what the repair gains, less for a repair whose gain nobody measured.
 
-    A slip undone counts in full also where the error stays: it makes the diagram simpler.
+    A slip undone counts also where the error stays: it makes the diagram simpler.
     """
     if example.gain is None:
         return 0.4
@@ -84,24 +95,32 @@ def scale_of(edit: Edit, view: Numbered) -> str:
     return "structural" if plant or touched > 2 else "module" if touched else "local"
 
 
-def lessons_of(examples: Iterable[Example]) -> list[Lesson]:
-    """The lessons of examples, in their order."""
-    return [lesson for example in examples if (lesson := lesson_of(example)) is not None]
-
-
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """`tokens` (B, L) padded at the end; `target` (B, L) the next token where it belongs to an answer, else -1;
-    `weight` (B,)."""
+    """Lessons side by side, each row a question and its answers, padded at the end; arrays (B, L).
+
+    `target` : the next token where it belongs to an answer, else -1. `weight` : of it. `position` : as if each answer
+    followed its question directly. `part` : 0 in a question, 1, 2, .. in its answers, which do not see each other; -1 in
+    the padding.
+    """
 
     tokens: np.ndarray
     target: np.ndarray
     weight: np.ndarray
+    position: np.ndarray
+    part: np.ndarray
+
+    @property
+    def sees(self) -> np.ndarray:
+        """(B, 1, L, L) bool: a token sees its question and what comes before it in its own answer."""
+        before = np.tril(np.ones((self.tokens.shape[1],) * 2, dtype=bool))
+        alike = (self.part[:, None, :] == 0) | (self.part[:, None, :] == self.part[:, :, None])
+        return (before & alike)[:, None]
 
 
 def batches(lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, blurred: bool = True) -> Iterator[Batch]:
     """All lessons once, those of like length together, in random order."""
-    lengths = np.array([one.length for one in lessons]) * rng.uniform(0.9, 1.1, len(lessons))
+    lengths = np.array([one.length for one in lessons]) * (rng.uniform(0.9, 1.1, len(lessons)) if blurred else 1.0)
     order = np.argsort(lengths, kind="stable")
     groups = [order[start : start + size] for start in range(0, len(order), size)]
     for index in rng.permutation(len(groups)) if blurred else range(len(groups)):
@@ -109,17 +128,24 @@ def batches(lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, b
 
 
 def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bool = True) -> Batch:
-    """Lessons side by side."""
-    longest = max(one.length for one in lessons)
-    tokens = np.full((len(lessons), longest), TOKENS.ids[PAD], np.int64)
-    target = np.full((len(lessons), longest), -1, np.int64)
+    """Lessons side by side; what is not blurred is asked for the scale of its first answer."""
+    shape = (len(lessons), max(one.length for one in lessons))
+    tokens, target = np.full(shape, TOKENS.ids[PAD], np.int64), np.full(shape, -1, np.int64)
+    position, part = np.zeros(shape, np.int64), np.full(shape, -1, np.int64)
+    weight = np.zeros(shape)
     for row, one in enumerate(lessons):
         question = blur(one.question, rng) if blurred else one.question.copy()
-        question[-2] = TOKENS.ids[f"scale:{asked_scale(one.scale, rng) if blurred else one.scale}"]
-        split, end = len(question), len(question) + len(one.answer)
-        tokens[row, :split], tokens[row, split:end] = question, one.answer
-        target[row, split - 1 : end - 1] = one.answer
-    return Batch(tokens, target, np.array([one.weight for one in lessons]))
+        chosen = one.answers[int(rng.integers(len(one.answers))) if blurred else 0].scale
+        question[-2] = TOKENS.ids[f"scale:{asked_scale(chosen, rng) if blurred else chosen}"]
+        at = asked = len(question) - 1  # each answer has the token that asks for it to itself
+        tokens[row, :at], position[row, :at], part[row, :at] = question[:-1], np.arange(at), 0
+        for number, answer in enumerate(one.answers, 1):
+            end = at + 1 + len(answer.tokens)
+            tokens[row, at:end], part[row, at:end] = [question[-1], *answer.tokens], number
+            position[row, at:end] = asked + np.arange(end - at)
+            target[row, at : end - 1], weight[row, at : end - 1] = answer.tokens, answer.weight
+            at = end
+    return Batch(tokens, target, weight, position, part)
 
 
 def asked_scale(scale: str, rng: np.random.Generator) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
 from search.display import Display, choose_display, make_display
-from search.policy.backend import require, threads
+from search.policy.backend import require
 from search.policy.card import Story, card_text
 from search.policy.experience.examples import Example
 from search.policy.experience.shards import IN_A_SHARD, Crew, Processes, make_shards, read_shards, shard_path
@@ -74,7 +74,6 @@ def train_policy(
     crew: Crew | None = None,
     resume: bool = False,
     show: str = "auto",
-    cores: int = 1,
 ) -> Mapping[str, Measured]:
     """Make a policy in a folder; returns how good it is on what it never saw.
 
@@ -103,7 +102,7 @@ def train_policy(
         trainer = Trainer(new_model(order.seed, dict(order.sizes or SIZES)), lessons, order.training, folder)
         if resume:
             trainer.resume()
-        with _timed(seconds, "training", folder, order), threads(cores):
+        with _timed(seconds, "training", folder, order):
             _train(trainer, display)
         with _timed(seconds, "measurement", folder, order):
             found = _measured(trainer.model, kept, list(read_shards(folder / HELD_OUT, held)), order.seed, display)

@@ -21,10 +21,10 @@ class TrainingSettings:
     """`steps` of `batch` lessons; `rate` : the highest learning rate, reached after `warm_up` steps; `checkpoint` : steps
     between two checkpoints."""
 
-    steps: int = 2000
-    batch: int = 64
-    rate: float = 1.5e-3
-    warm_up: int = 100
+    steps: int = 1200
+    batch: int = 48
+    rate: float = 2e-3
+    warm_up: int = 60
     decay: float = 0.05
     clip: float = 1.0
     checkpoint: int = 100
@@ -124,13 +124,17 @@ class Trainer:
 
 
 def answer_loss(model: Any, batch: Batch) -> Any:
-    """Mean of -log p over the tokens of the answers, each with the weight of its lesson; a torch scalar."""
+    """Mean of -log p over the tokens of the answers, each with its weight; a torch scalar."""
     torch = require("torch")
-    tokens = torch.from_numpy(batch.tokens).to(model.device)
-    target = torch.from_numpy(batch.target).to(model.device)
-    hidden = model.model(input_ids=tokens, use_cache=False).last_hidden_state
+    tokens, target, weight, position, sees = (
+        torch.from_numpy(one).to(model.device)
+        for one in (batch.tokens, batch.target, batch.weight, batch.position, batch.sees)
+    )
+    hidden = model.model(
+        input_ids=tokens, attention_mask=sees, position_ids=position, use_cache=False
+    ).last_hidden_state
     asked = target >= 0
     logits = model.lm_head(hidden[asked])
-    weight = torch.from_numpy(batch.weight).float().to(model.device)[:, None].expand_as(asked)[asked]
+    weight = weight[asked].float()
     each = torch.nn.functional.cross_entropy(logits.float(), target[asked], reduction="none")
     return (each * weight).sum() / weight.sum()

@@ -12,7 +12,7 @@ from search.policy.tokens import END, PAD, TOKENS
 
 VOCABULARY_FILE, CARD = "vocabulary.json", "MODEL_CARD.md"
 #: Sizes of the shipped model; a larger one is a matter of data and time.
-SIZES = {"hidden_size": 160, "intermediate_size": 432, "num_hidden_layers": 4, "num_attention_heads": 5}
+SIZES = {"hidden_size": 128, "intermediate_size": 352, "num_hidden_layers": 5, "num_attention_heads": 4}
 LONGEST_SEQUENCE = 1024
 
 
@@ -51,6 +51,7 @@ def load_model(folder: Path) -> Any:
     require_weights(folder)
     torch, transformers = require("torch"), require("transformers")
     damaged = require("safetensors").SafetensorError
+    transformers.utils.logging.disable_progress_bar()
     try:
         words = json.loads((folder / VOCABULARY_FILE).read_text(encoding="utf-8"))
         if words != list(TOKENS.words):
@@ -65,6 +66,7 @@ def load_model(folder: Path) -> Any:
 def save_model(model: Any, folder: Path, card: str) -> None:
     """Write the weights as 16-bit numbers, with the tokens and the card."""
     torch = require("torch")
+    require("transformers").utils.logging.disable_progress_bar()
     folder.mkdir(parents=True, exist_ok=True)
     half = {name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()}
     model.save_pretrained(folder, state_dict=half, safe_serialization=True)

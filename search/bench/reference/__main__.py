@@ -55,7 +55,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--only", action="append", default=[], metavar="KIND", help=f"of rows: {', '.join(TASKS)}")
     parser.add_argument("--budget", type=count, default=500, help="evaluations of each search (500)")
-    parser.add_argument("--workers", type=count, default=1, help="workers of each search (1)")
     parser.add_argument("--out", type=Path, default=Path("out/bench-inverters"), help="folder of the results")
     parser.add_argument("--page", type=Path, default=Path("docs/inverters_results.md"), help="where the page goes")
     return parser
@@ -71,7 +70,7 @@ def _benchmark(options: argparse.Namespace, search: Search, find_gap: FindGap) -
                 raise IbridError(f"there is no {what} called {name}; {near(name, known)}")
     require_place(options.page)
     ledger = Ledger(options.out)
-    effort = Effort(search, options.out / "runs", options.budget, options.workers, find_gap)
+    effort = Effort(search, options.out / "runs", options.budget, find_gap)
     failed = False
     for kind in (one for one in TASKS if not options.only or one in options.only):
         print(f"\n{heading(kind)}", flush=True)

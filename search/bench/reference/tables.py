@@ -12,9 +12,9 @@ Rows = Mapping[str, Row]
 
 NOT_YET = "not measured yet"
 HEADERS: Mapping[str, tuple[str, ...]] = {
-    "sweeps": ("inverter", "states", "injected sweep", "textbook program", "seconds"),
-    "fit": ("inverter", "NRMSE", "held out", "parameters right", "seconds"),
-    "gap": ("inverter", "hidden", "verdict", "named", "alike", "right", "NRMSE before", "after", "held out", "seconds"),
+    "sweeps": ("inverter", "states", "injected sweep", "textbook program", "CPU s"),
+    "fit": ("inverter", "NRMSE", "held out", "parameters right", "CPU s"),
+    "gap": ("inverter", "hidden", "verdict", "named", "alike", "right", "NRMSE before", "after", "held out", "CPU s"),
     "search": (
         "inverter",
         "NRMSE",
@@ -23,7 +23,7 @@ HEADERS: Mapping[str, tuple[str, ...]] = {
         "found",
         "evaluations",
         "to 1e-3",
-        "seconds",
+        "CPU s",
     ),
 }
 _WIDTHS = {"inverter": 18, "hidden": 46, "verdict": 17, "named": 30, "alike": 30, "F1 modules / connections": 26}
@@ -33,7 +33,7 @@ _TOP = """# What is reached on every reference inverter
 Made by `make bench-inverters`, which keeps what it has measured and goes on where it was stopped; nothing here is
 typed by hand. The inverters and their sources: `docs/inverters.md`. All data are clean: 16 frequencies from 5 Hz to 5
 kHz at p = 1, q = +-0.3; a further operating point, p = 0.5, q = 0 or the nearest where the inverter is stable, is
-held out from everything. Seconds are those of one core of a shared machine.
+held out from everything. CPU s: seconds of one core.
 
 """
 _TEXTS: Mapping[str, tuple[str, str]] = {
@@ -139,7 +139,7 @@ def _of_gaps(rows: Sequence[Row]) -> str:
         parts.append(f"the hidden effect named first in {first} of {len(hidden)}")
         if named:
             parts.append(f"{sum(named) / len(named):.2f} effects in the class of the first on average")
-    parts.append(f"{median(row['seconds'] for row in rows):.0f} s in the median")
+    parts.append(f"{median(row['seconds'] for row in rows):.0f} s of one core in the median")
     return ", ".join(parts)
 
 

@@ -44,6 +44,8 @@ def damped(view: View) -> bool:
 def virtual_impedance(view: View) -> Iterator[Move]:
     """A voltage drop of the grid current taken off the voltage that a grid-forming controller makes."""
     roles = view.roles
+    if roles.voltage_loop is None and roles.current_loop is not None:
+        return  # there is no voltage to take it off
     target = f"{roles.voltage_loop}.in_" if roles.voltage_loop else roles.command
     current = f"{roles.plant}.i_g"
     for kind, words in (("JMul_omega", "reactance with the controller's frequency"), ("JMul", "reactance")):

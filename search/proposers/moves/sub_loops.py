@@ -41,14 +41,18 @@ def _voltage_to_give(view: View) -> bool:
     return view.roles.voltage_loop is not None and not voltage_given(view)
 
 
+def _incomplete(view: View) -> bool:
+    return view.roles.missing_layers > 0
+
+
 _SLOW, _OUTER, _FREQUENCY = (1.0, 1.0, 0.5, 0.1), (1.0, 1.0, 0.3, 0.1), (1.0, 1.0, 0.5, 0.3)
 
 SUB_LOOPS = (
     Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _lcl)),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(plants, _lcl)),
     Family("synchronisation", "structural", _FREQUENCY, 9.0, where_missing(synchronisation, _synchronised), True),
-    Family("other synchronisation", "structural", _SLOW, 0.5, where_present(synchronisation, _synchronised)),
-    Family("PLL and droop together", "structural", _SLOW, 1.0, blend),
+    Family("other synchronisation", "structural", _SLOW, 2.0, where_present(synchronisation, _synchronised)),
+    Family("PLL and droop together", "structural", _SLOW, 1.5, blend),
     Family("damping of the swing", "structural", _SLOW, 3.0, frequency_damping),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, no_synchronisation),
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
@@ -64,6 +68,6 @@ SUB_LOOPS = (
         "other voltage droop", "structural", (1.0, 0.7, 0.2, 0.1), 0.3, where_missing(voltage_droop, _voltage_to_give)
     ),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals),
-    Family("second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, second_device),
+    Family("second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, where_missing(second_device, _incomplete)),
     Family("one device less", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, no_second_device),
 )

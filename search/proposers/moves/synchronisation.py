@@ -21,7 +21,7 @@ def synchronisation(view: View) -> Iterator[Move]:
             draft.connect(f"{roles.plant}.e_q", f"{name}.e_q")
             put_into_frame(draft, roles.plant, f"{name}.delta_omega", f"{name}.delta")
 
-        yield Move("synchronisation by a PLL, with the rotations into its frame", pll)
+        yield Move("synchronisation by a PLL, with the rotations into its frame", pll, 2.0)
     if not view.known("Integrator"):
         return
     for filtered in (True, False) if view.knows("PQ_calc", "Gain") else ():
@@ -30,7 +30,8 @@ def synchronisation(view: View) -> Iterator[Move]:
             frequency = _droop(draft, view, filtered=filtered)
             put_into_frame(draft, roles.plant, frequency, after(draft, frequency, "Integrator", "angle"))
 
-        yield Move(f"synchronisation by {_words(filtered=filtered)} (grid-forming)", droop)
+        usual = 1.0 if filtered else 0.5
+        yield Move(f"synchronisation by {_words(filtered=filtered)} (grid-forming)", droop, usual)
     if view.known("dVOC") and not view.draft.named("dVOC"):
 
         def oscillator(draft: Draft) -> None:
@@ -40,7 +41,8 @@ def synchronisation(view: View) -> Iterator[Move]:
             frequency = f"{name}.delta_omega"
             put_into_frame(draft, roles.plant, frequency, after(draft, frequency, "Integrator", "angle"))
 
-        yield Move("synchronisation by a virtual oscillator, which also gives the voltage (grid-forming)", oscillator)
+        words = "synchronisation by a virtual oscillator, which also gives the voltage (grid-forming)"
+        yield Move(words, oscillator, 0.5)
 
 
 def _droop(draft: Draft, view: View, *, filtered: bool) -> str:

@@ -1,0 +1,101 @@
+"""A near twin of a cascade that damps with the fast part of the voltage: two slow corners exchanged.
+
+With u_r = (kP + kI/s)(i_ref - i) + k (e - omega_c/(s + omega_c) e), the axes decoupled, the current obeys
+
+    (L/omega_0 s + R + kP + kI/s) i = (kP + kI/s) i_ref - (1 - (k s)/(s + omega_c)) e
+
+whose left side is L/omega_0 (s + a)(s + b)/s with a fast a and a slow b. In the response to e, b and omega_c can be exchanged,
+L and 1 - k scaled by b/omega_c. In that to i_ref nothing changes where the zero kI/kP lies on b, that is where the controller is
+tuned to cancel the filter's pole, kI/kP = omega_0 R/L; otherwise the exchange is a good start for a second minimum.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.fit.problem import Problem
+from ibrid.structure.wiring import PLANT, Wiring, split_port
+
+
+@dataclass(frozen=True)
+class CornerSwap:
+    """Entries of x that take part. `filter` : L_F and R_F. `inner` : kP and kI of the current control. `damping` : gain and
+    corner. `couplings` : inductances that are scaled with L_F. `typical` : of L_F in x."""
+
+    filter: tuple[int, ...]
+    inner: tuple[int, ...]
+    damping: tuple[int, ...]
+    couplings: tuple[int, ...]
+    typical: float
+    omega_0: float
+
+    @property
+    def entries(self) -> tuple[int, ...]:
+        """All entries of x that take part."""
+        return (*self.inner, *self.filter, *self.damping, *self.couplings)
+
+    def implausibility(self, x: np.ndarray) -> float:
+        """Of the two, the one whose inductance is further from what is typical is the less plausible."""
+        return abs(float(x[self.filter[0]]) - self.typical)
+
+    def apply(self, theta: np.ndarray) -> np.ndarray:
+        """Physical values with the corners exchanged; not numbers where the loop has no slow real corner."""
+        (at_l, at_r), (at_p, at_i), (at_k, at_c) = self.filter, self.inner, self.damping
+        inductance, resistance = theta[at_l] / self.omega_0, theta[at_r] + theta[at_p]
+        inside = resistance**2 - 4 * inductance * theta[at_i]
+        root = np.sqrt(inside) if inside >= 0 else np.nan
+        slow, fast = 2 * theta[at_i] / (resistance + root), (resistance + root) / (2 * inductance)
+        scale = slow / theta[at_c]
+        other = theta.copy()
+        other[[at_l, at_p, *self.couplings]] *= scale
+        other[at_r] = scale * inductance * (fast + theta[at_c]) - other[at_p]
+        other[at_k] = 1 - scale * (1 - theta[at_k])
+        other[at_c] = slow
+        return other
+
+
+def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[CornerSwap, ...]:
+    """One for each plant with a current control and such a damping beside it, where the numbers are free and its own."""
+    entry = {member: index for index, one in enumerate(problem.numbers) for member in one.parameter.members}
+
+    def at(name: str, *parameters: str) -> tuple[int, ...]:
+        return tuple(entry[name, one] for one in parameters if (name, one) in entry)
+
+    found = []
+    for plant in (name for name, kind in wiring.kinds.items() if kind.family == PLANT):
+        joining = [split_port(source)[0] for source in wiring.sources.get(f"{plant}.u_r", ())]
+        of_kind = {kind: [one for one in joining if one and wiring.kinds[one].name == kind] for kind in _KINDS}
+        pairs = [(gain, slow) for gain in of_kind["Gain_dq"] for slow in _slow_parts(wiring, gain, f"{plant}.e")]
+        if len(of_kind["PI_dq"]) != 1 or len(pairs) != 1:
+            continue
+        (inner,), ((gain, slow),) = of_kind["PI_dq"], pairs
+        groups = at(plant, "L_F", "R_F"), at(inner, "kP", "kI"), (*at(gain, "k"), *at(slow, "omega_c"))
+        couplings = tuple(one for name in (*of_kind["JMul"], *of_kind["JMul_omega"]) for one in at(name, "L"))
+        if all(len(group) == 2 for group in groups):
+            box = problem.numbers[groups[0][0]].parameter
+            typical = float(np.log(box.typical)) if box.logarithmic else box.typical
+            found.append(CornerSwap(*groups, couplings, typical, omega_0))
+    return tuple(found)
+
+
+_KINDS = ("PI_dq", "Gain_dq", "JMul", "JMul_omega")
+
+
+def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
+    """The low-pass of a voltage that a gain gets less, beside that voltage itself."""
+    sources = wiring.sources[f"{gain}.in_"]
+    if voltage not in sources:
+        return ()
+    signs = [split_port(one)[0] for one in sources if one != voltage]
+    filters = [
+        split_port(one)[0]
+        for sign in signs
+        if sign and wiring.kinds[sign].name == "Negate_dq"
+        for one in wiring.sources[f"{sign}.in_"]
+    ]
+    return [
+        name
+        for name in filters
+        if name and wiring.kinds[name].name == "LPF1_dq" and wiring.sources[f"{name}.in_"] == (voltage,)
+    ]

@@ -1,0 +1,45 @@
+"""How a proposer learnt in the course of a search: reward, what its answers came to, and how far it has moved."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ibrid.report.style import SERIES_STAND_INS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Course:
+    """Lines over the updates. `lines` : name -> (N,), nan where there is no number. `name` : of the vertical axis."""
+
+    name: str
+    lines: dict[str, np.ndarray]
+
+
+def draw_courses(axes: Sequence["Axes"], courses: Sequence[Course]) -> None:
+    """One plane for each course, the updates from 1 along the common axis."""
+    from matplotlib.ticker import MaxNLocator
+
+    for plane, course in zip(axes, courses, strict=True):
+        for color, (name, values) in zip(SERIES_STAND_INS, course.lines.items(), strict=False):
+            number = np.arange(1, len(values) + 1)
+            plane.plot(number, values, color=color, linewidth=1.6, marker="o", markersize=3.5, label=name)
+        plane.set_ylabel(course.name)
+        plane.margins(x=0.02, y=0.12)
+        plane.xaxis.set_major_locator(MaxNLocator(integer=True))
+        if len(course.lines) > 1:
+            plane.legend(loc="best", fontsize=9)
+    axes[-1].set_xlabel("update")
+
+
+def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:
+    """From numbers with gaps."""
+    return Course(
+        name,
+        {key: np.array([math.nan if one is None else one for one in values]) for key, values in lines.items()},
+    )

@@ -1,0 +1,129 @@
+"""A language model in a folder as a policy: the search's prompt, its own tokenizer, answers as text; torch only when asked."""
+
+import json
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from search.context import prompt
+from search.learning.constrained import TokenGuide, trie_of
+from search.learning.edit_automaton import EditAutomaton
+from search.policy.interface import Sampled
+from search.proposal import Context, Proposal
+from search.proposers.language_model import read_answer
+from search.proposers.local_model import LocalModel
+
+
+class TrainableModel(LocalModel):
+    """A local model whose weights are at hand, in float32, which training needs."""
+
+    @cached_property
+    def weights(self) -> Any:
+        """The torch module."""
+        return self._loaded[1].float()
+
+    @property
+    def tokenizer(self) -> Any:
+        return self._loaded[2]
+
+    @property
+    def room(self) -> int:
+        """Tokens of question and answer together at most."""
+        return int(getattr(self._loaded[1].config, "max_position_embeddings", 1 << 30))
+
+    def question(self, context: Context, most: int) -> list[int]:
+        """Tokens of the search's prompt in the model's own form, `most` at most."""
+        messages = prompt(context, limit_tokens=most - 64, count=self.tokens)  # room for the marks of the turns
+        return self.tokenizer(self._templated(self.tokenizer, messages), add_special_tokens=False)["input_ids"]
+
+
+class TextPolicy:
+    """See `search.policy.interface.Policy`.
+
+    folder : of the model, as `save_pretrained` writes it. longest : tokens of an answer at most. prompt_tokens : of a question.
+    constrained : answers can only be edits of `search.learning.edit_automaton`; legal_end : see there.
+    """
+
+    name = "llm"
+
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        longest: int = 512,
+        prompt_tokens: int = 16_000,
+        constrained: bool = False,
+        legal_end: bool = True,
+    ) -> None:
+        self.chat = TrainableModel(folder)
+        self.ends, self.pad = _special_tokens(self.chat.folder)
+        self.end = self.ends[0]
+        self.longest, self.prompt_tokens = longest, prompt_tokens
+        self.constrained, self.legal_end = constrained, legal_end
+
+    def model(self) -> Any:
+        """The transformer, float32, on a GPU where there is one."""
+        return self.chat.weights
+
+    def prompt(self, context: Context) -> list[int]:
+        """Tokens of a question."""
+        return self.chat.question(context, min(self.prompt_tokens, self.chat.room - self.longest))
+
+    def sample(
+        self, prompts: Sequence[Sequence[int]], contexts: Sequence[Context], number: int, seed: int
+    ) -> list[list[Sampled]]:
+        """`number` answers to each prompt."""
+        from search.learning.sampling import sample_answers
+
+        return [
+            sample_answers(
+                self.model(), one, number, end=self.ends, longest=self.longest, seed=seed + place, guide=self._guide(context)
+            )
+            for place, (one, context) in enumerate(zip(prompts, contexts, strict=True))
+        ]  # fmt: skip
+
+    def proposal(self, sampled: Sampled, context: Context) -> Proposal:
+        """The blocks in the text."""
+        text = self.chat.tokenizer.decode(sampled.tokens, skip_special_tokens=True)
+        cut = {} if sampled.tokens[-1:] and sampled.tokens[-1] in self.ends else {"cut": True}
+        return read_answer(text, {"completion_tokens": len(sampled.tokens), **cut}, self.chat.name)
+
+    def masks(self, prompt: Sequence[int], tokens: Sequence[int], context: Context) -> np.ndarray | None:
+        """None, unless answers are constrained."""
+        guide = self._guide(context)
+        return None if guide is None else guide.masks(tokens)
+
+    def _guide(self, context: Context) -> TokenGuide | None:
+        if not self.constrained:
+            return None
+        trie, texts = self._texts
+        size = int(self.model().config.vocab_size)
+        return TokenGuide(EditAutomaton(context, legal_end=self.legal_end), trie, texts, self.end, size)
+
+    @cached_property
+    def _texts(self) -> Any:
+        return trie_of(self.chat.tokenizer)
+
+
+def _special_tokens(folder: Path) -> tuple[list[int], int]:
+    """The tokens that end an answer, and the one that pads a batch, which nobody reads; the generation config comes first."""
+    found: dict[str, Any] = {}
+    for name in ("config.json", "generation_config.json"):
+        try:
+            plain = json.loads((folder / name).read_text(encoding="utf-8"))
+            found |= {key: plain[key] for key in ("eos_token_id", "pad_token_id") if plain.get(key) is not None}
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, AttributeError):
+            raise IbridError(
+                f"{folder / name}: must be the JSON that save_pretrained writes; save the model again"
+            ) from None
+    ends = found.get("eos_token_id")
+    if ends is None or ends == []:
+        raise IbridError(f"{folder}: names no token that ends an answer; set eos_token_id in its config")
+    ends = list(ends) if isinstance(ends, list) else [ends]
+    return ends, int(found.get("pad_token_id", ends[0]))

@@ -1,0 +1,253 @@
+"""Learning with language models: edits that a grammar allows, a text model in a folder, and a server with log-probabilities."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scripted_server
+from scripted_search import context_of
+
+import ibrid
+from ibrid.errors import IbridError
+from search.judging import judge, judge_program
+from search.learning.edit_automaton import EditAutomaton, Slot
+from search.proposal import Proposal
+from search.step import Status
+
+TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers", "tokenizers"))
+needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")
+needs_openai = pytest.mark.skipif(
+    importlib.util.find_spec("openai") is None, reason="servers need the package openai; make setup-llm"
+)
+pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+
+PROGRAMS = ("naive", "gfl", "gfl_exact")
+
+
+def drawn(automaton: EditAutomaton, rng: np.random.Generator) -> str:
+    """An edit whose every choice is made by chance."""
+    slot, text = Slot(), ""
+    while alternatives := automaton.alternatives(slot):
+        options = list(alternatives.items())
+        more, slot = options[rng.integers(len(options))]
+        text += more
+    return text
+
+
+# the grammar of edits
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_edit_of_the_grammar_applies_and_names_only_what_exists(name):
+    context, rng = context_of(ibrid.textbook(name)), np.random.default_rng(0)
+    automaton, parent = EditAutomaton(context), ibrid.program_text(context.parent.diagram)
+    known = judge_program(parent, context.task).hash
+    ends = []
+    for _ in range(60):
+        verdict = judge(Proposal(drawn(automaton, rng)), parent, known, context.task, lambda _: None)
+        assert verdict.status not in (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE)
+        for wrong in ("no kind", "no port", "no module", "nothing drives"):
+            assert wrong not in verdict.reason
+        ends.append(verdict.status)
+    assert ends.count(Status.PENDING) >= 15  # a quarter at least; of free text next to none
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_no_alternative_begins_another_so_that_text_says_which_was_meant(name):
+    automaton, rng = EditAutomaton(context_of(ibrid.textbook(name))), np.random.default_rng(1)
+    for _ in range(20):
+        slot = Slot()
+        while alternatives := list(automaton.alternatives(slot)):
+            assert not any(one != other and one.startswith(other) for one in alternatives for other in alternatives)
+            slot = automaton.alternatives(slot)[alternatives[rng.integers(len(alternatives))]]
+
+
+def test_a_block_closes_only_on_a_legal_diagram_while_there_is_room():
+    context = context_of(ibrid.textbook("naive"))
+    automaton = EditAutomaton(context)
+    parent = ibrid.program_text(context.parent.diagram)
+    line = parent.splitlines().index('    g.connect("gain.out", "plant.u_r")')
+    written = ('    g.connect("gain.out", "plant.u_r")',)
+    unchanged = Slot("replace", line, line + 1, written)
+    assert not any("REPLACE" in text for text in automaton.alternatives(unchanged))
+    added = (
+        '    g.add("PI_dq", "pi_dq_1")',
+        '    g.connect("gain.out", "pi_dq_1.in_")',
+        '    g.connect("pi_dq_1.out", "plant.u_r")',
+    )
+    assert any("REPLACE" in text for text in automaton.alternatives(Slot("replace", line, line + 1, added)))
+    assert not any("REPLACE" in text for text in automaton.alternatives(Slot("replace", line, line + 1, added[:2])))
+    assert any("REPLACE" in text for text in EditAutomaton(context, lines=1).alternatives(unchanged))  # no more room
+
+
+def test_wires_join_ports_of_one_signal():
+    automaton = EditAutomaton(context_of(ibrid.textbook("naive")))
+    kinds = {"plant": "LFilter", "gain": "Gain_dq", "no_frequency": "ConstZero"}
+    slot = Slot("source", 1, 2, (), ())
+    sources = automaton.alternatives(slot)
+    assert any(text.startswith("plant.e_q") for text in sources) or any(text.startswith("gain.out") for text in sources)
+    for text, after in sources.items():
+        for target in automaton.alternatives(after):
+            module, _, port = target.removesuffix('")\n').partition(".")
+            scalar = text.startswith(("plant.e_q", "no_frequency"))
+            if module in kinds:
+                assert scalar == (port == "delta_omega")
+            else:
+                assert target == 'i_DQ")\n'
+                assert not scalar
+
+
+# a language model in a folder: random weights, a tokenizer of letters and a few words
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A model of random weights with a tokenizer of single characters and some longer pieces."""
+    if not TORCH:
+        pytest.skip("language models need torch and transformers; make setup-llm")
+    import torch
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers
+    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
+
+    letters = pre_tokenizers.ByteLevel.alphabet()
+    pieces = ["<s>", "</s>", *sorted(letters)]
+    merges = [("g", "."), ("Ġ", "Ġ"), ("ĠĠ", "ĠĠ"), ("<", "<"), ("=", "="), ("o", "n"), (")", "Ċ"), ('"', ")Ċ")]
+    pieces += ["".join(one) for one in merges]
+    tokenizer = Tokenizer(models.BPE({piece: number for number, piece in enumerate(pieces)}, merges))
+    tokenizer.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    tokenizer.decoder = decoders.ByteLevel()
+    made = PreTrainedTokenizerFast(tokenizer_object=tokenizer, bos_token="<s>", eos_token="</s>", pad_token="</s>")
+    config = LlamaConfig(
+        vocab_size=len(pieces), hidden_size=16, intermediate_size=32, num_hidden_layers=1, num_attention_heads=2,
+        max_position_embeddings=40_000, bos_token_id=0, eos_token_id=1, pad_token_id=1,
+    )  # fmt: skip
+    place = tmp_path_factory.mktemp("models") / "letters"
+    torch.manual_seed(0)
+    LlamaForCausalLM(config).save_pretrained(place)
+    made.save_pretrained(place)
+    return place
+
+
+@needs_torch
+def test_constrained_answers_are_edits_and_their_probabilities_those_of_the_masks(folder):
+    from search.learning.scoring import score
+    from search.learning.text_policy import TextPolicy
+
+    context = context_of(ibrid.textbook("naive"))
+    policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)
+    asked = [5, 6, 7]  # the question does not matter here, and the search's has 10,000 letters
+    answers = policy.sample([asked], [context], 4, 0)[0]
+    parent = ibrid.program_text(context.parent.diagram)
+    for one in answers:
+        verdict = judge(policy.proposal(one, context), parent, "", context.task, lambda _: None)
+        assert verdict.status not in (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE)
+        assert one.tokens[-1] == policy.end
+    masks = [policy.masks(asked, one.tokens, context) for one in answers]
+    scored = score(policy.model(), asked, [one.tokens for one in answers], masks, policy.pad)
+    for one, row in zip(answers, scored.logprobs, strict=True):
+        np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=2e-5)  # float32
+
+
+@needs_torch
+def test_free_answers_come_as_text_with_their_log_probabilities(folder):
+    from search.learning.text_policy import TextPolicy
+
+    context = context_of(ibrid.textbook("naive"))
+    policy = TextPolicy(folder, longest=12, prompt_tokens=30_000)
+    prompt = policy.prompt(context)
+    assert 3_000 < len(prompt) < 30_000
+    (answers,) = policy.sample([prompt], [context], 3, 0)
+    assert policy.masks(prompt, answers[0].tokens, context) is None
+    proposal = policy.proposal(answers[0], context)
+    assert proposal.reply
+    assert proposal.usage["completion_tokens"] == len(answers[0].tokens)
+    assert (answers, policy.pad) == (policy.sample([prompt], [context], 3, 0)[0], policy.end)
+
+
+@needs_torch
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [("{}", "names no token that ends an answer"), ("[1]", "must be the JSON"), ("{", "must be the JSON")],
+)
+def test_a_folder_that_cannot_be_sampled_from_is_one_sentence(tmp_path, content, sentence):
+    from search.learning.text_policy import TextPolicy
+
+    with pytest.raises(IbridError, match="holds no model"):
+        TextPolicy(tmp_path)
+    (tmp_path / "config.json").write_text(content)
+    with pytest.raises(IbridError, match=sentence):
+        TextPolicy(tmp_path)
+
+
+# a server
+
+
+def with_logprobs(*pieces: tuple[str, float], finish: str = "stop") -> bytes:
+    said = [{"token": text, "logprob": value, "bytes": list(text.encode())} for text, value in pieces]
+    choice = {"index": 0, "message": {"role": "assistant", "content": "".join(text for text, _ in pieces)},
+              "logprobs": {"content": said}, "finish_reason": finish}  # fmt: skip
+    return json.dumps({"object": "chat.completion", "choices": [choice]}).encode()
+
+
+@needs_torch
+@needs_openai
+def test_a_server_with_log_probabilities_gives_tokens_and_what_it_thinks_of_them(folder, tmp_path):
+    from search.learning.served_policy import ServedPolicy, Server
+
+    pieces = (("on", -0.5), (" ", -1.0), ("g.", -0.25), ("</s>", -2.0))
+    with scripted_server.scripted(scripted_server.sends(with_logprobs(*pieces))) as script:
+        policy = ServedPolicy(folder, Server("letters", script.url), tmp_path, prompt_tokens=30_000, longest=9)
+        context = context_of(ibrid.textbook("naive"))
+        (answers,) = policy.sample([[1]], [context], 2, seed=7)
+    assert len(script.requests) == 2
+    for number, request in enumerate(script.requests):
+        assert request["logprobs"] is True
+        assert (request["temperature"], request["top_p"], request["seed"]) == (1.0, 1.0, 7 + number)
+        assert "gain" in request["messages"][-1]["content"]
+    assert answers[0].logprobs == (-0.5, -1.0, -0.25, -2.0)
+    assert policy.chat.tokenizer.decode(answers[0].tokens, skip_special_tokens=True) == "on g."
+    assert answers[0].tokens[-1] == policy.end
+
+
+@needs_torch
+@needs_openai
+@pytest.mark.parametrize(
+    ("turn", "sentence"),
+    [
+        (scripted_server.says("hello"), "returns no log-probabilities, without which nothing can be learnt"),
+        (scripted_server.sends(with_logprobs(("Ωmega", -1.0))), "has a token 'Ωmega' that letters lacks"),
+        (scripted_server.sends(with_logprobs(("on", 3.0))), "gives a log-probability 3.0"),
+        (scripted_server.sends(b"{}"), "sent no chat completion"),
+        (scripted_server.refuses(404, "no such model"), "answered HTTP 404"),
+    ],
+)
+def test_a_server_that_is_of_no_use_is_one_sentence(folder, tmp_path, turn, sentence):
+    from search.learning.served_policy import ServedPolicy, Server
+
+    with scripted_server.scripted(turn) as script:
+        policy = ServedPolicy(folder, Server("letters", script.url), tmp_path, prompt_tokens=30_000, longest=9)
+        with pytest.raises(IbridError, match=sentence):
+            policy.sample([[1]], [context_of(ibrid.textbook("naive"))], 1, seed=0)
+
+
+@needs_torch
+def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_path):
+    import torch
+    from transformers import AutoModelForCausalLM
+
+    from search.learning.learner import Publishes
+    from search.learning.served_policy import ServedPolicy, Server
+
+    told: list[Path] = []
+    policy = ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1", reload=told.append), tmp_path / "now")
+    assert isinstance(policy, Publishes)
+    with torch.no_grad():
+        policy.model().lm_head.weight.add_(1.0)
+    policy.publish()
+    assert told == [tmp_path / "now"]
+    served = AutoModelForCausalLM.from_pretrained(tmp_path / "now")
+    assert torch.equal(served.lm_head.weight, policy.model().lm_head.weight)
+    with pytest.raises(IbridError, match="cannot be constrained"):
+        ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1"), tmp_path, constrained=True)
