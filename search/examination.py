@@ -1,6 +1,6 @@
 """What the grammar says of a diagram, asked once for each program of a run."""
 
-from dataclasses import dataclass
+from functools import cached_property
 
 from ibrid.errors import DiagramError
 from ibrid.modules.vocabulary import Vocabulary
@@ -13,13 +13,31 @@ from ibrid.structure.violation import Violation
 REMEMBERED = 4096
 
 
-@dataclass(frozen=True)
 class Examined:
-    """`hash` : of the structure, "" where a kind or port does not exist. `violations`, `warnings` : of the grammar."""
+    """`hash` : of the structure, "" where a kind or port does not exist. `violations`, `warnings` : of the grammar, which
+    is slower and therefore asked only when they are wanted."""
 
-    hash: str
-    violations: tuple[Violation, ...]
-    warnings: tuple[Violation, ...]
+    def __init__(self, diagram: Diagram, kinds: Vocabulary, equilibrium: str) -> None:
+        self._diagram, self._kinds, self._equilibrium = diagram, kinds, equilibrium
+
+    @cached_property
+    def hash(self) -> str:
+        try:
+            return structure_hash(self._diagram, self._kinds, equilibrium=self._equilibrium)
+        except DiagramError:
+            return ""  # the grammar says which
+
+    @property
+    def violations(self) -> tuple[Violation, ...]:
+        return self._found[0]
+
+    @property
+    def warnings(self) -> tuple[Violation, ...]:
+        return self._found[1]
+
+    @cached_property
+    def _found(self) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
+        return examine(self._diagram, self._kinds, equilibrium=self._equilibrium)
 
 
 class Examination:
@@ -34,12 +52,5 @@ class Examination:
         if text not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
-            self._known[text] = self._examined(diagram)
+            self._known[text] = Examined(diagram, self._kinds, self._equilibrium)
         return self._known[text]
-
-    def _examined(self, diagram: Diagram) -> Examined:
-        try:
-            digest = structure_hash(diagram, self._kinds, equilibrium=self._equilibrium)
-        except DiagramError:
-            digest = ""  # a kind or port that does not exist: the grammar says which
-        return Examined(digest, *examine(diagram, self._kinds, equilibrium=self._equilibrium))

@@ -46,14 +46,31 @@ class Rules:
         if not views:
             return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
         bands = residual_bands(context.parent.record)
-        options = {family: [(view, move) for view in views for move in family.moves(view)] for family in self.families}
-        while options := {family: moves for family, moves in options.items() if moves}:
-            family = _drawn(list(options), bands, context.scale, rng)
-            view, move = _popped(options[family], rng)
+        moves = _Moves(views)
+        families = [one for one in self.families if not one.first or moves.of(one)]
+        while families:
+            family = _drawn(families, bands, context.scale, rng)
+            if not moves.of(family):
+                families.remove(family)
+                continue
+            view, move = _popped(moves.of(family), rng)
             found = edited(view, move)
             if new_structure(found, context):
                 return proposal_of(view, move, found, family.name)
         return Proposal("", failure="every edit that the rules know leads to a structure met before")
+
+
+class _Moves:
+    """The moves of the families that are asked for, not yet tried, each with the view that it was found in."""
+
+    def __init__(self, views: Sequence[View]) -> None:
+        self._views = views
+        self._left: dict[Family, list[tuple[View, Move]]] = {}
+
+    def of(self, family: Family) -> list[tuple[View, Move]]:
+        if family not in self._left:
+            self._left[family] = [(view, move) for view in self._views for move in family.moves(view)]
+        return self._left[family]
 
 
 def residual_bands(record: Record) -> np.ndarray:
