@@ -43,7 +43,7 @@ def plain_logprobs(model, prompt, answer) -> torch.Tensor:
 
 def test_scores_and_their_gradient_are_those_of_one_pass_over_question_and_answer():
     model, answers = tiny_model(7, layers=2), [(5, 2, 0), (6,), (2, 2)]
-    scored = score(model, PROMPT, answers, [None] * 3, END)
+    scored = score(model, PROMPT, answers, [None] * 3)
     scored.logprobs.sum().backward()
     gradient = {name: one.grad.clone() for name, one in model.named_parameters() if one.grad is not None}
     model.zero_grad()
@@ -60,7 +60,7 @@ def test_sampled_log_probabilities_are_those_that_the_trainer_finds():
     model = tiny_model(7, layers=2)
     answers = sample_answers(model, PROMPT, 24, end=[END], longest=9, seed=3)
     assert len({len(one.tokens) for one in answers}) > 3  # so answers do leave the batch
-    scored = score(model, PROMPT, [one.tokens for one in answers], [None] * 24, END)
+    scored = score(model, PROMPT, [one.tokens for one in answers], [None] * 24)
     for one, row in zip(answers, scored.logprobs, strict=True):
         np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=1e-6)
         assert END not in one.tokens[:-1]
@@ -91,7 +91,7 @@ def test_a_guide_is_obeyed_and_its_probabilities_are_those_of_what_it_allows():
     answers = sample_answers(model, PROMPT, 40, end=[END], longest=5, seed=0, guide=lambda before: allowed)
     assert {token for one in answers for token in one.tokens} == {0, 4, 5}
     masks = [np.tile(allowed, (len(one.tokens), 1)) for one in answers]
-    scored = score(model, PROMPT, [one.tokens for one in answers], masks, END)
+    scored = score(model, PROMPT, [one.tokens for one in answers], masks)
     for one, row in zip(answers, scored.logprobs, strict=True):
         np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=1e-6)
     assert (scored.entropy.max() <= np.log(3) + 1e-6).item()
@@ -126,7 +126,7 @@ def taught(trainer: Trainer, most: int) -> Trained:
 def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
     model = tiny_model(FIRST + 6)
     assert chance(model, 4) < 0.3
-    trained = taught(Trainer(model, LearningSettings(rate=0.03), END), most=16)
+    trained = taught(Trainer(model, LearningSettings(rate=0.03)), most=16)
     assert chance(model, 4) >= 0.8
     assert trained.divergence > 0.5  # it has left the start
 
@@ -138,7 +138,7 @@ def test_one_epoch_moves_weights_by_the_gradient_of_the_objective():
     told = torch.cat([plain_logprobs(model, [ASK], one.tokens) for one in group.answers])
     objective = (told * torch.tensor(group.advantages).float()).mean()  # ratio and weight are 1, its gradient the same
     gradient = torch.autograd.grad(objective, list(model.parameters()))
-    trainer = Trainer(model, LearningSettings(rate=1e-3, longest_gradient=1e9), END)
+    trainer = Trainer(model, LearningSettings(rate=1e-3, longest_gradient=1e9))
     trained = trainer.update([group])
     norm = torch.sqrt(sum((one**2).sum() for one in gradient)).item()
     assert trained.gradient == pytest.approx(norm, rel=1e-4)
@@ -151,7 +151,7 @@ def test_one_epoch_moves_weights_by_the_gradient_of_the_objective():
 def test_dropped_answers_and_other_epochs_count_as_they_should():
     model = tiny_model(FIRST + 3)
     group = a_group(model, lambda token: float(token))
-    trained = Trainer(model, LearningSettings(rate=0.05, epochs=6), END).update([group])
+    trained = Trainer(model, LearningSettings(rate=0.05, epochs=6)).update([group])
     assert 0 < trained.clipped <= 1  # six large steps leave the clip
     assert trained.weight == pytest.approx(1.0, abs=1e-5)
 
@@ -161,7 +161,7 @@ def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothin
     with torch.no_grad():
         stale.lm_head.weight.mul_(1.3)
         strange.lm_head.weight.mul_(60)
-    trainer = Trainer(model, LearningSettings(rate=1e-3, stop=0.1), END)
+    trainer = Trainer(model, LearningSettings(rate=1e-3, stop=0.1))
     before = fingerprint(model)
     trained = trainer.update([a_group(model, float, served=strange)])
     assert not trained.updated
@@ -177,7 +177,7 @@ def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothin
 def test_the_divergence_holds_a_policy_back():
     def course(weight: float) -> float:
         model = tiny_model(FIRST + 6)
-        trainer = Trainer(model, LearningSettings(rate=0.02, divergence=weight), END)
+        trainer = Trainer(model, LearningSettings(rate=0.02, divergence=weight))
         for seed in range(8):
             trainer.update([a_group(model, lambda token: float(token == 4), seed=seed)])
         return chance(model, 4)
@@ -195,11 +195,11 @@ def test_a_trainer_that_is_restored_goes_on_as_if_nothing_had_been(tmp_path):
         return fingerprint(trainer.model)
 
     settings = LearningSettings(rate=0.01)
-    whole = go_on(Trainer(tiny_model(6), settings, END), range(6))
-    first = Trainer(tiny_model(6), settings, END)
+    whole = go_on(Trainer(tiny_model(6), settings), range(6))
+    first = Trainer(tiny_model(6), settings)
     go_on(first, range(3))
     write_checkpoint(tmp_path / "state", first.state())
-    second = Trainer(tiny_model(6), settings, END)
+    second = Trainer(tiny_model(6), settings)
     state = read_checkpoint(tmp_path / "state")
     assert state is not None
     second.restore(state)
@@ -222,7 +222,7 @@ def test_threads_and_the_random_state_are_left_as_they_were():
     before = torch.get_rng_state()
     model = tiny_model(6)
     with threads(2):
-        Trainer(model, LearningSettings(rate=0.01), END).update([a_group(model, float)])
+        Trainer(model, LearningSettings(rate=0.01)).update([a_group(model, float)])
         assert torch.get_num_threads() == 2
     assert torch.equal(before, torch.get_rng_state())
 
@@ -234,7 +234,7 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
         model.lm_head.weight.mul_(20)  # adapters leave it as it is, and so small it says next to nothing
     said = chance(model, 4)
     base = {name: one.detach().clone() for name, one in model.named_parameters()}
-    trainer = Trainer(model, LearningSettings(rate=0.02, lora=4), END)
+    trainer = Trainer(model, LearningSettings(rate=0.02, lora=4))
     assert chance(model, 4) == pytest.approx(said, abs=1e-6)
     assert 0 < sum(one.numel() for one in trainer.trained.values()) < sum(one.numel() for one in base.values())
     taught(trainer, most=24)
@@ -247,4 +247,4 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
 def test_adapters_without_peft_are_one_sentence(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     with pytest.raises(IbridError, match="need the package peft; pip install peft"):
-        Trainer(tiny_model(6), LearningSettings(lora=4), END)
+        Trainer(tiny_model(6), LearningSettings(lora=4))

@@ -101,7 +101,7 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--learn"], "learning needs exactly one proposer that can learn, found 0 among rules"),
+        (["--learn"], "--learn needs a proposer that learns, and one alone: found 0 among rules"),
         (["--learn", "--proposer", "random:0.5,rules"], "found 0 among random, rules"),
         (["--learn", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"], "a model of a server"),
         (["--learn", "--proposer", "agent", "--model", "m@http://127.0.0.1:9/v1"], "found 0 among agent"),
@@ -126,7 +126,7 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
 @needs_torch
 def test_two_that_could_learn_are_refused_in_a_sentence(tmp_path):
     two = [(PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0), (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0)]
-    with pytest.raises(IbridError, match="exactly one proposer that can learn, found 2 among policy, policy"):
+    with pytest.raises(IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"):
         search.run(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True)
     assert replace(LearningSettings(), contexts=4).batch == 64
 

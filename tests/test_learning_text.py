@@ -145,7 +145,7 @@ def test_constrained_answers_are_edits_and_their_probabilities_those_of_the_mask
         assert verdict.status not in (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE)
         assert one.tokens[-1] == policy.end
     masks = [policy.masks(asked, one.tokens, context) for one in answers]
-    scored = score(policy.model(), asked, [one.tokens for one in answers], masks, policy.pad)
+    scored = score(policy.model(), asked, [one.tokens for one in answers], masks)
     for one, row in zip(answers, scored.logprobs, strict=True):
         np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=2e-5)  # float32
 
@@ -237,8 +237,8 @@ def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_pa
     import torch
     from transformers import AutoModelForCausalLM
 
-    from search.learning.learner import Publishes
     from search.learning.served_policy import ServedPolicy, Server
+    from search.learning.state import Publishes
 
     told: list[Path] = []
     policy = ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1", reload=told.append), tmp_path / "now")
@@ -251,3 +251,26 @@ def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_pa
     assert torch.equal(served.lm_head.weight, policy.model().lm_head.weight)
     with pytest.raises(IbridError, match="cannot be constrained"):
         ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1"), tmp_path, constrained=True)
+
+
+@needs_torch
+def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
+    from search.learning.choose import learning
+    from search.learning.learner import Learner
+    from search.learning.settings import LearningSettings
+    from search.learning.text_policy import TextPolicy
+    from search.proposal import Proposer
+    from search.proposers.choose import choose_proposers
+    from search.proposers.spending import Limits
+
+    settings = LearningSettings(contexts=2, group=3)
+    both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
+    (mine, weight), (other, _) = learning(both, settings, seed=0, window=8)
+    assert isinstance(mine, Learner)
+    assert isinstance(mine, Proposer)
+    assert isinstance(mine.policy, TextPolicy)
+    assert (mine.name, weight, mine.rounds.batch, other.name) == ("llm", 0.5, 6, "rules")
+    with pytest.raises(IbridError, match="limits of tokens and seconds do not hold"):
+        learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, seed=0, window=8)
+    with pytest.raises(IbridError, match="one of several"):
+        learning(choose_proposers("llm", [str(folder), str(folder)]), settings, seed=0, window=8)

@@ -15,7 +15,8 @@ from ibrid.structure.program import parse_program, program_text
 from search.edits import apply_edit, edit_between
 from search.policy.diagram_words import diagram_of, diagram_words
 from search.policy.edit import Edit, difference, made
-from search.policy.grammar import LONGEST, Grammar, edit_words, read_edit
+from search.policy.edit_words import edit_words, read_edit
+from search.policy.grammar import LONGEST, Grammar
 from search.policy.numbering import numbered
 from search.policy.tokens import END, TOKENS, LanguageError
 
@@ -99,7 +100,9 @@ def test_an_edit_of_two_devices_behind_one_pcc_is_said_exactly():
 
 def test_a_filter_put_in_takes_few_words():
     before, after = textbook("gfl_exact"), textbook("gfl_pll_filter_exact")
-    assert len(there(before, after)) == 15  # ADD kind, AT input + output port, AT input - output port + output, end
+    assert (
+        len(there(before, after)) == 16
+    )  # ADD number kind, AT input + output port, AT input - output port + output, end
 
 
 def test_the_edit_as_blocks_of_text_leads_to_the_same_structure():
@@ -127,7 +130,7 @@ def test_modules_with_fixed_numbers_stay_as_they_are():
     fixed = parse_program(text + "\n")
     assert "FIXED" in diagram_words(numbered(fixed, VOCABULARY))
     view = numbered(fixed, VOCABULARY)
-    words = ["ADD", "K:LPF1_dq", "AT", "#3", "+", "v_DQ", "AT", "#1", "-", "v_DQ", "+", "#3", END]
+    words = ["ADD", "#3", "K:LPF1_dq", "AT", "#3", "+", "v_DQ", "AT", "#1", "-", "v_DQ", "+", "#3", END]
     child = made(view, read_edit(words, view, VOCABULARY), VOCABULARY)
     assert [one.bindings for one in child.instances if one.name == "plant"] == [{"L_F": 0.2}]
     with pytest.raises(LanguageError, match="no fixed numbers"):
@@ -169,6 +172,7 @@ def test_the_paper_s_vocabulary_masks_the_kinds_beyond_it():
     view = numbered(textbook("gfl"), PAPER_VOCABULARY, equilibrium="paper")
     grammar = Grammar(view, PAPER_VOCABULARY)
     grammar.take("ADD")
+    grammar.take(f"#{len(view.kinds)}")
     assert "K:LPF1" in grammar.allowed
     assert not {"K:Delay", "K:JMul_omega"} & set(grammar.allowed)
 
@@ -176,10 +180,10 @@ def test_the_paper_s_vocabulary_masks_the_kinds_beyond_it():
 def test_an_answer_may_not_end_while_an_input_is_undriven_or_a_rotation_alone():
     view = numbered(textbook("naive"), VOCABULARY)
     grammar = Grammar(view, VOCABULARY)
-    for word in ("ADD", "K:Rot_v"):
+    for word in ("ADD", "#3", "K:Rot_v"):
         grammar.take(word)
     assert grammar.allowed == ["ADD"]
-    for word in ("ADD", "K:Rot_i"):
+    for word in ("ADD", "#4", "K:Rot_i"):
         grammar.take(word)
     assert END not in grammar.allowed
     with pytest.raises(LanguageError, match="may not follow"):

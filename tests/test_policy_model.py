@@ -13,7 +13,7 @@ from ibrid.measurement.read import read_sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook
-from ibrid.structure.program import program_text
+from ibrid.structure.program import parse_program, program_text
 from search.judging import judge
 from search.policy.experience.examples import BRIEF, draw_examples
 from search.policy.interface import Policy
@@ -108,7 +108,7 @@ def test_an_answer_that_is_cut_or_no_edit_is_a_sentence(policy, context):
 def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
     from search.policy.interface import Sampled
 
-    words = ["ADD", "K:LPF1", "AT", "#3", "+", "#2", "<end>"]  # a filter that leads nowhere is tidied away
+    words = ["ADD", "#3", "K:LPF1", "AT", "#3", "+", "#2", "<end>"]  # a filter that leads nowhere is tidied away
     proposal = policy.proposal(Sampled(tuple(TOKENS.encode(words)), (0.0,) * len(words)), context)
     from ibrid.structure.canonical import structure_hash
 
@@ -117,21 +117,35 @@ def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
     assert verdict.status is Status.UNCHANGED
 
 
+def test_kinds_of_one_s_own_are_left_alone_and_a_parent_with_one_is_a_sentence(policy, context):
+    from dataclasses import replace
+
+    mine = replace(next(kind for kind in VOCABULARY if kind.name == "LPF1"), name="MyFilter")
+    task = replace(context.task, kinds=(*VOCABULARY, mine))
+    proposer = PolicyProposer(policy=policy)
+    assert not proposer.propose(replace(context, task=task), np.random.default_rng(0)).failure
+    diagram = parse_program(program_text(textbook("gfl_pll_filter_exact")).replace('"LPF1"', '"MyFilter"'))
+    record = evaluate(diagram, task.sweep, settings=BRIEF, vocabulary=task.kinds)
+    with_mine = replace(context, task=task, parent=Evaluated(1, diagram, record))
+    assert "no word for MyFilter" in proposer.propose(with_mine, np.random.default_rng(0)).failure
+
+
 def test_the_proposer_counts_its_answers_and_repeats_with_its_generator(policy, context):
     proposer = PolicyProposer(policy=policy, tries=3)
     one, again = (proposer.propose(context, np.random.default_rng(3)) for _ in range(2))
-    assert one.edit == again.edit
+    assert one == again
     assert 1 <= one.usage["samples"] <= 3
-    assert one.usage["new"] <= one.usage["legal"] <= one.usage["samples"]
+    assert one.usage["known"] + one.usage["refused"] <= one.usage["samples"]
 
 
 def test_the_proposer_passes_over_structures_that_are_known(policy, context):
     from dataclasses import replace
 
     proposer = PolicyProposer(policy=policy, tries=4)
-    found = proposer.propose(replace(context, seen=lambda _: True), np.random.default_rng(3))
-    assert found.usage["samples"] == 4
-    assert found.usage["new"] == 0
+    found = [proposer.propose(replace(context, seen=lambda _: True), np.random.default_rng(seed)) for seed in range(8)]
+    assert max(one.usage["known"] for one in found) > 1
+    # an answer that the grammar refuses is not asked about again
+    assert all(one.usage["samples"] == 4 or one.usage["refused"] == 1 for one in found)
 
 
 def test_the_loss_is_the_mean_over_answer_tokens_by_weight_as_if_each_answer_stood_alone(lessons):
@@ -144,10 +158,12 @@ def test_the_loss_is_the_mean_over_answer_tokens_by_weight_as_if_each_answer_sto
         question = lesson.question.copy()
         question[-2] = TOKENS.ids[f"scale:{lesson.answers[0].scale}"]
         for answer in lesson.answers:
-            tokens = torch.from_numpy(np.array([*question, *answer.tokens]))
+            tokens = torch.tensor([*question, *answer.tokens])
             with torch.no_grad():
-                logits = model(tokens[None]).logits[0].double().log_softmax(-1).numpy()
-            found = logits[np.arange(len(question) - 1, len(tokens) - 1), answer.tokens]
+                logits = model(tokens[None]).logits[0, len(question) - 1 : -1].double()
+            for row, allowed in zip(logits, answer.allowed, strict=True):
+                row[np.setdiff1d(np.arange(len(TOKENS)), allowed)] = -torch.inf
+            found = logits.log_softmax(-1).numpy()[np.arange(len(answer.tokens)), answer.tokens]
             total -= answer.weight * found.sum()
             weight += answer.weight * len(found)
     assert float(answer_loss(model, batch).detach()) == pytest.approx(total / weight, rel=1e-4)  # float32

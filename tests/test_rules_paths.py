@@ -270,3 +270,13 @@ def test_under_the_papers_vocabulary_the_voltage_magnitude_is_the_d_component():
     kinds = {one.kind for one in edited(view, move).instances}
     assert "SliceD" in kinds
     assert "Magnitude" not in kinds
+
+
+def test_a_grid_forming_controller_may_give_up_its_power_loops_for_a_voltage_loop():
+    hybrid = ibrid.textbook("hybrid_gfl_gfm")
+    after = edited(*moves_of(hybrid)["a PI controller of the filter voltage, in place of the outer loops"])
+    assert ibrid.violations(after) == ()
+    (seen,) = views_of(after, VOCABULARY)
+    assert seen.roles.voltage_loop == "voltage"
+    assert seen.roles.outer == ()
+    assert seen.roles.frequency == "pll"

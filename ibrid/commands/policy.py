@@ -17,7 +17,7 @@ def declare(commands: Any) -> None:
     )
     train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
     train.add_argument("--inverters", type=inputs.natural, default=1000, metavar="N", help="drawn to learn from (1000)")
-    train.add_argument("--steps", type=inputs.natural, default=1200, metavar="N", help="of training (1200)")
+    train.add_argument("--steps", type=inputs.natural, default=3000, metavar="N", help="of training (3000)")
     train.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
     train.add_argument("--workers", type=inputs.natural, metavar="N", help="processes that draw and fit (all cores)")
     train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")

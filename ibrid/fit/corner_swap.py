@@ -17,6 +17,9 @@ import numpy as np
 from ibrid.fit.problem import Problem
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
+#: Half width of what is drawn anew, of logarithms, and where the corner is drawn, rad/s.
+SPREAD, SLOW = 2.0, (3.0, 3000.0)
+
 
 @dataclass(frozen=True)
 class CornerSwap:
@@ -52,6 +55,17 @@ class CornerSwap:
         other[at_r] = scale * inductance * (fast + theta[at_c]) - other[at_p]
         other[at_k] = 1 - scale * (1 - theta[at_k])
         other[at_c] = slow
+        return other
+
+    def spread(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Physical values with the same fast dynamics and other slow corners: scale, corner, kI and R drawn anew."""
+        scale, integral, resistance = np.exp(rng.uniform(-SPREAD, SPREAD, 3))
+        other = theta.copy()
+        other[[self.filter[0], self.inner[0], *self.couplings]] *= scale
+        other[self.damping[0]] = 1 - scale * (1 - theta[self.damping[0]])
+        other[self.damping[1]] = np.exp(rng.uniform(*np.log(SLOW)))
+        other[self.inner[1]] *= integral
+        other[self.filter[1]] *= resistance
         return other
 
 

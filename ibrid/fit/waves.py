@@ -49,7 +49,8 @@ class Search:
         self.problem, self.rng, self.settings = problem, rng, settings
         self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
         self.drawer = StartDrawer(problem, wiring, omega_0)
-        self.swaps = (*find_swaps(problem, wiring), *corner_swaps(problem, wiring, omega_0))
+        self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
+        self.swaps = (*self.cascades, *self.corners)
         self.measured_poles = fitted_poles(problem) if settings.seeds == "vector-fitting" else None
         self.finished: list[Finished] = []
 
@@ -147,11 +148,21 @@ class Search:
         moved = x + self.rng.normal(0.0, 1.5, (number, size))
         anywhere = low + (high - low) * self.rng.uniform(size=(number, size))
         kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
-        if redistribute and self.swaps:
-            group = list(self.swaps[0].entries)
+        if redistribute and self.cascades:
+            group = list(self.cascades[0].entries)
             kicked = np.tile(x, (number, 1))
             kicked[:, group] = anywhere[:, group]
+        if redistribute and self.corners:  # every second one where there is a cascade too
+            here = np.arange(number) % 2 == 1 if self.cascades else np.ones(number, dtype=bool)
+            kicked[here] = self._spread(x, int(here.sum()))
         return kicked
+
+    def _spread(self, x: np.ndarray, number: int) -> np.ndarray:
+        """Copies of x with other slow corners of a current control and the damping beside it."""
+        coordinates = self.problem.coordinates
+        which = self.rng.integers(len(self.corners), size=number)
+        spread = np.array([self.corners[one].spread(coordinates.to_theta(x), self.rng) for one in which])
+        return coordinates.to_x(np.clip(spread, coordinates.low, coordinates.high))
 
     def finish(self, x: np.ndarray, wave: int | None) -> None:
         """Carry starts x (S, P) to the end in the final objective, and the twins of the best of them too."""

@@ -13,6 +13,8 @@ from ibrid.structure.wiring import Wiring
 
 #: Root mean square of the whitened residual below which no further starts are needed; it is far below any noise.
 SOLVED = 1e-2
+#: Limit of one fit in seconds, far beyond what it takes on a machine that is free.
+SECONDS = 300.0
 
 
 def whole_fit(problem: Problem, wiring: Wiring, rng: np.random.Generator, omega_0: float) -> list[dict[str, float]]:
@@ -20,6 +22,6 @@ def whole_fit(problem: Problem, wiring: Wiring, rng: np.random.Generator, omega_
 
     problem : of data with a sigma at every point. omega_0 : rad/s.
     """
-    settings = FitSettings(objective="sigma", solved=SOLVED)
+    settings = FitSettings(objective="sigma", solved=SOLVED, seconds=SECONDS)
     found = fit(problem, wiring, rng, settings, omega_0=omega_0)
     return [] if found is None else [problem.values_at(x, 0) for x in (found.x, *found.twins)]

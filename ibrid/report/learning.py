@@ -12,6 +12,9 @@ from ibrid.report.style import SERIES_STAND_INS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: Room for the legend beside the lines, as a share of their length.
+LEGEND = 0.17
+
 
 @dataclass(frozen=True)
 class Course:
@@ -30,10 +33,12 @@ def draw_courses(axes: Sequence["Axes"], courses: Sequence[Course]) -> None:
             number = np.arange(1, len(values) + 1)
             plane.plot(number, values, color=color, linewidth=1.6, marker="o", markersize=3.5, label=name)
         plane.set_ylabel(course.name)
-        plane.margins(x=0.02, y=0.12)
+        plane.margins(y=0.12)
         plane.xaxis.set_major_locator(MaxNLocator(integer=True))
         if len(course.lines) > 1:
-            plane.legend(loc="best", fontsize=9)
+            plane.legend(loc="center right", fontsize=9)
+    last = max(len(values) for course in courses for values in course.lines.values())
+    axes[-1].set_xlim(1 - 0.03 * last, last + LEGEND * last)
     axes[-1].set_xlabel("update")
 
 

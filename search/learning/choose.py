@@ -25,7 +25,7 @@ def learning(
     if number != 1:
         names = ", ".join(one.name for one, _ in proposers)
         raise IbridError(
-            f"learning needs exactly one proposer that can learn, found {number} among {names}; give --proposer policy, or "
+            f"--learn needs a proposer that learns, and one alone: found {number} among {names}; give --proposer policy, or "
             "--proposer llm with one --model FOLDER on this machine"
         )
     return found

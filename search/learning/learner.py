@@ -3,25 +3,25 @@
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ibrid.errors import IbridError
 from search.learning.advantages import group_advantages, rewarded
-from search.learning.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
-from search.learning.updates import META, Update, counted, read_updates, updates_json
+from search.learning.state import LearningState
+from search.learning.updates import Update, counted
 from search.policy.backend import threads
 from search.policy.interface import Policy, Sampled
 from search.proposal import Context, Proposal
 from search.step import Step
 
 if TYPE_CHECKING:
-    from search.learning.trainer import Group, Trainer
+    from search.learning.trainer import Group
 
 #: What a step keeps of its answer, in its `usage`.
 KEPT = "learning"
@@ -31,15 +31,6 @@ PROBES = 4
 COLLAPSE = 0.5
 #: The context of a step, from the step; for masks, which know the parent and the scale alone.
 ContextOf = Callable[[Step], Context]
-
-
-@runtime_checkable
-class Publishes(Protocol):
-    """A policy whose answers come from elsewhere than the model that is trained."""
-
-    def publish(self) -> None:
-        """Hand the weights as they are to whoever serves them; IbridError when that fails."""
-        ...
 
 
 class Learner:
@@ -58,10 +49,7 @@ class Learner:
         self.policy, self.settings, self.seed = policy, settings, seed
         self.name = policy.name
         self.rounds = Rounds(policy.name, settings.contexts, settings.group, window)
-        self.updates: list[Update] = []
-        self.stopped = ""  # why nothing is trained any more
-        self._path: Path | None = None
-        self._keep: Callable[[str, str], None] = lambda name, text: None
+        self.progress = LearningState(policy, settings, seed)
         self._answers: tuple[int, list[Sampled]] | None = None  # of the context under way
         self._prompt: tuple[int, list[int]] | None = None  # of the context under way
         self._told = -1  # the last context whose question is in a step
@@ -69,7 +57,12 @@ class Learner:
 
     def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
         """Where the weights go, and who takes the text about the updates for the store; goes on from what is there."""
-        self._path, self._keep = folder / CHECKPOINT, keep
+        self.progress.path, self.progress.keep = folder / CHECKPOINT, keep
+
+    @property
+    def updates(self) -> list[Update]:
+        """What was learnt so far."""
+        return self.progress.updates
 
     def add(self, step: Step) -> None:
         """Take note of a step, made now or in an earlier sitting."""
@@ -82,6 +75,7 @@ class Learner:
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The next answer of the group; the group is drawn when its first answer is asked for."""
         place = self.rounds.next
+        self.progress.require_seen(self.rounds.batches)  # weights that cannot be had end the run
         try:
             answers = self._group(place, context)
         except IbridError as error:
@@ -96,34 +90,38 @@ class Learner:
     @property
     def due(self) -> bool:
         """True when a batch is complete that was not learnt from."""
-        return self.rounds.complete and len(self._history) < self.rounds.batches
+        return self.rounds.complete and self.progress.seen < self.rounds.batches
 
     def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
         """Update the weights from the last batch, all results of which are in; kept on disk before this returns."""
         began = time.monotonic()
-        self._require_seen(self.rounds.batches - 1)
+        self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
         found = [rewarded(step, steps, batch[0].number) for step in batch]
         groups = list(self._groups(batch, [one.reward for one in found], context))
         taught = [group for group in groups if group is not None]
+        asked = [step for step, group in zip(batch[:: self.settings.group], groups, strict=True) if group is not None]
         update = Update(
-            number=len(self._history) + 1,
+            number=self.progress.seen + 1,
             first=batch[0].number,
             last=batch[-1].number,
             dropped=self.settings.contexts - len(taught),
             tokens=float(np.mean([len(_kept(step).get("tokens", ())) for step in batch])),
             seconds_sampling=self._sampling,
-            remark=self.stopped,
+            remark=self.progress.stopped,
             **counted(found),
         )
-        if taught and not self.stopped:
-            update = replace(update, **asdict(self._trainer.update(taught)))
-            update = self._proven(update, batch, context)
+        if taught and not self.progress.stopped:
+            update = replace(update, **asdict(self.progress.trainer.update(taught)))
+            update = self._proven(update, taught[0].prompt, context(asked[0]))
         if update.siblings > COLLAPSE:
-            told = f"{update.siblings:.0%} of the answers repeat another of their batch: the policy narrows down"
+            told = (
+                f"{100 * update.siblings:.0f} % of the answers repeat another of their batch: the policy narrows down"
+            )
             update = replace(update, remark="; ".join(filter(None, (update.remark, told))))
         update = replace(update, seconds_update=time.monotonic() - began)
-        self._conclude(update)
+        self.progress.conclude(update)
+        self._sampling = 0.0
         return update
 
     # --- sampling ----------------------------------------------------------------------------------------------------
@@ -132,7 +130,6 @@ class Learner:
         """All answers of the context under way."""
         if self._answers is None or self._answers[0] != place.context:
             began = time.monotonic()
-            self._require_seen(self.rounds.batches)
             if self._prompt is None or self._prompt[0] != place.context:
                 self._prompt = (place.context, list(self.policy.prompt(context)))
             drawn = self._sampled(self._prompt[1], context, self.settings.group, (1, place.context))
@@ -142,7 +139,6 @@ class Learner:
 
     def _sampled(self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, int]) -> list[Sampled]:
         seed = int(np.random.default_rng([self.seed, *what]).integers(2**63))
-        _ = self._trainer  # the weights of an earlier sitting are in place
         with threads(self.settings.threads):
             return self.policy.sample([prompt], [context], number, seed)[0]
 
@@ -173,72 +169,24 @@ class Learner:
         masks = tuple(self.policy.masks(prompt, one.tokens, context) for one in answers)
         return Group(tuple(prompt), tuple(answers), masks, advantages)
 
-    def _proven(self, update: Update, batch: Sequence[Step], context: ContextOf) -> Update:
-        """Draw answers to the first question of the batch once more and compare what is served with what is trained."""
+    def _proven(self, update: Update, prompt: Sequence[int], asked: Context) -> Update:
+        """Draw answers to a question of the batch once more and compare what is served with what is trained."""
         if not update.updated:
-            self.stopped = _sentence("the answers of this batch were served by other weights", update.drift, "stopped")
-            return replace(update, remark=self.stopped)
-        if isinstance(self.policy, Publishes):
-            self.policy.publish()
-        asked = context(batch[0])
-        prompt = _prompt(batch, range(self.settings.group))
+            self.progress.stopped = _sentence(
+                "the answers of this batch were served by other weights", update.drift, "stopped"
+            )
+            return replace(update, remark=self.progress.stopped)
+        self.progress.publish()
         answers = self._sampled(prompt, asked, PROBES, (2, update.number))
-        probe = self._trainer.drift(self._made(prompt, answers, asked, np.zeros(len(answers))))
+        probe = self.progress.trainer.drift(self._made(prompt, answers, asked, np.zeros(len(answers))))
         update = replace(update, probe=probe)
         if not probe <= self.settings.stop:
-            self.stopped = _sentence("after this update other weights are served", probe, "stopped")
-            return replace(update, remark=self.stopped)
+            self.progress.stopped = _sentence("after this update other weights are served", probe, "stopped")
+            return replace(update, remark=self.progress.stopped)
         worst = max(probe, update.drift or 0.0)
         if worst > self.settings.alarm:
             return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
         return update
-
-    def _conclude(self, update: Update) -> None:
-        self._history.append(update)
-        self._sampling = 0.0
-        text = updates_json(self._history)
-        if self._path is not None:
-            state = {"updates": text, "start": self._trainer.start, "stopped": self.stopped, **self._trainer.state()}
-            write_checkpoint(self._path, state)
-        self._keep(META, text)
-
-    @property
-    def _history(self) -> list[Update]:
-        _ = self._trainer
-        return self.updates
-
-    @cached_property
-    def _trainer(self) -> "Trainer":
-        """Made when it is needed, since torch is slow to import; with the weights of an earlier sitting."""
-        from search.learning.trainer import Trainer
-
-        trainer = Trainer(self.policy.model(), self.settings, self.policy.pad, self.seed)
-        state = None if self._path is None else read_checkpoint(self._path)
-        if state is not None:
-            self._restore(trainer, state)
-        return trainer
-
-    def _restore(self, trainer: "Trainer", state: Mapping[str, Any]) -> None:
-        if state.get("start") != trainer.start:
-            raise IbridError(
-                f"{self._path}: belongs to a model with other weights; resume with the one it was made with"
-            )
-        try:
-            trainer.restore(state)
-        except (KeyError, ValueError, RuntimeError, TypeError) as error:
-            raise IbridError(f"{self._path}: does not fit ({error!s:.120}); restore it, or start a new run") from None
-        self.updates = list(read_updates(state["updates"]))
-        self.stopped = state["stopped"]
-        if isinstance(self.policy, Publishes):
-            self.policy.publish()
-        self._keep(META, updates_json(self.updates))
-
-    def _require_seen(self, batches: int) -> None:
-        if (seen := len(self._history)) != batches:
-            raise IbridError(
-                f"{self._path}: the weights have seen {seen} batches, but the steps hold {batches}; restore the folder of the "
-                "run, or start a new run"
-            )
 
 
 def _kept(step: Step) -> Mapping[str, Any]:

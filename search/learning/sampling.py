@@ -1,7 +1,8 @@
 """Independent answers of a causal language model to one question, with the log-probability of every token; torch.
 
-The question is read once, what the model keeps of it is repeated for the answers, and answers that have ended leave the
-batch. Temperature 1, nothing cut off, so that the log-probabilities are those of the distribution that was drawn from.
+The question is read once. The answers stand behind it side by side in one sequence, each token at the place in which its
+answer has it, and a mask lets an answer see the question and itself: so a long question is kept once, not once for each
+answer. Temperature 1, nothing cut off: the log-probabilities are those of the distribution that was drawn from.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +15,8 @@ from search.policy.interface import Sampled
 
 #: Tokens allowed after those of an answer so far, (V,) bool; None for all.
 Guide = Callable[[tuple[int, ...]], np.ndarray | None]
+#: Whom a token of the question belongs to.
+EVERYBODY = -1
 
 
 def sample_answers(
@@ -36,12 +39,11 @@ def sample_answers(
     answers: list[list[int]] = [[] for _ in range(number)]
     logprobs: list[list[float]] = [[] for _ in range(number)]
     going = list(range(number))
+    owners = torch.full((len(prompt),), EVERYBODY)
     with torch.inference_mode():
         read = model(input_ids=torch.tensor([list(prompt)], device=device), use_cache=True, logits_to_keep=1)
         kept = read.past_key_values
-        if number > 1:
-            kept.batch_repeat_interleave(number)
-        logits = read.logits[:, -1].float().expand(number, -1)
+        logits = read.logits[0].float().expand(number, -1)
         for place in range(longest):
             distribution = _distribution(logits, [tuple(answers[one]) for one in going], guide)
             chosen = _drawn(distribution, torch.from_numpy(chances[place, going]).to(device))
@@ -52,10 +54,17 @@ def sample_answers(
             staying = [row for row, one in enumerate(going) if answers[one][-1] not in end]
             if not staying or place + 1 == longest:
                 break
-            if len(staying) < len(going):
-                kept.batch_select_indices(torch.tensor(staying, device=device))
-                chosen, going = chosen[staying], [going[row] for row in staying]
-            logits = model(input_ids=chosen[:, None], past_key_values=kept, use_cache=True).logits[:, -1].float()
+            chosen, going = chosen[staying], [going[row] for row in staying]
+            rows = torch.tensor(going)
+            owners = torch.cat([owners, rows])
+            seen = (owners == EVERYBODY) | (owners == rows[:, None])
+            logits = model(
+                input_ids=chosen[None],
+                position_ids=torch.full((1, len(going)), len(prompt) + place, device=device),
+                attention_mask=seen[None, None].to(device),
+                past_key_values=kept,
+                use_cache=True,
+            ).logits[0].float()  # fmt: skip
     return [Sampled(tuple(some), tuple(said)) for some, said in zip(answers, logprobs, strict=True)]
 
 

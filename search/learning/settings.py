@@ -7,9 +7,11 @@ from typing import Any
 
 from ibrid.errors import IbridError
 
-#: Adam's step for a model of so many parameters or more, which is one that others trained on much text.
+#: A model of so many parameters or more is one that others trained on much text.
 LARGE = 50_000_000
-RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 1e-5, 2e-5
+#: Adam's step. For a policy of a million parameters one update with 1e-4 moves log-probabilities by 0.05 in the mean and 4 % of
+#: the tokens out of the clip; with 3e-4 it is 17 %, with 1e-5 0.1 % (batch of 4 x 8, 2026-11-21).
+RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 1e-4, 2e-5
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,8 @@ class TextPolicy:
     """See `search.policy.interface.Policy`.
 
     folder : of the model, as `save_pretrained` writes it. longest : tokens of an answer at most. prompt_tokens : of a question.
-    constrained : answers can only be edits of `search.learning.edit_automaton`; legal_end : see there.
+    constrained : answers can only be edits of `search.learning.edit_automaton`; lines, legal_end : see there. `longest` must have
+    room for the lines, each of which takes a small model 20 to 30 tokens, or the answers are cut.
     """
 
     name = "llm"
@@ -57,13 +58,14 @@ class TextPolicy:
         longest: int = 512,
         prompt_tokens: int = 16_000,
         constrained: bool = False,
+        lines: int = 6,
         legal_end: bool = True,
     ) -> None:
         self.chat = TrainableModel(folder)
         self.ends, self.pad = _special_tokens(self.chat.folder)
         self.end = self.ends[0]
         self.longest, self.prompt_tokens = longest, prompt_tokens
-        self.constrained, self.legal_end = constrained, legal_end
+        self.constrained, self.lines, self.legal_end = constrained, lines, legal_end
 
     def model(self) -> Any:
         """The transformer, float32, on a GPU where there is one."""
@@ -102,7 +104,9 @@ class TextPolicy:
             return None
         trie, texts = self._texts
         size = int(self.model().config.vocab_size)
-        return TokenGuide(EditAutomaton(context, legal_end=self.legal_end), trie, texts, self.end, size)
+        return TokenGuide(
+            EditAutomaton(context, lines=self.lines, legal_end=self.legal_end), trie, texts, self.end, size
+        )
 
     @cached_property
     def _texts(self) -> Any:

@@ -53,8 +53,8 @@ class Trained:
 class Trainer:
     """Adam on the objective of `search.learning.objective`; everything on the device and in the threads of `settings`."""
 
-    def __init__(self, model: Any, settings: LearningSettings, pad: int, seed: int = 0) -> None:
-        self.model, self.settings, self.pad = model.eval(), settings, pad
+    def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
+        self.model, self.settings = model.eval(), settings
         self.start = fingerprint(model)
         self.reference = copy.deepcopy(model).requires_grad_(False)
         model.requires_grad_(True)
@@ -67,7 +67,7 @@ class Trainer:
 
     def score(self, group: Group) -> Scored:
         """Log-probabilities of a group's answers under the model as it is."""
-        return score(self.model, group.prompt, [one.tokens for one in group.answers], group.masks, self.pad)
+        return score(self.model, group.prompt, [one.tokens for one in group.answers], group.masks)
 
     def drift(self, group: Group) -> float:
         """Mean |log-probability served - trained| over the tokens of a group."""
@@ -134,7 +134,7 @@ class Trainer:
         )  # fmt: skip
         with torch.no_grad():
             answers = [one.tokens for one in group.answers]
-            begun = score(self.reference, group.prompt, answers, group.masks, self.pad).logprobs
+            begun = score(self.reference, group.prompt, answers, group.masks).logprobs
         away = divergence(scored.logprobs, begun)
         loss = -found.value
         if settings.divergence:

@@ -1,23 +1,22 @@
 """The grammar of an answer: at every place the tokens that keep the edit one of this parent, ports of the right signal.
 
-    SWAP #i K:kind ...  DEL #i ...  ADD K:kind ...  AT input (- output ...) (+ output ...) ...
+    SWAP #i K:kind ...  DEL #i ...  ADD #i K:kind ...  AT input (- output ...) (+ output ...) ...
     SAME #i #j | OWN #i | TIE #i @p #j @q | FREE #i @p ...  <end>
 
 Parts come in this order, modules and inputs in theirs, so that an edit has one form. An answer may end when every input is
 driven and both rotations are there or none.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.signals import Signal
 from ibrid.structure.check import HIGHEST_ORDER
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from search.policy.diagram_words import input_words, output_words, sharing_words
-from search.policy.edit import Edit, Rewiring, after_structure, exchangeable, input_order, is_plant, owners_after
+from search.policy.diagram_words import output_words
+from search.policy.edit import Edit, exchangeable, is_plant, owners_after
 from search.policy.numbering import IN, OUT, OUTER, Numbered, Port, Slot
+from search.policy.sharing import Sharing
 from search.policy.tokens import (
     ADD,
     AT,
@@ -35,67 +34,12 @@ from search.policy.tokens import (
     kind_word,
     module_word,
 )
+from search.policy.wires import Wires
 
 #: New modules of one edit, and words of an answer, at most.
 MOST_ADDED, LONGEST = 40, 160
 _ROTATIONS = {"Rot_v", "Rot_i"}
 _OPERATIONS = (SWAP, DELETE, ADD, AT, SAME, OWN, TIE, FREE, END)
-
-
-def edit_words(edit: Edit, parent: Numbered, vocabulary: Vocabulary) -> list[str]:
-    """The answer that stands for an edit."""
-    known = {kind.name: kind for kind in vocabulary}
-    kinds = list(parent.kinds)
-    words: list[str] = []
-    for number, kind in edit.swapped:
-        kinds[number] = known[kind]
-        words += [SWAP, module_word(number), kind_word(kind)]
-    for number in edit.removed:
-        words += [DELETE, module_word(number)]
-    for kind in edit.added:
-        kinds.append(known[kind])
-        words += [ADD, kind_word(kind)]
-    for one in edit.rewired:
-        words += [AT, *input_words(one.target, kinds)]
-        for mark, sources in ((CUT, one.cut), (WIRE, one.wired)):
-            for source in sources:
-                words += [mark, *output_words(source, kinds)]
-    changed = dict(edit.owners or {})
-    swapped = {number: known[kind] for number, kind in edit.swapped}
-    owners = owners_after(parent, swapped, set(edit.removed), [known[kind] for kind in edit.added]) | changed
-    for number in sorted({slot[0] for slot in changed}):
-        own = {name: owners[number, name] for name in kinds[number].parameters if (number, name) in owners}
-        whole = sharing_words(number, own, kinds)
-        if not whole:
-            words += [OWN, module_word(number)]
-        elif whole[0] == SAME:
-            words += [SAME, module_word(number), whole[1]]
-        else:
-            for (at, name), (lender, lent) in changed.items():
-                if at == number and (lender, lent) == (at, name):
-                    words += [FREE, module_word(at), f"@{name}"]
-                elif at == number:
-                    words += [TIE, module_word(at), f"@{name}", module_word(lender), f"@{lent}"]
-    return [*words, END]
-
-
-def read_edit(words: Sequence[str], parent: Numbered, vocabulary: Vocabulary) -> Edit:
-    """The edit of an answer; LanguageError at the first word that the grammar does not allow there."""
-    reader = Grammar(parent, vocabulary)
-    for word in words:
-        reader.take(word)
-    if not reader.ended:
-        raise LanguageError("the answer does not come to its end")
-    return reader.edit
-
-
-@dataclass
-class _Block:
-    """An input that is being rewired."""
-
-    target: Port
-    cut: list[Port]
-    wired: list[Port]
 
 
 class Grammar:
@@ -108,15 +52,10 @@ class Grammar:
         self.swapped: dict[int, ModuleKind] = {}
         self.removed: set[int] = set()
         self.added: list[ModuleKind] = []
-        self.sources: dict[Port, list[Port]] = {port: list(found) for port, found in parent.sources.items()}
-        self.blocks: list[_Block] = []
-        self.owners: dict[Slot, Slot] = {}
-        self.owners_of: tuple[int, int, int] | None = None
+        self._settled: tuple[tuple[int, int, int], Wires, Sharing] | None = None
         self.changed: dict[Slot, Slot] = {}
         self.part = 0
         self.last = -1  # the module that this part named last
-        self.inputs: list[Port] = []  # in their order, once the structure stands
-        self.input_at = -1
         self.words: list[str] = []  # of the operation under way
         self.ended = False
         self._allowed: list[str] | None = None
@@ -129,7 +68,7 @@ class Grammar:
             tuple(sorted((number, kind.name) for number, kind in self.swapped.items())),
             tuple(sorted(self.removed)),
             tuple(kind.name for kind in self.added),
-            tuple(Rewiring(one.target, tuple(sorted(one.cut)), tuple(sorted(one.wired))) for one in self.blocks),
+            tuple(one.rewiring for one in self._wires.blocks),
             {slot: owner for slot, owner in sorted(self.changed.items()) if before.get(slot) != owner},
         )
 
@@ -171,13 +110,12 @@ class Grammar:
         if self.part <= 2 and any(True for _ in self._addable()):
             yield ADD
         if len(self._rotations()) != 1:
-            bare = self._bare()
-            if self.part <= 3 and any(True for _ in self._targets()):
+            if self.part <= 3 and any(True for _ in self._wires.targets()):
                 yield AT
-            if bare:
+            if self._wires.bare:
                 return
-            yield from self._sharing()
-            if self.swapped or self.removed or self.added or self.blocks or self.changed:
+            yield from self._shares()
+            if self.swapped or self.removed or self.added or self._wires.blocks or self.changed:
                 yield END
 
     def _next_swap(self) -> Iterator[str]:
@@ -190,56 +128,57 @@ class Grammar:
         yield from map(module_word, self._removable())
 
     def _next_add(self) -> Iterator[str]:
-        yield from (kind_word(kind.name) for kind in self._addable())
+        if len(self.words) == 1:
+            yield module_word(len(self.kinds))  # the number by which the new module will be called
+        else:
+            yield from (kind_word(kind.name) for kind in self._addable())
 
     def _next_at(self) -> Iterator[str]:
-        words = self.words
+        words, wires = self.words, self._wires
         if len(words) == 1:
-            for number, _ in self._targets():
+            for number, _ in wires.targets():
                 yield TERMINAL_CURRENT if number == OUTER else module_word(number)
         elif (target := self._target()) is None:
-            number = _number(words[1])
-            yield from (f".{port}" for at, port in self._targets() if at == number)
+            yield from (f".{port}" for number, port in wires.targets() if number == _number(words[1]))
         elif words[-1] in (CUT, WIRE):
-            yield from (output_words(one, self.kinds)[0] for one in self._candidates(words[-1], target))
+            yield from (output_words(one, self.kinds)[0] for one in wires.candidates(words[-1], target))
         elif (maker := self._half_named()) is not None:
-            mark = next(word for word in reversed(words) if word in (CUT, WIRE))
-            yield from (f".{port}" for number, port in self._candidates(mark, target) if number == maker)
+            yield from (f".{port}" for number, port in wires.candidates(self._mark, target) if number == maker)
         else:
-            block = self.blocks[-1] if self.blocks and self.blocks[-1].target == target else None
-            if not (block and block.wired) and any(True for _ in self._candidates(CUT, target)):
-                yield CUT
-            if any(True for _ in self._candidates(WIRE, target)):
-                yield WIRE
-            if block and self.sources[target]:
+            block = wires.block(target)
+            for mark in (CUT, WIRE):
+                may = mark == WIRE or not (block and block.wired)
+                if may and any(True for _ in wires.candidates(mark, target)):
+                    yield mark
+            if block and wires.sources[target]:
                 yield from self._operations()
 
     def _next_same(self) -> Iterator[str]:
         if len(self.words) == 1:
-            yield from (module_word(one) for one in self._later() if any(True for _ in self._lenders(one)))
+            yield from (module_word(one) for one in self._later() if any(True for _ in self._sharing.lenders(one)))
         else:
-            yield from map(module_word, self._lenders(_number(self.words[1])))
+            yield from map(module_word, self._sharing.lenders(_number(self.words[1])))
 
     def _next_own(self) -> Iterator[str]:
-        yield from (module_word(one) for one in self._later() if self._borrows(one))
+        yield from (module_word(one) for one in self._later() if self._sharing.borrows(one))
 
     def _next_free(self) -> Iterator[str]:
         if len(self.words) == 1:
-            yield from (module_word(one) for one in range(max(self.last, 0), len(self.kinds)) if self._borrows(one))
+            yield from (module_word(one) for one in range(self._first, len(self.kinds)) if self._sharing.borrows(one))
         else:
             number = _number(self.words[1])
-            yield from (f"@{name}" for name in self.kinds[number].parameters if self._strange((number, name)))
+            yield from (f"@{name}" for name in self.kinds[number].parameters if self._sharing.foreign((number, name)))
 
     def _next_tie(self) -> Iterator[str]:
         words, number = self.words, _number(self.words[1]) if len(self.words) > 1 else -1
         if len(words) == 1:
-            yield from (module_word(one) for one in range(max(self.last, 1), len(self.kinds)) if self._tied(one))
+            yield from (module_word(one) for one in range(self._first, len(self.kinds)) if self._sharing.tied(one))
         elif len(words) == 2:
-            yield from (f"@{name}" for name in self._tied(number))
+            yield from (f"@{name}" for name in self._sharing.tied(number))
         elif len(words) == 3:
-            yield from (module_word(one) for one in range(number) if self._lent(one, (number, words[2][1:])))
+            yield from (module_word(one) for one in range(number) if self._sharing.lent(one, (number, words[2][1:])))
         else:
-            yield from (f"@{name}" for name in self._lent(_number(words[3]), (number, words[2][1:])))
+            yield from (f"@{name}" for name in self._sharing.lent(_number(words[3]), (number, words[2][1:])))
 
     def _exchanges(self, number: int) -> list[ModuleKind]:
         own = self.parent.kinds[number]
@@ -266,19 +205,6 @@ class Grammar:
     def _rotations(self) -> set[str]:
         return _ROTATIONS & {kind.name for number, kind in enumerate(self.kinds) if number not in self.removed}
 
-    def _bare(self) -> list[Port]:
-        self._structured()
-        return [port for port in self.inputs if not self.sources[port]]
-
-    def _targets(self) -> Iterator[Port]:
-        """Inputs that may be rewired next: none may be left behind undriven."""
-        self._structured()
-        for port in self.inputs[self.input_at + 1 :]:
-            if self.sources[port] or any(True for _ in self._candidates(WIRE, port)):
-                yield port
-            if not self.sources[port]:
-                return
-
     def _target(self) -> Port | None:
         """The input that AT names, once it is named in full."""
         words = self.words
@@ -299,86 +225,46 @@ class Grammar:
             return number if len(self.kinds[number].outputs) > 1 else None
         return None
 
-    def _candidates(self, mark: str, target: Port) -> Iterator[Port]:
-        """Outputs that may be cut from an input, or wired to it: in the order of their numbers."""
-        block = self.blocks[-1] if self.blocks and self.blocks[-1].target == target else None
-        done = [] if block is None else block.cut if mark == CUT else block.wired
-        last = max(done, default=(OUTER - 1, ""))
-        if mark == CUT:
-            have = sorted(self.sources[target])
-            only = len(have) == 1 and not any(one != have[0] for one in self._carrying(target))
-            yield from (one for one in have if one > last and not only)
-            return
-        gone, have = block.cut if block else [], self.sources[target]
-        for one in self._carrying(target):
-            if one > last and one not in have and one not in gone:
-                yield one
+    @property
+    def _mark(self) -> str:
+        """Whether an output is being cut or wired."""
+        return next(word for word in reversed(self.words) if word in (CUT, WIRE))
 
-    def _carrying(self, target: Port) -> Iterator[Port]:
-        """Outputs of the signal of an input, in the order of their numbers; the terminals are never joined directly."""
-        signal = Signal.DQ_VEC if target == OUT else self.kinds[target[0]].inputs[target[1]]
-        if signal is Signal.DQ_VEC and target != OUT:
-            yield IN
-        for number, kind in enumerate(self.kinds):
-            if number not in self.removed:
-                for port in sorted(name for name, carried in kind.outputs.items() if carried is signal):
-                    yield number, port
-
-    def _sharing(self) -> Iterator[str]:
-        later = self._later()
-        if any(any(True for _ in self._lenders(one)) for one in later):
+    def _shares(self) -> Iterator[str]:
+        sharing, first = self._sharing, self._first
+        if any(any(True for _ in sharing.lenders(one)) for one in self._later()):
             yield SAME
-        if any(self._borrows(one) for one in later):
+        if any(map(sharing.borrows, self._later())):
             yield OWN
-        first = max(self.last, 0) if self.part == 4 else 0
-        if any(self._borrows(one) for one in range(first, len(self.kinds))):
+        if any(map(sharing.borrows, range(first, len(self.kinds)))):
             yield FREE
-        if any(self._tied(one) for one in range(max(first, 1), len(self.kinds))):
+        if any(map(sharing.tied, range(first, len(self.kinds)))):
             yield TIE
+
+    @property
+    def _first(self) -> int:
+        return max(self.last, 0) if self.part == 4 else 0
 
     def _later(self) -> range:
         return range(self.last + 1 if self.part == 4 else 0, len(self.kinds))
 
-    def _lenders(self, number: int) -> Iterator[int]:
-        """Earlier modules of the same kind whose values a module does not share yet."""
-        names = self._free(number)
-        if not names or names != list(self.kinds[number].parameters):
-            return
-        owners = self._owners()
-        for other in range(number):
-            alike = other not in self.removed and self.kinds[other].name == self.kinds[number].name
-            apart = alike and any(owners[number, name] != owners.get((other, name)) for name in names)
-            if apart and self._free(other) == names:
-                yield other
+    @property
+    def _wires(self) -> Wires:
+        """The wires, once it is settled which modules there are; anew while that changes."""
+        return self._settle()[1]
 
-    def _free(self, number: int) -> list[str]:
-        owners = self._owners()
-        return [name for name in self.kinds[number].parameters if (number, name) in owners]
+    @property
+    def _sharing(self) -> Sharing:
+        """Who shares values, likewise."""
+        return self._settle()[2]
 
-    def _strange(self, slot: Slot) -> bool:
-        return self._owners().get(slot, slot) != slot
-
-    def _borrows(self, number: int) -> bool:
-        return any(self._strange((number, name)) for name in self.kinds[number].parameters)
-
-    def _tied(self, number: int) -> list[str]:
-        """Parameters of a module that may take the value of an earlier module's."""
-        return [
-            name for name in self._free(number) if any(self._lent(other, (number, name)) for other in range(number))
-        ]
-
-    def _lent(self, other: int, slot: Slot) -> list[str]:
-        """Parameters of an earlier module, of the same unit, whose value this one does not take yet."""
-        owners, unit = self._owners(), self.kinds[slot[0]].parameters[slot[1]].unit
-        boxes = self.kinds[other].parameters
-        return [name for name in self._free(other) if boxes[name].unit == unit and owners[other, name] != owners[slot]]
-
-    def _owners(self) -> dict[Slot, Slot]:
+    def _settle(self) -> tuple[tuple[int, int, int], Wires, Sharing]:
         size = len(self.swapped), len(self.removed), len(self.added)
-        if self.owners_of != size:
-            self.owners_of = size
-            self.owners = owners_after(self.parent, self.swapped, self.removed, self.added)
-        return self.owners
+        if self._settled is None or self._settled[0] != size:
+            owners = owners_after(self.parent, self.swapped, self.removed, self.added)
+            wires = Wires(self.parent, self.swapped, self.removed, self.kinds)
+            self._settled = size, wires, Sharing(owners, self.kinds)
+        return self._settled
 
     # --- what a word does ---------------------------------------------------------------------------------------------
 
@@ -401,48 +287,21 @@ class Grammar:
 
     def _take_add(self) -> None:
         self._begin(2)
-        if len(self.words) == 2:
-            kind = self.vocabulary[self.words[1][2:]]
+        if len(self.words) == 3:
+            kind = self.vocabulary[self.words[2][2:]]
             self.added.append(kind)
             self.kinds.append(kind)
             self.words = []
 
-    def _structured(self) -> None:
-        """Settle what is left of the wires once modules are exchanged, gone and new; again when that changes."""
-        if self.part >= 3:
-            return
-        self.sources = after_structure(self.parent, self.swapped, self.removed)
-        for index, kind in enumerate(self.added):
-            self.sources |= {(self.old + index, port): [] for port in kind.inputs}
-        self.inputs = []
-        for number in input_order(self.parent, len(self.kinds)):
-            if number == OUTER:
-                self.inputs.append(OUT)
-            elif number not in self.removed:
-                self.inputs += [(number, port) for port in self.kinds[number].inputs]
-
     def _take_at(self) -> None:
-        self._structured()
         self._begin(3)
-        words = self.words
-        target = self._target()
+        words, target = self.words, self._target()
         if target is None or words[-1] in (AT, CUT, WIRE):
             return
         if CUT not in words and WIRE not in words:
-            self.input_at = self.inputs.index(target)
-            return
-        if self._half_named() is not None:
-            return
-        source = IN if words[-1] == TERMINAL_VOLTAGE else self._source()
-        if not self.blocks or self.blocks[-1].target != target:
-            self.blocks.append(_Block(target, [], []))
-        mark = next(word for word in reversed(words) if word in (CUT, WIRE))
-        if mark == CUT:
-            self.blocks[-1].cut.append(source)
-            self.sources[target].remove(source)
-        else:
-            self.blocks[-1].wired.append(source)
-            self.sources[target].append(source)
+            self._wires.begin(target)
+        elif self._half_named() is None:
+            self._wires.change(self._mark, target, IN if words[-1] == TERMINAL_VOLTAGE else self._source())
 
     def _source(self) -> Port:
         word = self.words[-1]
@@ -452,7 +311,7 @@ class Grammar:
         return number, next(iter(self.kinds[number].outputs))
 
     def _share(self, number: int, owners: dict[Slot, Slot]) -> None:
-        self._owners().update(owners)
+        self._sharing.owners.update(owners)
         self.changed |= owners
         self.last, self.words = number, []
 
@@ -460,14 +319,14 @@ class Grammar:
         self._begin(4)
         if len(self.words) == 3:
             number, lender = _number(self.words[1]), _number(self.words[2])
-            owners = self._owners()
+            owners = self._sharing.owners
             self._share(number, {(number, name): owners[lender, name] for name in self.kinds[number].parameters})
 
     def _take_own(self) -> None:
         self._begin(4)
         if len(self.words) == 2:
             number = _number(self.words[1])
-            self._share(number, {(number, name): (number, name) for name in self._free(number)})
+            self._share(number, {(number, name): (number, name) for name in self._sharing.free(number)})
 
     def _take_free(self) -> None:
         self._begin(4)
@@ -479,7 +338,7 @@ class Grammar:
         self._begin(4)
         if len(self.words) == 5:
             slot = _number(self.words[1]), self.words[2][1:]
-            self._share(slot[0], {slot: self._owners()[_number(self.words[3]), self.words[4][1:]]})
+            self._share(slot[0], {slot: self._sharing.owners[_number(self.words[3]), self.words[4][1:]]})
 
 
 _NAMES = {SWAP: "swap", DELETE: "delete", ADD: "add", AT: "at", SAME: "same", OWN: "own", TIE: "tie", FREE: "free"}

@@ -9,8 +9,9 @@ import numpy as np
 
 from ibrid.structure.program import parse_program
 from search.policy.edit import Edit, difference
+from search.policy.edit_words import edit_words
 from search.policy.experience.examples import SETTINGS, Example
-from search.policy.grammar import LONGEST, edit_words
+from search.policy.grammar import LONGEST, Grammar
 from search.policy.numbering import Numbered, numbered
 from search.policy.record_words import question_words
 from search.policy.tokens import PAD, TOKENS, LanguageError
@@ -25,9 +26,11 @@ _BLURRED, _LEFT_OUT = 0.08, 0.04
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """`tokens` : of an edit, the end included. `scale` : how far it reaches. `weight` : how much it counts, 0 to 1."""
+    """`tokens` : of an edit, the end included. `allowed` : what the grammar allowed at each place. `scale` : how far it
+    reaches. `weight` : how much it counts, 0 to 1."""
 
     tokens: np.ndarray
+    allowed: tuple[np.ndarray, ...]
     scale: str
     weight: float
 
@@ -55,11 +58,22 @@ def lesson_of(example: Example) -> Lesson | None:
         scale = scale_of(edit, view)
         answer = TOKENS.encode(edit_words(edit, view, setting.kinds))
         question = TOKENS.encode(question_words(view, example.residual, scale, words))
+        if not 2 <= len(answer) <= LONGEST:
+            return None
+        allowed = _allowed(answer, Grammar(view, setting.kinds))
     except LanguageError:
         return None
-    if not 2 <= len(answer) <= LONGEST:
-        return None
-    return Lesson(np.array(question, np.int64), (Answer(np.array(answer, np.int64), scale, weight_of(example)),))
+    return Lesson(
+        np.array(question, np.int64), (Answer(np.array(answer, np.int64), allowed, scale, weight_of(example)),)
+    )
+
+
+def _allowed(answer: Sequence[int], grammar: Grammar) -> tuple[np.ndarray, ...]:
+    found = []
+    for token in answer:
+        found.append(np.array(TOKENS.encode(grammar.allowed), np.int16))
+        grammar.take(TOKENS.words[token])
+    return tuple(found)
 
 
 def lessons_of(examples: Iterable[Example]) -> list[Lesson]:
@@ -101,7 +115,7 @@ class Batch:
 
     `target` : the next token where it belongs to an answer, else -1. `weight` : of it. `position` : as if each answer
     followed its question directly. `part` : 0 in a question, 1, 2, .. in its answers, which do not see each other; -1 in
-    the padding.
+    the padding. `allowed` (N, V) bool: what the grammar allowed at each of the N places with a target, row by row.
     """
 
     tokens: np.ndarray
@@ -109,6 +123,7 @@ class Batch:
     weight: np.ndarray
     position: np.ndarray
     part: np.ndarray
+    allowed: np.ndarray
 
     @property
     def sees(self) -> np.ndarray:
@@ -145,7 +160,11 @@ def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bo
             position[row, at:end] = asked + np.arange(end - at)
             target[row, at : end - 1], weight[row, at : end - 1] = answer.tokens, answer.weight
             at = end
-    return Batch(tokens, target, weight, position, part)
+    places = [one for lesson in lessons for answer in lesson.answers for one in answer.allowed]
+    allowed = np.zeros((len(places), len(TOKENS)), dtype=bool)
+    for row, one in enumerate(places):
+        allowed[row, one] = True
+    return Batch(tokens, target, weight, position, part, allowed)
 
 
 def asked_scale(scale: str, rng: np.random.Generator) -> str:

@@ -7,7 +7,6 @@ DIR/config.json, model.safetensors, vocabulary.json, MODEL_CARD.md
 """
 
 import json
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,13 +18,13 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
-from search.display import Display, choose_display, make_display
 from search.policy.backend import require
 from search.policy.card import Story, card_text
 from search.policy.experience.examples import Example
 from search.policy.experience.shards import IN_A_SHARD, Crew, Processes, make_shards, read_shards, shard_path
 from search.policy.lessons import lessons_of
 from search.policy.measuring import Measured, measured
+from search.policy.telling import Tell, telling
 from search.policy.tokens import TOKENS
 from search.policy.training import Trainer, TrainingSettings
 from search.policy.weights_folder import SIZES, new_model, save_model
@@ -35,7 +34,7 @@ SETTINGS_FILE, EXPERIENCE, HELD_OUT = "training.json", "experience", "held_out"
 #: Every so many inverters one is kept for the measurement, and of the held-out families one for so many of the others.
 ONE_IN = 20
 #: Questions of each measurement, at most.
-MOST_QUESTIONS = 400
+MOST_QUESTIONS = 150
 FAMILIES = ("oscillator", "hybrid", "dc link with voltage control")
 
 
@@ -85,35 +84,37 @@ def train_policy(
     folder = Path(folder)
     seconds = _opened(folder, order, resume)
     crew = crew or Processes(1)
-    display = make_display(
-        choose_display(sys.stderr, sys.stdout) if show == "auto" else show, sys.stderr, sys.stdout, 10.0
-    )
-    try:
-        shards = range(-(-order.inverters // IN_A_SHARD))
-        held = range(max(1, len(shards) // ONE_IN))
+    shards = range(-(-order.inverters // IN_A_SHARD))
+    held = range(max(1, len(shards) // ONE_IN))
+    with telling(show) as tell:
         with _timed(seconds, "experience", folder, order):
-            _draw(folder / EXPERIENCE, order.seed, shards, crew, None, display)
-            _draw(folder / HELD_OUT, order.seed, held, crew, FAMILIES, display)
-        display.state("reading the examples")
+            _draw(folder / EXPERIENCE, order.seed, shards, crew, None, tell)
+            _draw(folder / HELD_OUT, order.seed, held, crew, FAMILIES, tell)
+        tell("reading the examples", 0.0)
         examples = list(read_shards(folder / EXPERIENCE, shards))
-        kept = [one for one in examples if one.inverter % ONE_IN == ONE_IN - 1]
         learnt = [one for one in examples if one.inverter % ONE_IN != ONE_IN - 1]
+        kept = [one for one in examples if one.inverter % ONE_IN == ONE_IN - 1]
         lessons = lessons_of(learnt)
         trainer = Trainer(new_model(order.seed, dict(order.sizes or SIZES)), lessons, order.training, folder)
         if resume:
             trainer.resume()
         with _timed(seconds, "training", folder, order):
-            _train(trainer, display)
+            _train(trainer, tell)
         with _timed(seconds, "measurement", folder, order):
-            found = _measured(trainer.model, kept, list(read_shards(folder / HELD_OUT, held)), order.seed, display)
-        story = Story(
-            order.inverters, order.seed, sum(one.numel() for one in trainer.model.parameters()), dict(order.sizes or SIZES),
-            order.training, learnt, len(lessons), seconds, found,
-            f"ibrid policy train --inverters {order.inverters} --steps {order.training.steps} --seed {order.seed}",
-        )  # fmt: skip
-        save_model(trainer.model, folder, card_text(story, len(TOKENS)))
-    finally:
-        display.close()
+            found = _measured(trainer.model, kept, list(read_shards(folder / HELD_OUT, held)), order.seed, tell)
+    story = Story(
+        inverters=order.inverters,
+        seed=order.seed,
+        parameters=sum(one.numel() for one in trainer.model.parameters()),
+        sizes=dict(order.sizes or SIZES),
+        training=order.training,
+        examples=learnt,
+        lessons=len(lessons),
+        seconds=seconds,
+        measured=found,
+        command=f"ibrid policy train --inverters {order.inverters} --steps {order.training.steps} --seed {order.seed}",
+    )
+    save_model(trainer.model, folder, card_text(story, len(TOKENS)))
     return found
 
 
@@ -169,36 +170,34 @@ def _timed(seconds: dict[str, float], stage: str, folder: Path, order: Order) ->
         _write(folder, order, seconds)
 
 
-def _draw(folder: Path, seed: int, shards: range, crew: Crew, families: Any, display: Display) -> None:
+def _draw(folder: Path, seed: int, shards: range, crew: Crew, families: Any, tell: Tell) -> None:
     began, there = time.monotonic(), sum(shard_path(folder, one).is_file() for one in shards)
     what = "experience" if families is None else "experience of held-out families"
     made = examples = 0
-    display.state(f"{what}: {there * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters", there / len(shards))
+    tell(f"{what}: {there * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters", there / len(shards))
     for _, number in make_shards(folder, seed, shards, crew, families):
         made, examples = made + 1, examples + number
         done = there + made
         left = (time.monotonic() - began) / made * (len(shards) - done)
-        display.state(
+        tell(
             f"{what}: {done * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters, {examples} new examples, "
             f"ETA {clock_time(left)}",
             done / len(shards),
         )
 
 
-def _train(trainer: Trainer, display: Display) -> None:
+def _train(trainer: Trainer, tell: Tell) -> None:
     began, first, steps = time.monotonic(), trainer.step, trainer.settings.steps
 
     def watch(one: Trainer) -> None:
         left = (time.monotonic() - began) / (one.step - first) * (steps - one.step)
         loss = float(np.mean(one.losses[-50:]))
-        display.state(
-            f"training: step {one.step} of {steps}, loss {loss:.3f} a token, ETA {clock_time(left)}", one.step / steps
-        )
+        tell(f"training: step {one.step} of {steps}, loss {loss:.3f} a token, ETA {clock_time(left)}", one.step / steps)
 
     trainer.run(watch)
 
 
-def _measured(model: Any, kept: list[Example], held: list[Example], seed: int, display: Display) -> dict[str, Measured]:
+def _measured(model: Any, kept: list[Example], held: list[Example], seed: int, tell: Tell) -> dict[str, Measured]:
     groups = {"other inverters": kept, **{family: [one for one in held if one.family == family] for family in FAMILIES}}
     found = {}
     for name, group in groups.items():
@@ -206,7 +205,7 @@ def _measured(model: Any, kept: list[Example], held: list[Example], seed: int, d
         chosen = [group[one] for one in rng.permutation(len(group))[:MOST_QUESTIONS]]
 
         def watch(done: int, total: int, name: str = name) -> None:
-            display.state(f"measuring on {name}: {done} of {total} questions", done / total)
+            tell(f"measuring on {name}: {done} of {total} questions", done / total)
 
         found[name] = measured(model, chosen, seed=seed, watch=watch)
     return found

@@ -71,7 +71,7 @@ def measured(
 
 
 def loss_of(model: Any, lessons: Sequence[Lesson], size: int = 64) -> float:
-    """Mean of -log p of the whole answers, nats, each lesson alike; the grammar is not applied."""
+    """Mean of -log p of the whole answers, nats, each lesson alike, within the grammar."""
     torch = require("torch")
     total = 0.0
     with torch.inference_mode():

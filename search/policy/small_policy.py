@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.program import program_text
@@ -14,13 +15,14 @@ from search.blocks import write_block
 from search.edits import edit_between
 from search.policy.backend import device, require, threads
 from search.policy.edit import Edit, made
-from search.policy.grammar import LONGEST, Grammar, read_edit
+from search.policy.edit_words import read_edit
+from search.policy.grammar import LONGEST, Grammar
 from search.policy.interface import Sampled
 from search.policy.numbering import Numbered, numbered
 from search.policy.record_words import question_words, vocabulary_word
 from search.policy.residual import residual_of
 from search.policy.sampling import END_ID, PAD_ID, allowed_masks, draw_answers
-from search.policy.tokens import TOKENS, LanguageError
+from search.policy.tokens import TOKENS, LanguageError, kind_word
 from search.policy.weights_folder import load_model, require_weights, shipped_folder
 from search.proposal import Context, Proposal
 
@@ -72,7 +74,7 @@ class SmallPolicy:
         if sampled.tokens[-1:] != (self.end,):
             return Proposal("", failure=f"the answer of the policy did not end within {LONGEST} tokens")
         try:
-            edit = read_edit(TOKENS.decode(sampled.tokens), view, context.task.kinds)
+            edit = read_edit(TOKENS.decode(sampled.tokens), view, _spoken(context))
         except LanguageError as error:
             return Proposal("", failure=f"the answer of the policy is no edit of this parent: {error}")
         child = _tidied(made(view, edit, context.task.kinds), context)
@@ -89,7 +91,7 @@ class SmallPolicy:
 
     def _grammars(self, context: Context, number: int) -> list[Grammar]:
         view = _view(context)
-        return [Grammar(view, context.task.kinds) for _ in range(number)]
+        return [Grammar(view, _spoken(context)) for _ in range(number)]
 
     @cached_property
     def _model(self) -> Any:
@@ -109,6 +111,11 @@ def note_of(edit: Edit, view: Numbered) -> str:
     if edit.owners:
         parts.append("other shared parameters")
     return "; ".join(parts)
+
+
+def _spoken(context: Context) -> Vocabulary:
+    """The kinds of the task that the language has words for: those of one's own are left to other proposers."""
+    return tuple(kind for kind in context.task.kinds if kind_word(kind.name) in TOKENS.ids)
 
 
 def _view(context: Context) -> Numbered:

@@ -21,10 +21,10 @@ class TrainingSettings:
     """`steps` of `batch` lessons; `rate` : the highest learning rate, reached after `warm_up` steps; `checkpoint` : steps
     between two checkpoints."""
 
-    steps: int = 1200
-    batch: int = 48
+    steps: int = 3000
+    batch: int = 16
     rate: float = 2e-3
-    warm_up: int = 60
+    warm_up: int = 100
     decay: float = 0.05
     clip: float = 1.0
     checkpoint: int = 100
@@ -124,17 +124,20 @@ class Trainer:
 
 
 def answer_loss(model: Any, batch: Batch) -> Any:
-    """Mean of -log p over the tokens of the answers, each with its weight; a torch scalar."""
+    """Mean of -log p over the tokens of the answers, each with its weight, among what the grammar allows; a torch scalar.
+
+    What the grammar decides need not be learnt, and is asked of the model in the same way later.
+    """
     torch = require("torch")
-    tokens, target, weight, position, sees = (
+    tokens, target, weight, position, sees, allowed = (
         torch.from_numpy(one).to(model.device)
-        for one in (batch.tokens, batch.target, batch.weight, batch.position, batch.sees)
+        for one in (batch.tokens, batch.target, batch.weight, batch.position, batch.sees, batch.allowed)
     )
     hidden = model.model(
         input_ids=tokens, attention_mask=sees, position_ids=position, use_cache=False
     ).last_hidden_state
     asked = target >= 0
-    logits = model.lm_head(hidden[asked])
+    logits = model.lm_head(hidden[asked]).float().masked_fill(~allowed, -torch.inf)
     weight = weight[asked].float()
-    each = torch.nn.functional.cross_entropy(logits.float(), target[asked], reduction="none")
+    each = torch.nn.functional.cross_entropy(logits, target[asked], reduction="none")
     return (each * weight).sum() / weight.sum()

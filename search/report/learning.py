@@ -9,6 +9,8 @@ from ibrid.report.numbers import percent, seconds
 from search.learning.updates import META, Update, read_updates
 from search.report.run_data import RunData
 
+#: Remarks that are shown.
+REMARKS = 3
 _SHARES = ("valid", "unchanged", "duplicates", "siblings", "refused", "failed")
 _WORDS = (
     "An update compares the answers to the same question with one another and makes the better ones more likely. Valid: "
@@ -77,6 +79,15 @@ def _batches(updates: Sequence[Update]) -> str:
     )
     body = head(names, numeric=(0, *range(2, len(names)))) + f"<tbody>{rows}</tbody>"
     return table("Updates", "What the answers of each batch came to.", body)
+
+
+def _remarks(updates: Sequence[Update]) -> str:
+    """What was wrong, the latest first; "" where nothing was."""
+    told = [f"Update {one.number}: {one.remark}." for one in reversed(updates) if one.remark]
+    if not told:
+        return ""
+    more = [f"{len(told) - REMARKS} earlier updates have such a remark too."] if len(told) > REMARKS else []
+    return bullets([*told[:REMARKS], *more])
 
 
 def _steps(updates: Sequence[Update]) -> str:

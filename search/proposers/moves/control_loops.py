@@ -43,15 +43,20 @@ def voltage_loop(view: View) -> Iterator[Move]:
     roles = view.roles
     if roles.voltage_loop is not None or not roles.lcl or not view.known("PI_dq"):
         return
-    for what in ("with the outer loops as its reference", "beside the outer loops"):
+    ways = ["with the outer loops as its reference", "beside the outer loops"]
+    if any(view.draft.instances[name].kind == "PI" for name in roles.outer):
+        ways.append("in place of the outer loops")
+    for what in ways:
 
         def loop(draft: Draft, what: str = what) -> None:
             name = draft.add("PI_dq", "voltage")
-            if what.startswith("with"):
-                for source in draft.sources(roles.reference):
-                    if _packed(draft, source):
-                        draft.disconnect(source, roles.reference)
-                        draft.connect(source, f"{name}.in_")
+            if what == "in place of the outer loops":
+                for outer in roles.outer:
+                    draft.remove(outer)
+            for source in draft.sources(roles.reference) if what.startswith("with") else []:
+                if _packed(draft, source):
+                    draft.disconnect(source, roles.reference)
+                    draft.connect(source, f"{name}.in_")
             draft.chain(draft.negated(roles.voltage), f"{name}.in_", f"{name}.out", roles.reference)
 
         yield Move(f"a PI controller of the filter voltage, {what}", loop)

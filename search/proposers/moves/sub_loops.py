@@ -30,11 +30,23 @@ def _synchronised(view: View) -> bool:
 
 
 def _outer(view: View) -> bool:
-    return bool(view.roles.outer) or view.roles.voltage_loop is not None
+    return bool(view.roles.outer) or view.roles.voltage_loop is not None or grid_forming(view)
 
 
-def _forming_without_outer(view: View) -> bool:
+def _forming_alone(view: View) -> bool:
     return grid_forming(view) and not view.roles.outer
+
+
+def _forming_beside(view: View) -> bool:
+    return grid_forming(view) and bool(view.roles.outer)
+
+
+def _forming_or_lcl(view: View) -> bool:
+    return view.roles.lcl or grid_forming(view)
+
+
+def _following_or_lcl(view: View) -> bool:
+    return view.roles.lcl or not grid_forming(view)
 
 
 def _voltage_to_give(view: View) -> bool:
@@ -47,22 +59,25 @@ def _incomplete(view: View) -> bool:
 
 _SLOW, _OUTER, _FREQUENCY = (1.0, 1.0, 0.5, 0.1), (1.0, 1.0, 0.3, 0.1), (1.0, 1.0, 0.5, 0.3)
 
+#: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop; its droop controls p.
 SUB_LOOPS = (
-    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _lcl)),
+    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _forming_or_lcl)),
+    Family("capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(plants, _following_or_lcl), True),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(plants, _lcl)),
     Family("synchronisation", "structural", _FREQUENCY, 9.0, where_missing(synchronisation, _synchronised), True),
-    Family("other synchronisation", "structural", _SLOW, 2.0, where_present(synchronisation, _synchronised)),
-    Family("PLL and droop together", "structural", _SLOW, 1.5, blend),
+    Family("other synchronisation", "structural", _SLOW, 0.7, where_present(synchronisation, _synchronised)),
+    Family("PLL and droop together", "structural", _SLOW, 0.5, blend),
     Family("damping of the swing", "structural", _SLOW, 3.0, frequency_damping),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, no_synchronisation),
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
-    Family("voltage loop", "structural", _SLOW, 9.0, where_present(voltage_loop, _forming_without_outer), True),
-    Family("other voltage loop", "structural", _SLOW, 0.5, where_missing(voltage_loop, _forming_without_outer)),
+    Family("voltage loop", "structural", _SLOW, 9.0, where_present(voltage_loop, _forming_alone), True),
+    Family("voltage loop too", "structural", _SLOW, 6.0, where_present(voltage_loop, _forming_beside)),
+    Family("other voltage loop", "structural", _SLOW, 0.5, where_missing(voltage_loop, grid_forming)),
     Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 9.0, where_missing(power_loops, _outer), True),
     Family("missing axis", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, missing_axis),
     Family("other power loops", "structural", _OUTER, 0.3, where_present(power_loops, _outer)),
-    Family("AC voltage", "structural", (1.0, 0.7, 0.2, 0.1), 1.0, ac_voltage_loop),
-    Family("DC link", "structural", _OUTER, 1.0, dc_voltage_loop),
+    Family("AC voltage", "structural", (1.0, 0.7, 0.2, 0.1), 0.7, ac_voltage_loop),
+    Family("DC link", "structural", _OUTER, 0.7, dc_voltage_loop),
     Family("voltage droop", "structural", _OUTER, 6.0, where_present(voltage_droop, _voltage_to_give)),
     Family(
         "other voltage droop", "structural", (1.0, 0.7, 0.2, 0.1), 0.3, where_missing(voltage_droop, _voltage_to_give)
