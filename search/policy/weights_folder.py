@@ -71,5 +71,6 @@ def save_model(model: Any, folder: Path, card: str) -> None:
     half = {name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()}
     model.save_pretrained(folder, state_dict=half, safe_serialization=True)
     (folder / "generation_config.json").unlink(missing_ok=True)
+    (folder / "model.safetensors").chmod(0o644)  # written for its owner alone
     write_whole(folder / VOCABULARY_FILE, json.dumps(list(TOKENS.words), indent=0) + "\n")
     write_whole(folder / CARD, card)
