@@ -9,6 +9,7 @@ from typing import Any
 
 #: Where the public names live. No module may have one of these names: importing it would put it in the name's place.
 _HOME = {
+    "LearningSettings": "search.learning.settings",
     "Run": "search.running",
     "SearchSettings": "search.settings",
     "run": "search.running",
