@@ -54,7 +54,7 @@ def select(
     error: Callable[[int], float],
     way: str,
 ) -> dict[str, Any]:
-    """The content of selection.json; `seconds` in it are those of the refits.
+    """The content of selection.json, and beside it the `seconds` of the refits.
 
     error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
     the run; "frequencies", "op": of the front, the least error at held-out frequencies or operating points. The answer is
@@ -63,8 +63,9 @@ def select(
     front = plain_selection(steps).front[:MOST]
     numbers = sorted({one.step for one in front} | {best.number})
     by_number = {step.number: step for step in steps}
-    refits = {number: _refit(record_of(number), subject) for number in numbers}
-    found = [_candidate(by_number[number], record_of(number), subject, refits[number]) for number in numbers]
+    records = {number: record_of(number) for number in numbers}
+    refits = {number: _refit(record, subject) for number, record in records.items()}
+    found = [_candidate(by_number[number], record, subject, refits[number]) for number, record in records.items()]
     answer, why = _chosen(found, best, way)
     alike = _alike(steps, best, error, floor)
     record = record_of(answer)
