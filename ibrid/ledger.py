@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,3 +57,15 @@ class Ledger:
                 f"{self.path}, line {number}: is no result of this benchmark; delete it or try another --out"
             )
         return row
+
+
+def resumable(name: str, out: Path, work: Callable[[], int]) -> int:
+    """The exit status of `work`; 2 with one sentence for a wrong input, 1 for Ctrl-C, with how to go on from `out`."""
+    try:
+        return work()
+    except IbridError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"\nstopped; the same command with --out {out} goes on from here", file=sys.stderr)
+        return 1

@@ -19,7 +19,7 @@ from ibrid.bench_gap.tables import report, trial_line
 from ibrid.bench_gap.trials import NUMBERS, Trial, design
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
-from ibrid.ledger import Ledger
+from ibrid.ledger import Ledger, resumable
 
 CASES, QUICK = 200, 20
 
@@ -27,17 +27,14 @@ CASES, QUICK = 200, 20
 def main(arguments: Sequence[str] | None = None, *, answer: Diagnose = diagnose) -> int:
     """Run what the options ask for; 0: done, 1: Ctrl-C, 2: the options or the folder were wrong."""
     options = _parser().parse_args(arguments)
-    try:
-        trials = wanted(options.cases or (QUICK if options.quick else CASES), options.seed, options.only)
-        ledger = Ledger(options.out)
-        for done, row in enumerate(_rows(trials, ledger, options, answer), 1):
-            print(trial_line(row, done, len(trials)), flush=True)
-    except IbridError as error:
-        print(f"bench-gap: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
-        return 1
+    return resumable("bench-gap", options.out, lambda: _benchmark(options, answer))
+
+
+def _benchmark(options: argparse.Namespace, answer: Diagnose) -> int:
+    trials = wanted(options.cases or (QUICK if options.quick else CASES), options.seed, options.only)
+    ledger = Ledger(options.out)
+    for done, row in enumerate(_rows(trials, ledger, options, answer), 1):
+        print(trial_line(row, done, len(trials)), flush=True)
     print()
     for line in report([ledger.rows[trial.key] for trial in trials]):
         print(line)

@@ -3,10 +3,10 @@
 from ibrid.gap.effect import Model, model_of
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.devices import devices
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Connection, Diagram
+from ibrid.structure.diagram import Connection, Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import roles
-from ibrid.structure.wiring import Wiring, split_port, wire
+from ibrid.structure.wiring import Wiring, wire
 
 
 def models_of(diagram: Diagram, kinds: Vocabulary) -> tuple[Model, ...]:
@@ -20,7 +20,7 @@ def models_of(diagram: Diagram, kinds: Vocabulary) -> tuple[Model, ...]:
         return () if model is None else (model,)
     found = []
     for part in parts:
-        alone = _alone(diagram, part)
+        alone = _alone(part)
         seen = roles(alone, kinds)
         if seen is not None:
             beside = frozenset(one.name for one in diagram.instances) - frozenset(part.kinds)
@@ -28,13 +28,9 @@ def models_of(diagram: Diagram, kinds: Vocabulary) -> tuple[Model, ...]:
     return tuple(found)
 
 
-def _alone(diagram: Diagram, part: Wiring) -> Diagram:
+def _alone(part: Wiring) -> Diagram:
     """The modules of a device and their connections, those to the terminals included."""
-
-    def inside(connection: Connection) -> bool:
-        ends = (connection.source, connection.target)
-        return all(end in (TERMINAL_VOLTAGE, TERMINAL_CURRENT) or split_port(end)[0] in part.kinds for end in ends)
-
-    alone = Diagram(diagram.name)
-    alone.extend(part.instances, [one for one in diagram.connections if inside(one)])
+    alone = Diagram()
+    wires = [Connection(source, target) for target, sources in part.sources.items() for source in sources]
+    alone.extend(part.instances, wires)
     return alone

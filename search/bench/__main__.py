@@ -12,36 +12,24 @@ from pathlib import Path
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError
-from ibrid.ledger import Ledger
+from ibrid.ledger import Ledger, resumable
 from search.bench.scoring import Search, perform
 from search.bench.speed_table import speed_lines
 from search.bench.tables import heading, seed_line, summary
 from search.bench.trials import PROPOSERS, TABLES, Trial, trials
+from search.running import run
 
 #: Seeds and budget of --quick: an hour less, nothing to quote.
 QUICK = {"seeds": 2, "budget": 100}
 SPEED = "speed"
 
 
-def main(arguments: Sequence[str] | None = None, *, search: Search | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, search: Search = run) -> int:
     """Run what the options ask for; 0: done, 1: a search failed or Ctrl-C, 2: the options or the folder were wrong."""
     options = _parser().parse_args(arguments)
     if options.quick:
         options.seeds, options.budget = options.seeds or QUICK["seeds"], options.budget or QUICK["budget"]
-    try:
-        return _benchmark(options, search or _search())
-    except IbridError as error:
-        print(f"bench-search: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
-        return 1
-
-
-def _search() -> Search:
-    from search.running import run
-
-    return run
+    return resumable("bench-search", options.out, lambda: _benchmark(options, search))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,31 +12,19 @@ from pathlib import Path
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
-from ibrid.ledger import Ledger
+from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 from search.bench.baselines.case import INVERTERS, NOISE_DB, Case
 from search.bench.baselines.methods import METHODS, Effort, measured, row_key
 from search.bench.baselines.tables import heading, line, page
 from search.bench.scoring import Search
+from search.running import run
 
 
-def main(arguments: Sequence[str] | None = None, *, search: Search | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, search: Search = run) -> int:
     """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
     options = _parser().parse_args(arguments)
-    try:
-        return _benchmark(options, search or _search())
-    except IbridError as error:
-        print(f"baselines: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
-        return 1
-
-
-def _search() -> Search:
-    from search.running import run
-
-    return run
+    return resumable("baselines", options.out, lambda: _benchmark(options, search))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,38 +12,19 @@ from pathlib import Path
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
-from ibrid.ledger import Ledger
+from ibrid.gap.workflow import find_gap
+from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 from search.bench.reference.rows import INVERTERS, TASKS, Effort, FindGap, Task, measured, tasks
 from search.bench.reference.tables import heading, line, page
 from search.bench.scoring import Search
+from search.running import run
 
 
-def main(
-    arguments: Sequence[str] | None = None, *, search: Search | None = None, find_gap: FindGap | None = None
-) -> int:
+def main(arguments: Sequence[str] | None = None, *, search: Search = run, find_gap: FindGap = find_gap) -> int:
     """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
     options = _parser().parse_args(arguments)
-    try:
-        return _benchmark(options, search or _search(), find_gap or _find_gap())
-    except IbridError as error:
-        print(f"bench-inverters: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"\nstopped; the same command with --out {options.out} goes on from here", file=sys.stderr)
-        return 1
-
-
-def _search() -> Search:
-    from search.running import run
-
-    return run
-
-
-def _find_gap() -> FindGap:
-    from ibrid.gap.workflow import find_gap
-
-    return find_gap
+    return resumable("bench-inverters", options.out, lambda: _benchmark(options, search, find_gap))
 
 
 def _parser() -> argparse.ArgumentParser:
