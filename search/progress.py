@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self, TextIO
 
+from ibrid.display import WAYS, choose_display, make_display
 from ibrid.errors import IbridError
 from ibrid.report.numbers import error
-from search.display import WAYS, choose_display, make_display
 from search.milestone_table import milestone_head, milestone_row, printable
 from search.tally import Tally
 from search.trajectory import Milestone

@@ -10,8 +10,8 @@ import sys
 
 import pytest
 
+from ibrid.display import NOTEBOOK_WIDTH, WIDTH
 from ibrid.errors import IbridError
-from search.display import NOTEBOOK_WIDTH, WIDTH
 from search.milestone_table import WIDEST, milestone_head, milestone_row, printable
 from search.progress import Progress, Snapshot, clock_time, progress_line
 from search.tally import Tally

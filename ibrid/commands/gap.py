@@ -1,7 +1,5 @@
 """`ibrid gap MODEL DATA --out DIR`: where they disagree, which effect is missing, and the model with it."""
 
-import sys
-import time
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +13,7 @@ if TYPE_CHECKING:
     from ibrid.gap.result import Gap
     from ibrid.gap.suggesting import Suggest
     from ibrid.measurement.sweep import Sweep
+    from ibrid.telling import Tell
 
 #: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
 PROGRAM_ENDINGS = (".py", ".txt")
@@ -50,23 +49,24 @@ def run(arguments: Namespace) -> int:
     from ibrid.gap.prior import read_values
     from ibrid.report.gap_page import gap_page
     from ibrid.report.gap_text import gap_text
+    from ibrid.telling import telling
     from ibrid.writing import write_whole
 
     folder = _folder(arguments.out)
     sweep = inputs.data(arguments.data)
     values = None if arguments.values is None else read_values(arguments.values)
-    with _Line() as line:
-        gap = _answer(arguments, sweep, values, line)
+    with telling("auto") as tell:
+        gap = _answer(arguments, sweep, values, tell)
     write_gap(gap, folder)
     write_whole(folder / "report.html", gap_page(gap))
     print(gap_text(gap, folder).rstrip("\n"))
     return 0
 
 
-def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None, line: "_Line") -> "Gap":
+def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None, tell: "Tell") -> "Gap":
     from ibrid.gap.workflow import find_gap
 
-    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "tell": line.tell}
+    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "progress": tell}
     options["suggest"] = _suggest(arguments)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
@@ -76,7 +76,7 @@ def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None,
 
     simulated = inputs.data(arguments.model)
     where = differences(simulated, sweep)
-    line.tell(0, 1, "the program of the simulated sweep")
+    tell("the program of the simulated sweep", 0.0)
     found = identify(simulated, arguments.seed)
     gap = find_gap(found.record.diagram, sweep, found.values, **options)
     first = where[0]
@@ -112,34 +112,3 @@ def _folder(text: str) -> Path:
     except OSError as error:
         raise IbridError(f"--out {text} cannot be a folder: {error.strerror or error}") from None
     return folder
-
-
-class _Line:
-    """One line of progress on the error stream, rewritten in a terminal and repeated seldom elsewhere."""
-
-    EVERY, SELDOM, WIDTH = 0.2, 10.0, 78
-
-    def __init__(self) -> None:
-        self.began = self.shown = time.monotonic()
-        self.terminal = sys.stderr.isatty()
-
-    def __enter__(self) -> "_Line":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.terminal:
-            print("\r" + " " * self.WIDTH + "\r", end="", file=sys.stderr, flush=True)
-
-    def tell(self, done: int, of: int, words: str) -> None:
-        """Show what is going on, if it is time."""
-        now = time.monotonic()
-        if now - self.shown < (self.EVERY if self.terminal else self.SELDOM):
-            return
-        self.shown = now
-        text = f"{done}/{of} {words}, {now - self.began:.0f} s"[: self.WIDTH]
-        print(
-            f"\r{text:<{self.WIDTH}}" if self.terminal else text,
-            end="" if self.terminal else "\n",
-            file=sys.stderr,
-            flush=True,
-        )

@@ -25,12 +25,11 @@ from ibrid.measurement.linearity import Linearity, small_signal
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.telling import Count
 
 #: Verdicts that a band which no amplitude touches may still have.
 STANDING = ("named", "data-convention")
 NEXT = "sweep with smaller amplitudes, and with two more between these"
-
-Tell = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ class GapRequest:
     kinds: Vocabulary
     seed: int
     find: Callable[[Sweep], Gap]
-    tell: Tell
+    tell: Count
 
     @property
     def fitted(self) -> Sweep:

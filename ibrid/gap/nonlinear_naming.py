@@ -1,6 +1,6 @@
 """Which nonlinearity, if any, explains how a response depends on the amplitude: all places fitted, weighed, decided."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +14,10 @@ from ibrid.gap.refit import Refit, Refitter
 from ibrid.gap.trial import ALIKE, threshold
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.telling import Count, untold
 
 #: Random starts of the linear model, whose parameters the fits begin with.
 DRAWS = 32
-
-Tell = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ def name_nonlinearity(
     data: AmplitudeData,
     prior: Prior,
     rng: np.random.Generator,
-    tell: Tell = lambda done, of, words: None,
+    tell: Count = untold,
 ) -> Naming | None:
     """Fit every nonlinearity at every place of a model; None where the linear model has no response.
 

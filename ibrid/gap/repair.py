@@ -1,6 +1,5 @@
 """The repair of a model, edit by edit: try everything, keep what pays most, look back, go on until nothing pays."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from ibrid.gap.convention import Convention
 from ibrid.gap.effect import Insertion
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, Workshop, significant
+from ibrid.telling import Count, untold
 
 #: Edits at most.
 MOST_EDITS = 3
@@ -29,7 +29,7 @@ class Bench:
     """What a repair has at hand. `tell` : is told what is going on, (done, of, words)."""
 
     shop: Workshop
-    tell: Callable[[int, int, str], None] = lambda done, of, words: None
+    tell: Count = untold
     steps: list[str] = field(default_factory=list)
     tests: int = 0
     scale: float = 1.0

@@ -1,7 +1,7 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +30,7 @@ from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
-
-Tell = Callable[[int, int, str], None]
+from ibrid.telling import Count, Tell, counted, telling
 
 
 def find_gap(
@@ -44,7 +43,7 @@ def find_gap(
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     seed: int = 0,
-    tell: Tell = lambda done, of, words: None,
+    progress: str | Tell = "silent",
 ) -> Gap:
     """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
 
@@ -57,7 +56,8 @@ def find_gap(
     holdout_op : operating points that are not fitted, but predicted before and after.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`. seed : of the random starts.
     suggest : who is asked for edits where something is located that the catalogue does not know.
-    tell : is told what is going on, (done, of, words).
+    progress : where a line says what is going on: "auto", "terminal", "plain", "notebook", "silent"; or who is told
+        (words, share).
 
     Returns
     -------
@@ -67,6 +67,21 @@ def find_gap(
     ------
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
+    with telling(progress) as tell:
+        return _found(diagram, sweep, values, holdout_op, vocabulary, catalogue, suggest, seed, counted(tell))
+
+
+def _found(
+    diagram: Diagram,
+    sweep: Sweep,
+    values: Nominal | None,
+    holdout_op: str | Sequence[str],
+    vocabulary: str | Sequence[ModuleKind],
+    catalogue: Sequence[Effect],
+    suggest: Sequence[Suggest],
+    seed: int,
+    tell: Count,
+) -> Gap:
     kernel.load()
     began = time.perf_counter()
     plan = make_plan(sweep, "shared", "exact", vocabulary, None, None, seed, holdout_op, None)
@@ -78,8 +93,7 @@ def find_gap(
     if amplitudes is not None:
 
         def find(small: Sweep) -> Gap:
-            return find_gap(diagram, small, values, holdout_op=held, vocabulary=vocabulary, catalogue=catalogue,
-                            suggest=suggest, seed=seed, tell=tell)  # fmt: skip
+            return _found(diagram, small, values, held, vocabulary, catalogue, suggest, seed, tell)
 
         asked = GapRequest(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
         return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
@@ -121,7 +135,7 @@ def find_gap(
 
 
 def _ports(
-    given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, steps: list[str], tell: Tell
+    given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, steps: list[str], tell: Count
 ) -> tuple[PortFit, ...]:
     grids = {point.frequency.tobytes() for point in noise.sweep.points}
     if len(grids) > 1:

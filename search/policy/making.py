@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.telling import Tell, telling
 from ibrid.writing import write_whole
 from search.policy.backend import require
 from search.policy.card import Story, card_text
@@ -24,7 +25,6 @@ from search.policy.experience.examples import Example
 from search.policy.experience.shards import IN_A_SHARD, Crew, Processes, make_shards, read_shards, shard_path
 from search.policy.lessons import lessons_of
 from search.policy.measuring import Measured, measured
-from search.policy.telling import Tell, telling
 from search.policy.tokens import TOKENS
 from search.policy.training import Trainer, TrainingSettings
 from search.policy.weights_folder import SIZES, new_model, save_model

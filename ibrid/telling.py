@@ -1,0 +1,56 @@
+"""How far some work is, in a line that is told now and then where the user looks."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from ibrid.display import WAYS, choose_display, make_display
+from ibrid.errors import IbridError
+
+#: Told what is going on, and the share that is done.
+Tell = Callable[[str, float], None]
+#: Told of work in pieces: done, of, and words.
+Count = Callable[[int, int, str], None]
+#: Seconds between plain lines.
+EVERY = 10.0
+
+
+@contextmanager
+def telling(show: str | Tell = "auto") -> Iterator[Tell]:
+    """Within, lines appear where the user looks, no more often than one can read; what is done always does.
+
+    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits; or who is told everything.
+
+    Raises IbridError for any other word.
+    """
+    if callable(show):
+        yield show
+        return
+    if show not in ("auto", *WAYS):
+        raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
+    way = choose_display(sys.stderr, sys.stdout) if show == "auto" else show
+    display = make_display(way, sys.stderr, sys.stdout, EVERY)
+    shown = -float("inf")
+
+    def tell(text: str, share: float) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if now - shown >= display.pause or share >= 1:
+            display.state(text, share)
+            shown = now
+
+    try:
+        yield tell
+    finally:
+        display.close()
+
+
+def counted(tell: Tell) -> Count:
+    """Tells pieces of work, with the seconds since now."""
+    began = time.monotonic()
+    return lambda done, of, words: tell(f"{done}/{of} {words}, {time.monotonic() - began:.0f} s", done / max(of, 1))
+
+
+def untold(done: int, of: int, words: str) -> None:
+    """For work of which nothing is to be said."""
