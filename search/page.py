@@ -17,7 +17,7 @@ from search.report.learning import learning_html
 from search.report.models import comparison_html, diagrams_html, response_html
 from search.report.run_data import RunData, Stored, read_run
 from search.report.statistics import speed, statistics_html
-from search.report.structures import structures_html
+from search.report.structures import not_explained, structures_html
 from search.run_folder import ARCHIVE, PAGE
 from search.step import EVALUATED
 from search.store import Store
@@ -59,7 +59,10 @@ def _header(run: RunData) -> str:
     answer, start = run.answer, run.start
     evaluations = run.points[-1].evaluation if run.points else 0
     budget = run.settings.get("budget")
-    facts = [("evaluations", f"{evaluations} of {budget}" if isinstance(budget, int) else str(evaluations))]
+    known = f" of {budget}" if isinstance(budget, int) else ""
+    if isinstance(budget, int) and evaluations > budget:  # a smaller one was given when the run went on
+        known = f", budget {budget}"
+    facts = [("evaluations", f"{evaluations}{known}")]
     facts.append(("proposals", str(sum(number > 0 for number in run.steps))))
     if start is not None and start.nrmse is not None:
         facts.append(("NRMSE of the start", data(start.nrmse, error(start.nrmse))))
@@ -109,7 +112,10 @@ def _verdict(run: RunData) -> str:
             else "It is not the structure that was given as the truth."
         )
     others = [step for step in run.selection.equally_good if step != answer.number]
-    if others:
+    if not run.explained:
+        near = f"; {len(others)} {'others are' if len(others) > 1 else 'other is'} about equally near" if others else ""
+        words.append(f"{not_explained(run)}{near}.")
+    elif others:
         words.append(f"{len(others)} other structure{'s fit' if len(others) > 1 else ' fits'} equally well.")
     return " ".join(words)
 

@@ -117,7 +117,8 @@ class Progress:
             done = self._last.evaluations - before
             rate = done / (now - began) if done > 0 and now > began else None
             text = progress_line(self._last, self._total, rate, self._display.width, over=over)
-            self._display.state(text, None if over or not self._total else self._last.evaluations / self._total)
+            share = None if over or not self._total else min(self._last.evaluations / self._total, 1.0)
+            self._display.state(text, share)
             self._shown, self._drawn = now, self._last
 
 
@@ -129,6 +130,8 @@ def progress_line(
     rate : evaluations per second, None while it is not known. over : nothing follows, so that no time is left to tell.
     """
     tally = snapshot.tally
+    if total is not None and snapshot.evaluations > total:
+        total = None  # a run that goes on may be given a smaller budget than it has used
     far = f"{snapshot.evaluations}/{total}" if total is not None else str(snapshot.evaluations)
     good = f"best {error(snapshot.best)}"
     if rate is not None:

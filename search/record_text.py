@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.quantities import counted
 from search.quoting import quoted
 
 
@@ -12,11 +13,11 @@ def score_text(record: Record) -> str:
     parts = [
         f"NRMSE {_number(record.nrmse)}",
         f"order {record.order}",
-        f"{record.modules} modules",
-        f"{record.free_parameters} free parameters",
+        counted(record.modules, "module"),
+        counted(record.free_parameters, "free parameter"),
     ]
     if record.residual_modules:
-        parts.append(f"{record.residual_modules} residual modules")
+        parts.append(counted(record.residual_modules, "residual module"))
     if record.holdout:
         parts.append(f"held out {_pairs(record.holdout)}")
     if not all(record.stable.values()):
@@ -30,7 +31,7 @@ def record_text(record: Record, *, short: bool = False) -> str:
 
 
 def _lines(record: Record, short: bool) -> Iterator[str]:
-    yield score_text(record) + f", {record.sums} sums"
+    yield f"{score_text(record)}, {counted(record.sums, 'sum')}"
     if record.noise_floor is not None:
         yield f"noise alone would leave an NRMSE of {_number(record.noise_floor)}"
     yield f"NRMSE by operating point: {_pairs(record.nrmse_by_op)}"

@@ -32,7 +32,7 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
     """The options; IbridError when the text is not TOML."""
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise IbridError(f"{where}: must be TOML, but {error}; restore it, or start a new run") from None
 
 

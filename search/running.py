@@ -37,7 +37,7 @@ from search.proposers.choose import choose_proposers
 from search.proposers.spending import Limits, Prices, Spender
 from search.requirements import parse_requirements
 from search.run_file import digest
-from search.run_folder import PAGE, SELECTION, TRAJECTORY, open_run, write_best
+from search.run_folder import PAGE, SELECTION, TRAJECTORY, open_run, require_run, write_best
 from search.selecting import WAYS, select, selection_json
 from search.settings import SearchSettings
 from search.store import Store
@@ -112,7 +112,8 @@ def run(
 
     Parameters
     ----------
-    sweep : measured operating points. folder : where the run lives; refused when it holds one already, unless `resume`.
+    sweep : measured operating points. folder : where the run lives; refused when it holds one already, and with
+        `resume` when it holds none.
     start : diagram or program text to begin from; the naive one when not given.
     proposer : "rules", "random", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
     models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
@@ -134,6 +135,9 @@ def run(
     report.html. Raises IbridError for wrong options, a folder that cannot be used, or a start without a fit.
     """
     began = time.monotonic()
+    folder = _folder(folder)
+    if resume:
+        require_run(folder)
     settings = replace(settings or SearchSettings(), history=history)
     plan = make_plan(sweep, parameters, equilibrium, vocabulary, None, None, seed, holdout_op, None)
     first = _program(start)
@@ -162,7 +166,6 @@ def run(
         "workers": workers, "ray": ray or "", "data": sweep.source, "data_sha256": digest(texts["data"]),
         "start_sha256": digest(first), "settings": vars(settings), **lessons,
     }  # fmt: skip
-    folder = _folder(folder)
     with open_run(folder, options, texts, resume) as store:
         if truth is not None:
             store.set_meta("truth", texts["truth"])

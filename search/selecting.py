@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan, sqrt
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.thinning import can_be_thinned, thinned
 from search.evaluation.assess import Subject
-from search.merit import EXACT, Floor
+from search.merit import Floor
 from search.report.selection import plain_selection
 from search.requirements import passivity_index
 from search.step import Step
@@ -82,8 +82,7 @@ def select(
 def _alike(steps: Sequence[Step], best: Step, error: Callable[[int], float], floor: Floor) -> list[int]:
     """Numbers of the steps whose error is as low as that of the best; with known noise, as low as noise would leave it,
     two standard deviations allowed."""
-    noise = floor.level * (1.0 + 2.0 / sqrt(2.0 * floor.numbers)) if floor.known else EXACT
-    limit = ALIKE * max(error(best.number), noise)
+    limit = ALIKE * max(error(best.number), floor.most)
     return [step.number for step in steps if eligible(step) and error(step.number) <= limit]
 
 

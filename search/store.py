@@ -130,7 +130,7 @@ class Store:
             raise IbridError(f"{self.path}: step {number} has no record, it is {self.step(number).status}")
         try:
             plain = json.loads(zlib.decompress(found[0][0]))
-        except (zlib.error, TypeError, ValueError):
+        except (zlib.error, TypeError, ValueError, RecursionError):
             raise IbridError(
                 f"{self.path}: the record of step {number} is damaged; evaluate its program again"
             ) from None
@@ -158,5 +158,5 @@ class Store:
         rows = self._database.rows(f"SELECT {COLUMNS} FROM steps {where}", *values)
         try:
             return tuple(map(step_of, rows))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, RecursionError) as error:
             raise IbridError(f"{self.path}: a step is damaged ({error}); restore a copy, or start a new run") from None

@@ -18,7 +18,7 @@ from ibrid.measurement.amplitudes import at_amplitudes, joined
 from ibrid.measurement.csv_file import read_csv, sweep_csv, write_sweep
 from ibrid.measurement.inspect import inspect
 from ibrid.measurement.inspection_table import format_inspection
-from ibrid.measurement.linearity import linearity, small_signal
+from ibrid.measurement.linearity import AmplitudeDependence, Linearity, linearity, small_signal
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
@@ -274,6 +274,16 @@ def test_what_products_of_signals_change_is_told_and_refuses_nothing(seed):
     assert kept.points[0].frequency.tolist() == FREQUENCY.tolist()
     # what they may add at the smallest amplitude counts as noise
     assert (np.asarray(kept.points[0].sigma) > np.asarray(sweep.points[0].sigma)).all()
+
+
+def test_the_sentence_says_where_as_an_engineer_writes_frequencies():
+    def told(refused: list[float]) -> str:
+        part = AmplitudeDependence(OP.name, (5.0, 5000.0), "qq", 9.0, 0.2, (0.004, 0.064), products=False)
+        return Linearity((0.004, 0.064), (part,), np.array(refused), "", 1).sentence
+
+    assert "depends on them from 5 Hz to 5 kHz;" in told([5.0, 100.0, 5000.0])
+    assert "depends on them at 19.9 Hz;" in told([19.91, 19.93])
+    assert "changes with them from 5 Hz to 5 kHz, no more" in told([])
 
 
 @pytest.mark.parametrize("noise_db", [None, 60.0, 40.0])

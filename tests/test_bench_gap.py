@@ -21,7 +21,7 @@ from ibrid.bench_gap.misses import confusions, miss
 from ibrid.bench_gap.scoring import Row, score
 from ibrid.bench_gap.share import Share, Z
 from ibrid.bench_gap.tables import WIDTH, report, trial_line
-from ibrid.bench_gap.trials import MAIN, NUMBERS, Trial, design, shares
+from ibrid.bench_gap.trials import MAIN, NUMBERS, UNSTATED, Trial, design, shares, unstated
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.convention import rotation
@@ -33,6 +33,7 @@ from search.bench.hidden import exact_model
 
 PACKAGE = Path(__file__).resolve().parents[1] / "ibrid"
 DELAY = "effect/control_delay:add:command/clear/60dB/16x2/7"
+NOTHING = "nothing/any/clear/60dB/16x2/8"
 SEEN = (Visibility(1e6, 0.0, "add"),)
 UNSEEN = (Visibility(LIMIT - 1, 0.0, "add"),)
 
@@ -101,6 +102,29 @@ def test_a_table_follows_from_its_seed_and_a_trial_from_its_key():
     trials = design(200, 3)
     assert len({one.folder for one in trials}) == 200
     assert [Trial.parse(one.key) for one in trials] == list(trials)
+
+
+def test_beside_the_table_stand_noisy_sweeps_that_do_not_state_their_noise():
+    trials = unstated(200, 3)
+    assert Counter(one.kind for one in trials) == {"nothing": 10, "effect": 10}
+    assert {one.noise_db for one in trials} == {60.0, 40.0}
+    assert not {one.seed for one in trials} & {one.seed for one in design(200, 3)}
+    assert [Trial.parse(one.key) for one in trials] == list(trials)
+    (seen, other), (known, _) = trials[0].case().sweep.points, trials[0].stated_case().sweep.points
+    assert seen.sigma is None
+    assert other.sigma is None
+    assert known.sigma is not None
+    assert np.array_equal(seen.admittance, known.admittance)
+
+
+def test_sweeps_that_do_not_state_their_noise_have_rows_of_their_own():
+    stated, other = (
+        answered(case_of(NOTHING), "no-gap"),
+        answered(case_of(NOTHING), "named", effect("power_filter:add")),
+    )
+    text = "\n".join(report([{**stated, "noise_db": 60.0}, {**other, "noise_db": 60.0, "stated": False}]))
+    lines = [line for line in text.splitlines() if line.startswith("nothing hidden: false alarm")]
+    assert [line.split()[4] for line in lines] == ["0/1", "1/1"]
 
 
 @pytest.mark.parametrize(
@@ -501,12 +525,13 @@ def test_a_stopped_benchmark_says_how_to_go_on(tmp_path, capsys):
 
 
 def test_a_part_of_the_table_is_asked_for_by_kind_effect_or_trial(tmp_path, capsys):
-    table = design(200, 5)
+    table = (*design(200, 5), *unstated(200, 5))
     assert {one.kind for one in wanted(200, 5, ["pair"])} == {"pair"}
+    assert wanted(200, 5, [UNSTATED]) == list(unstated(200, 5))
     assert wanted(200, 5, ["dc_link"]) == [
         one for one in table if one.effects and one.effects[0].startswith("dc_link:")
     ]
     assert wanted(200, 5, [table[0].key, table[0].kind])[0] == table[0]
-    assert len(wanted(20, 5, [])) == 20
+    assert len(wanted(20, 5, [])) == 22
     assert main(["--only", "pairs", "--out", str(tmp_path)]) == 2
     assert "pair" in capsys.readouterr().err

@@ -169,6 +169,7 @@ class Found:
     answer_program: str
     best: Any
     evaluations: int = 40
+    finished: bool = True
     seconds: float = 3.0
     trajectory: tuple = ((0, 0.9, 0.9), (7, 1e-9, 1e-9))
 

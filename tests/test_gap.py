@@ -27,7 +27,13 @@ HIDDEN = (
     "active_damping",
     "shunt_capacitance",
 )
-FEW = tuple(one for one in CATALOGUE if one.id in HIDDEN)
+
+
+def effects(*names: str):
+    return tuple(one for one in CATALOGUE if one.id in names)
+
+
+FEW = effects(*HIDDEN)
 
 
 def answered(case: Case, **options):
@@ -102,6 +108,40 @@ def test_with_unknown_noise_no_more_is_said_than_can_be_known():
     assert gap.verdict in ("no-gap", "parameters-only")
     assert "0.0001" in gap.sentence
     assert gap.noise_floor is None
+
+
+@pytest.mark.parametrize("seed", [11, 12])  # L filter and LCL
+def test_noise_that_nobody_states_is_not_taken_for_an_effect(seed):
+    case = draw_case("nothing", seed, noise_db=40, sigma="none")
+    gap = answered(case, catalogue=effects(*HIDDEN, "virtual_impedance"))
+    assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
+    level = float(gap.noise.split("taken as the ")[1].split()[0])
+    assert 0.8e-2 < level < 1.2e-2  # 40 dB
+    assert all(abs(one.sigmas) < 3 for one in gap.moved)
+
+
+def test_an_effect_is_named_also_where_nobody_states_the_noise():
+    case = draw_case("effect", 22, effects=["control_delay:add"], severity="gross", noise_db=40, sigma="none")
+    gap = answered(case, catalogue=FEW)
+    assert gap.verdict == "named", gap.sentence
+    assert any("control_delay" in (one.id, *one.indistinguishable_from) for one in gap.effects)
+    assert len(gap.effects) == 1
+
+
+def test_places_are_compared_at_the_frequencies_that_all_operating_points_share():
+    case = draw_case("foreign", 0, effects=["comb"], severity="gross", noise_db=60)
+    first, second = case.sweep.points
+    sweep = replace(case.sweep, points=(first, second.at(np.arange(1, len(second.frequency)))))
+    gap = find_gap(parse_program(case.program), sweep, case.values, catalogue=effects("control_delay"), suggest=())
+    assert gap.ports
+    assert all(len(one.frequency) == len(second.frequency) - 1 for one in gap.ports)
+
+
+def test_data_written_otherwise_come_with_what_to_write():
+    assert "# current: in" in Convention(sign=-1).remedy
+    assert "# q_axis: lags" in Convention(q=-1).remedy
+    assert Convention(labels=(("a", "b"),)).remedy == "Exchange p and q of a and b."
+    assert Convention().remedy == ""
 
 
 def test_a_held_out_operating_point_is_predicted_before_and_after():

@@ -19,7 +19,7 @@ from ibrid.measurement.coverage import harmonic_lines, outliers, resonances
 from ibrid.measurement.inspect import inspect
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.passivity import bands_of, passivity
-from ibrid.measurement.quantities import band, hertz, percent
+from ibrid.measurement.quantities import band, counted, hertz, percent, span
 
 DATA = Path(__file__).parents[1] / "data"
 GRID = np.geomspace(1, 10000, 241)
@@ -193,4 +193,15 @@ def test_numbers_are_short():
         "1.5-2 kHz",
         "7 Hz",
     ]
+    assert [span(5, 5000), span(50, 500), span(19.9, 19.9), span(19.94, 19.91)] == [
+        "5 Hz to 5 kHz",
+        "50 Hz to 500 Hz",
+        "19.9 Hz",
+        "19.9 Hz",
+    ]
     assert percent(0.03456) == "3.5 %"
+    assert [counted(number, "free parameter") for number in (0, 1, 2)] == [
+        "0 free parameters",
+        "1 free parameter",
+        "2 free parameters",
+    ]

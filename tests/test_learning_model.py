@@ -228,7 +228,7 @@ def test_threads_and_the_random_state_are_left_as_they_were():
 
 
 def test_adapters_are_trained_alone_and_begin_as_nothing():
-    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install peft")
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
     model = tiny_model(FIRST + 6, layers=2)
     with torch.no_grad():
         model.lm_head.weight.mul_(20)  # adapters leave it as it is, and so small it says next to nothing
@@ -246,5 +246,5 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
 
 def test_adapters_without_peft_are_one_sentence(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
-    with pytest.raises(IbridError, match="need the package peft; pip install peft"):
+    with pytest.raises(IbridError, match=r"need the package peft; pip install 'ibrid\[lora\]'"):
         Trainer(tiny_model(6), LearningSettings(lora=4))

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from html import unescape
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from browser import NARROW, asked
 from fitted import benchmark, evaluated
 from made_gap import FITTED, made
 from made_run import a_run, meta
+from matplotlib.textpath import TextPath
 from page_reader import Reader, self_contained
 
 from ibrid.analysis import stability
@@ -213,6 +215,18 @@ def test_ticks_are_plain_numbers_and_never_missing():
         assert "\\mathdefault" not in svg
 
 
+def test_words_beside_an_axis_begin_within_the_drawing(text):
+    for drawing in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
+        starts = [
+            float(found) for found in re.findall(r'<text [^>]*transform="translate\(([-\d.]+) [-\d.]+\)"', drawing)
+        ]
+        for size, end, words in re.findall(
+            r'<text style="font-size: ([\d.]+)px; text-anchor: end;[^>]* x="([-\d.]+)"[^>]*>([^<]+)</text>', drawing
+        ):
+            starts.append(float(end) - TextPath((0, 0), unescape(words), size=float(size)).get_extents().width)
+        assert min(starts, default=0.0) >= -0.5
+
+
 def test_a_model_line_reaches_the_top_of_a_sharp_resonance():
     record = evaluated("gfl_pll_filter_exact", restarts=0)
     op = "p=1,q=0.3"
@@ -246,6 +260,27 @@ ZOOMED = """
   press("0");
   return { wide, narrow, moved: before !== during, buttons, back: texts().map((one) => one.textContent).join() === wide.join() };
 """
+
+
+CUT = """
+  document.querySelectorAll("details").forEach((one) => (one.open = true));
+  const cut = [];
+  for (const drawing of document.querySelectorAll("main svg")) {
+    const room = drawing.getBoundingClientRect();
+    for (const one of drawing.querySelectorAll("text")) {
+      const box = one.getBoundingClientRect();
+      if (box.width && (box.left < room.left - 1 || box.right > room.right + 1)) cut.push(one.textContent);
+    }
+  }
+  return [document.querySelectorAll("main svg text").length, cut];
+"""
+
+
+def test_no_drawing_cuts_off_words(pages, tmp_path):
+    answers, _ = asked(list(pages.values()), CUT, tmp_path)
+    for kind, (number, cut) in zip(pages, answers, strict=True):
+        assert number > 20
+        assert cut == [], kind
 
 
 def test_no_page_is_wider_than_a_telephone_or_complains(pages, tmp_path):

@@ -1,17 +1,21 @@
 """Nominal values as a prior: on the scale of ratios for positive ones, also where the sign may change."""
 
+import re
+
 import numpy as np
 import pytest
 from fitted import benchmark
 
 from ibrid.assembly.symbolic import symbolic_model
+from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
-from ibrid.gap.prior import KNEE, Belief, Beliefs, prior_of
+from ibrid.gap.prior import KNEE, Belief, Beliefs, prior_of, read_values
 from ibrid.gap.refit import Penalised
 from ibrid.measurement.noise import add_noise
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import textbook
+from ibrid.structure.library import textbook, textbook_text
 from ibrid.structure.parameters import Parameter, parameter_table
+from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import wire
 
 
@@ -44,6 +48,62 @@ def test_zero_and_the_other_sign_are_far_off_but_finite():
 
 def test_a_nominal_value_of_zero_has_an_absolute_tolerance():
     assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx([-2.0, 0.0, 1.0])
+
+
+def believed(program: str, values) -> dict[str, Belief]:
+    wiring = wire(parse_program(program), VOCABULARY)
+    return prior_of(values, wiring, parameter_table(wiring, "exact"))
+
+
+#: Its loops of p and q share "power.kP".
+SHARED = textbook_text("gfl")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"plant.L_F": 1e9}, "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09"),
+        ({"plant.L_F": {"value": 0.9e-4}}, "0.0001 to 1 pu, found 9e-05"),
+        ({"pll.kP_pll": 1e12}, "pll.kP_pll must lie in the box"),
+    ],
+)
+def test_a_nominal_value_outside_its_box_is_refused_with_name_value_and_box(values, said):
+    with pytest.raises(IbridError, match=re.escape(said)):
+        believed(textbook_text("gfl"), values)
+
+
+def test_the_box_is_that_of_the_program_and_its_ends_belong_to_it():
+    narrowed = textbook_text("gfl").replace('"LCL", "plant"', '"LCL", "plant", L_F=(0.1, 0.2)')
+    assert narrowed != textbook_text("gfl")
+    assert believed(narrowed, {"plant.L_F": 0.2 * (1 + 1e-12)})["plant.L_F"].nominal == pytest.approx(0.2)
+    with pytest.raises(IbridError, match=r"0\.1 to 0\.2 pu, found 0\.25"):
+        believed(narrowed, {"plant.L_F": 0.25})
+
+
+def test_two_nominal_values_of_a_shared_parameter_must_agree():
+    with pytest.raises(
+        IbridError, match=r"p_loop\.kP and q_loop\.kP are one parameter of the program, power\.kP.*0\.5 and 2;"
+    ):
+        believed(SHARED, {"p_loop.kP": 0.5, "q_loop.kP": 2.0})
+    with pytest.raises(IbridError, match=r"0\.5 with a tolerance of 0\.1 and 0\.5 with a tolerance of 0\.2"):
+        believed(SHARED, {"p_loop.kP": {"value": 0.5, "tolerance": 0.1}, "power.kP": {"value": 0.5, "tolerance": 0.2}})
+
+
+def test_equal_values_of_a_shared_parameter_are_one_and_a_tolerance_counts_wherever_it_stands():
+    assert believed(SHARED, {"p_loop.kP": 0.5, "q_loop.kP": 0.5}) == believed(SHARED, {"power.kP": 0.5})
+    exact = {"value": 0.5, "tolerance": 0.1}
+    for values in ({"p_loop.kP": exact, "q_loop.kP": 0.5}, {"p_loop.kP": 0.5, "q_loop.kP": exact}):
+        assert believed(SHARED, values) == {"power.kP": Belief(0.5, 0.1)}
+
+
+@pytest.mark.parametrize("content", ["[" * 200_000, '{"a":' * 200_000, "[1, 2", "\x00", "[0.15]"])
+def test_a_file_of_nominal_values_that_holds_something_else_is_a_sentence(content, tmp_path):
+    path = tmp_path / "nominal.json"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(IbridError, match=r"the nominal values .*nominal\.json") as caught:
+        read_values(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
 
 
 def test_slopes_are_those_of_finite_differences_also_across_the_sign():

@@ -79,6 +79,12 @@ def screen(text: str) -> list[str]:
     return lines
 
 
+def test_a_budget_below_what_a_run_has_is_no_share_of_it():
+    line = progress_line(Snapshot(20, 16, 0.3), 12, None)
+    assert line.startswith("16 evaluations, step 20")
+    assert "/12" not in line
+
+
 def test_line_tells_evaluations_step_best_rate_time_and_shares():
     line = progress_line(HALFWAY, 500, 14.3333)
     for part in ("70/500 evaluations", "step 100", "best 0.0123", "14.3/s", "ETA 0:30", "valid 70%", "duplicate 12%",
@@ -188,10 +194,10 @@ def test_streams_that_are_no_terminal_get_a_line_now_and_then():
 def test_the_end_is_shown_once():
     stream = io.StringIO()
     with Progress(stream=stream, out=stream) as progress:
-        progress.start(10)
+        progress.start(100)
         progress.update(HALFWAY)
     progress.finish()
-    assert stream.getvalue().count("70/10") == 1
+    assert stream.getvalue().count("70/100") == 1
 
 
 def test_rate_is_that_of_this_sitting_and_of_late():

@@ -321,6 +321,12 @@ def test_text_is_narrow_and_holds_outcome_errors_parameters_and_sentences(record
     assert all(sentence in flat for sentence in record.identifiability)
 
 
+def test_one_of_something_is_in_the_singular(record):
+    assert f"{record.modules} modules, 1 sum, order {record.order}, 1 free parameter\n" in format_record(
+        dataclasses.replace(record, sums=1, free_parameters=1)
+    )
+
+
 def test_text_names_the_operating_point_of_every_value_that_is_not_shared(paper_record):
     text = format_record(paper_record)
     assert max(map(len, text.splitlines())) <= 110

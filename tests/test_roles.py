@@ -27,6 +27,19 @@ def changed(change, name: str = "gfl") -> Roles:
     return seen(draft.diagram())
 
 
+def test_blocks_that_feed_themselves_end_no_walk_through_the_diagram():
+    def negation_of_itself(draft: Draft) -> None:
+        (sign,) = [one for one in draft.sources("current.in_") if one.startswith("minus_i")]
+        draft.disconnect("plant.i_ti", "minus_i.in_")
+        draft.connect(sign, "minus_i.in_")
+
+    draft = Draft(ibrid.textbook("gfl"), VOCABULARY)
+    negation_of_itself(draft)
+    found = roles(draft.diagram(), VOCABULARY)
+    assert found is not None
+    assert found.current_loop is None
+
+
 @pytest.mark.parametrize("name", GRID_FOLLOWING)
 def test_a_grid_following_inverter_has_a_pll_a_current_loop_and_outer_loops(name):
     found = seen(ibrid.textbook(name))

@@ -320,7 +320,7 @@ def test_without_its_options_file_a_run_is_known_by_its_archive(tmp_path):
     assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
 
 
-@pytest.mark.parametrize("content", [b"seed = = 1", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("content", [b"seed = = 1", b"\xff\xfe\x00", b"seed = " + b"[" * 100_000])
 def test_a_damaged_options_file_is_a_sentence(tmp_path, content):
     ran(tmp_path / "run", budget=1)
     (tmp_path / "run" / "run.toml").write_bytes(content)
@@ -328,8 +328,21 @@ def test_a_damaged_options_file_is_a_sentence(tmp_path, content):
         ran(tmp_path / "run", budget=2, resume=True)
 
 
-def test_to_go_on_where_nothing_is_means_to_begin(tmp_path):
-    assert ran(tmp_path / "run", budget=1, resume=True).evaluations == 1
+@pytest.mark.parametrize("there", [False, True])
+def test_to_go_on_where_no_run_is_is_refused_and_makes_nothing(tmp_path, there):
+    if there:
+        (tmp_path / "run").mkdir()
+    with pytest.raises(IbridError, match=r"no run to go on with; .* leave --resume out"):
+        ran(tmp_path / "run", budget=1, resume=True)
+    assert [path.name for path in tmp_path.rglob("*")] == ["run"] * there
+
+
+def test_a_run_that_died_while_its_archive_was_made_can_go_on(tmp_path):
+    ran(tmp_path / "run", budget=1)
+    for name in ("archive.sqlite-wal", "archive.sqlite-shm", "best.py", "best.json"):
+        (tmp_path / "run" / name).unlink(missing_ok=True)
+    (tmp_path / "run" / "archive.sqlite").write_bytes(b"")
+    assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
 
 
 def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):

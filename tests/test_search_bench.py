@@ -31,6 +31,7 @@ class Found:
     answer_program: str
     best: Any
     evaluations: int = 40
+    finished: bool = True
     seconds: float = 3.0
     trajectory: tuple = ((0, 0.9, 0.9), (1, None, 0.9), (2, 0.04, 0.04), (3, 0.05, 0.04), (4, 1e-9, 1e-9))
 

@@ -114,6 +114,16 @@ def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, c
     assert model.exists()
 
 
+def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
+    out = tmp_path / "run"
+    shutil.copytree(folder, out)
+    assert cli.main(["search", DATA, "--out", str(out), "--budget", "2", "--workers", "1", "--resume"]) == 0
+    told = capsys.readouterr()
+    assert "3 evaluations in" in told.out
+    assert "the budget of 2 was spent already, a larger one goes on" in told.out
+    assert "3/2" not in told.out + told.err
+
+
 def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
     # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
     words = ["search", DATA, "--out", str(tmp_path / "run"), "--budget", "1", "--workers", "1"]
@@ -128,6 +138,12 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
     ("words", "told"),
     [
         ("--proposer ruels", "did you mean rules"),
+        ("--proposer oracle", "known are: rules, random, llm, policy, agent"),
+        ("--model a", "--model belongs to the proposers llm and agent, found rules alone"),
+        ("--proposer rules,random --model-cost 2", "--model-cost belongs to the proposers llm and agent"),
+        ("--model-price 1,2", "--model-price belongs to"),
+        ("--model-tokens 100 --model-seconds 5", "--model-tokens belongs to"),
+        ("--resume", "no run to go on with"),
         ("--proposer rules:heavy", "a weight is a number above zero"),
         ("--proposer llm", "--model"),
         ("--proposer llm --model-price 0.5", "must be two prices IN,OUT"),
@@ -162,6 +178,11 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
 def test_a_wrong_option_is_one_sentence_and_no_folder(tmp_path, capsys, words, told):
     assert told in complaint(capsys, DATA, "--out", str(tmp_path / "run"), "--workers", "1", *words.split())
     assert not (tmp_path / "run").exists()
+
+
+def test_an_unknown_proposer_is_told_the_known_ones_once(tmp_path, capsys):
+    for name in ("ruels", "telepathy"):
+        assert complaint(capsys, DATA, "--out", str(tmp_path / "run"), "--proposer", name).count("known are") == 1
 
 
 def test_missing_data_and_a_missing_folder_are_one_sentence(tmp_path, capsys):

@@ -14,6 +14,7 @@ from ibrid.analysis.uncertainty import Uncertainty, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import shown
 
@@ -193,6 +194,6 @@ def _unstable(op: OperatingPoint, found: Sequence[Mode]) -> str:
     worst = found[0].pole
     return (
         f"the model is unstable at {op.name} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
-        f"{abs(worst.imag) / (2 * np.pi):.3g} Hz): this admittance is a formal transfer function that no measurement on a stiff "
+        f"{hertz(abs(worst.imag) / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a stiff "
         "grid would show; ibrid stability tells which grids make it stable"
     )

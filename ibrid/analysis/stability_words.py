@@ -6,6 +6,7 @@ from ibrid.analysis.critical import CriticalRatio
 from ibrid.analysis.grid import MeasuredGrid
 from ibrid.analysis.grid_case import GridCase
 from ibrid.analysis.modes import Mode
+from ibrid.measurement.quantities import hertz, span
 
 #: Relative width up to which a 95 % interval is not worth a word.
 TIGHT = 1e-3
@@ -27,7 +28,7 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
         band = ""
         if found.interval is not None and found.interval[1] > found.interval[0] * (1 + TIGHT):
             band = f" (95 % {found.interval[0]:.4g} to {found.interval[1]:.4g})"
-        kind = "without oscillation" if found.mode.frequency == 0 else f"at {found.mode.frequency:.3g} Hz"
+        kind = "without oscillation" if found.mode.frequency == 0 else f"at {hertz(found.mode.frequency)}"
         names = " and ".join(name for name, _ in found.mode.states[:2])
         parts.append(f"unstable {found.unstable} SCR {found.scr:.4g}{band}, {kind} ({names})")
     return f"{op}: {'; '.join(parts)}"
@@ -42,7 +43,7 @@ def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> st
     )
     return (
         f"the identified model is unstable by itself at {op}, on an ideal grid: {number} {'pole' if number == 1 else 'poles'}, "
-        f"up to {worst.pole.real:+.3g} rad/s at {worst.frequency:.3g} Hz; the Nyquist count takes them in, and "
+        f"up to {worst.pole.real:+.3g} rad/s at {hertz(worst.frequency)}; the Nyquist count takes them in, and "
         f"a grid on which it is stable must hold it{doubt}"
     )
 
@@ -54,7 +55,7 @@ def case_warnings(cases: Sequence[GridCase], highest: float) -> list[str]:
     beyond = [one for one in first if not one.stable and one.frequency > highest]
     if beyond:
         found.append(
-            f"an unstable mode at {beyond[0].frequency:.3g} Hz lies above the highest measured frequency, {highest:g} Hz: "
+            f"an unstable mode at {hertz(beyond[0].frequency)} lies above the highest measured frequency, {hertz(highest)}: "
             "the model is an extrapolation there"
         )
     differing = [one for one in cases if one.modes is not None and one.stable != one.nyquist.stable]
@@ -68,7 +69,7 @@ def case_warnings(cases: Sequence[GridCase], highest: float) -> list[str]:
             found += one.grid.warnings
             low, high = one.grid.frequency[0], one.grid.frequency[-1]
             found.append(
-                f"the grid is known at {len(one.grid.frequency)} frequencies from {low:g} to {high:g} Hz: a resonance between "
+                f"the grid is known at {len(one.grid.frequency)} frequencies from {span(low, high)}: a resonance between "
                 "two of them is not seen, and beyond them the grid is taken to go on as a series R and L"
             )
         if not one.nyquist.certain:

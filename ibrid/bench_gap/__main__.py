@@ -16,7 +16,7 @@ from ibrid.bench_gap.diagnosis import Diagnose, diagnose
 from ibrid.bench_gap.examination import examine
 from ibrid.bench_gap.scoring import Row
 from ibrid.bench_gap.tables import report, trial_line
-from ibrid.bench_gap.trials import NUMBERS, Trial, design
+from ibrid.bench_gap.trials import NUMBERS, UNSTATED, Trial, design, unstated
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
 from ibrid.ledger import Ledger, resumable
@@ -46,7 +46,7 @@ def wanted(cases: int, seed: int, only: Sequence[str]) -> list[Trial]:
 
     Raises IbridError when a name is neither.
     """
-    table = list(design(cases, seed))
+    table = [*design(cases, seed), *unstated(cases, seed)]
     if not only:
         return table
     found: list[Trial] = []
@@ -54,9 +54,9 @@ def wanted(cases: int, seed: int, only: Sequence[str]) -> list[Trial]:
         if "/" in name:
             found.append(Trial.parse(name))
             continue
-        chosen = [one for one in table if one.kind == name or any(key.startswith(f"{name}:") for key in one.effects)]
+        chosen = [one for one in table if one.group == name or any(key.startswith(f"{name}:") for key in one.effects)]
         if not chosen:
-            known = {*NUMBERS, *(key.split(":")[0] for one in table for key in one.effects)}
+            known = {*NUMBERS, UNSTATED, *(key.split(":")[0] for one in table for key in one.effects)}
             raise IbridError(
                 f"there is no kind of case and no hidden effect called {name}; {near(name, sorted(known))}"
             )
@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="NAME",
-        help=f"a kind ({', '.join(NUMBERS)}), an effect, or one trial as the list of misses calls it; may be repeated",
+        help=f"a kind ({', '.join((*NUMBERS, UNSTATED))}), an effect, or a trial as the list of misses has it; repeatable",
     )
     parser.add_argument("--workers", type=count, default=2, help="cases at a time, one core each (2)")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} cases")

@@ -24,11 +24,11 @@ def examine(trial: Trial, out: Path, *, answer: Diagnose = diagnose, keep: bool 
     folder, truth = out / "cases" / trial.folder, out / "truths" / trial.folder
     for place in (folder, truth):
         shutil.rmtree(place, ignore_errors=True)  # of a trial that was stopped
-    case = trial.case()
-    write_case(case, folder, truth)
+    write_case(trial.case(), folder, truth)
     diagnosis = answer(folder)
-    seen = visibilities(case, trial.clean_case(), np.random.default_rng(trial.seed))
+    measured = trial.stated_case()
+    seen = visibilities(measured, trial.clean_case(), np.random.default_rng(trial.seed))
     if not keep:
         for place in (folder, truth):
             shutil.rmtree(place, ignore_errors=True)
-    return {"key": trial.key, **asdict(trial), "data": trial.data, **score(case, diagnosis, seen)}
+    return {"key": trial.key, **asdict(trial), "data": trial.data, **score(measured, diagnosis, seen)}

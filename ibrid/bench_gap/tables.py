@@ -24,8 +24,10 @@ def trial_line(row: Row, done: int, of: int) -> str:
 def report(rows: Sequence[Row]) -> Iterator[str]:
     """All tables."""
     yield from _intro(rows)
-    yield from _naming(rows)
-    yield from _other_kinds(rows)
+    stated = [row for row in rows if row.get("stated", True)]
+    yield from _naming(stated)
+    yield from _other_kinds(stated)
+    yield from _unstated([row for row in rows if not row.get("stated", True)])
     yield from _costs(rows)
     yield from _by_effect(rows)
     yield from _below(rows)
@@ -110,6 +112,27 @@ def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
     )
     for what, found, wanted in lines:
         yield f"{what:52} {found:>22}   {wanted}".rstrip()
+
+
+def _unstated(rows: Sequence[Row]) -> Iterator[str]:
+    if not rows:
+        return
+    yield from _title("Noise of 60 or 40 dB that the file does not state; 16 frequencies, 2 points")
+    seen = [row for row in rows if row["kind"] == "effect" and row["above"]]
+    for what, found, wanted in (
+        (
+            "nothing hidden: false alarm",
+            Share.of(row["false_alarm"] for row in rows if row["kind"] == "nothing"),
+            "<= 3%",
+        ),
+        ("one effect above the limit: named first", Share.of(row["named_first"] for row in seen), ""),
+        (
+            "one effect above the limit: no other name",
+            Share.of(not row["answer"] or row["inside_class"] for row in seen),
+            "",
+        ),
+    ):
+        yield f"{what:52} {found!s:>22}   {wanted}".rstrip()
 
 
 def _with(rows: Iterable[Row], column: str) -> list[Row]:

@@ -1,7 +1,7 @@
 """A trial of the benchmark: which device is drawn, how it is measured, and the one word from which all of it follows."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,9 @@ NUMBERS: Mapping[Kind, int] = {
 }
 _POOLS: Mapping[Kind, tuple[HiddenEffect, ...]] = {"effect": HIDDEN, "foreign": FOREIGN, "convention": CONVENTIONS}
 _SEEDS = 10_000
+#: One trial more for every so many of a table: noisy, and the file does not say how much.
+UNSTATED_EVERY = 10
+UNSTATED = "unstated"
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,18 @@ class Trial:
     frequencies: int
     points: int
     seed: int
+    stated: bool = True
 
     @property
     def data(self) -> str:
         """clean, or the noise in words."""
-        return "clean" if self.noise_db is None else f"{self.noise_db:g}dB"
+        words = "clean" if self.noise_db is None else f"{self.noise_db:g}dB"
+        return words if self.stated else f"{words}-{UNSTATED}"
+
+    @property
+    def group(self) -> str:
+        """By what it is asked for: its kind, or `UNSTATED`."""
+        return self.kind if self.stated else UNSTATED
 
     @property
     def key(self) -> str:
@@ -71,11 +81,12 @@ class Trial:
         """The trial of a key; IbridError when it is none."""
         try:
             kind, effects, severity, data, size, seed = key.split("/")
-            frequencies, points = map(int, size.split("x"))
-            noise = None if data == "clean" else float(data.removesuffix("dB"))
+            frequencies, points = size.split("x")
+            level = data.removesuffix(f"-{UNSTATED}")
+            noise = None if level == "clean" else float(level.removesuffix("dB"))
             names = () if effects == "any" else tuple(effects.split("+"))
             of_kind, as_strong = KINDS[KINDS.index(kind)], SEVERITIES[SEVERITIES.index(severity)]
-            return cls(of_kind, names, as_strong, noise, frequencies, points, int(seed))
+            return cls(of_kind, names, as_strong, noise, int(frequencies), int(points), int(seed), level == data)
         except ValueError:
             raise IbridError(
                 f"{key} is no trial; one is KIND/EFFECT/SEVERITY/NOISE/FREQUENCIESxPOINTS/SEED, such as "
@@ -85,6 +96,10 @@ class Trial:
     def case(self) -> Case:
         """The device, its sweep and the model of it; IbridError where there is none."""
         return self._drawn(self.noise_db)
+
+    def stated_case(self) -> Case:
+        """The same with a file that states its noise."""
+        return replace(self, stated=True).case()
 
     def clean_case(self) -> Case:
         """The same measured without noise."""
@@ -97,6 +112,7 @@ class Trial:
             effects=self.effects,
             severity=self.severity,
             noise_db=noise_db,
+            sigma="known" if self.stated else "none",
             frequencies=self.frequencies,
             points=self.points,
         )
@@ -115,6 +131,19 @@ def design(cases: int, seed: int) -> tuple[Trial, ...]:
         for (names, severity), setting in zip(effects, _settings(number, rng), strict=True):
             found.append(_trial(kind, names, severity, setting, _SEEDS * seed + len(found)))
     return tuple(found)
+
+
+def unstated(cases: int, seed: int) -> tuple[Trial, ...]:
+    """Trials beside a table of so many: nothing hidden, or one effect, at 60 and 40 dB in turn, and no sigma in the file."""
+    rng = np.random.default_rng([seed, 1])
+    number = cases // UNSTATED_EVERY
+    chosen: list[tuple[Kind, tuple[str, ...], Severity]] = [("nothing", (), "clear")] * (number - number // 2)
+    chosen += [("effect", names, severity) for names, severity in _effects("effect", number // 2, rng)]
+    first = _SEEDS * seed + cases
+    return tuple(
+        Trial(kind, names, severity, (60.0, 40.0)[place % 2], *MAIN[0][1:], first + place, stated=False)
+        for place, (kind, names, severity) in enumerate(chosen)
+    )
 
 
 def shares(cases: int) -> dict[Kind, int]:

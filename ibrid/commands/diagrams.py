@@ -27,6 +27,7 @@ def declare(commands: Any) -> None:
 
 def run_check(arguments: Namespace) -> int:
     """Say what is wrong, or how large a legal diagram is and what looks like a mistake in it."""
+    from ibrid.measurement.quantities import counted
     from ibrid.structure.check import warnings
     from ibrid.structure.parameters import parameter_table
     from ibrid.structure.wiring import wire
@@ -46,7 +47,7 @@ def run_check(arguments: Namespace) -> int:
         (sums, "sum"),
         (free, "free parameter"),
     )
-    modules, *others = (f"{number} {word}{'' if number == 1 else 's'}" for number, word in counts)
+    modules, *others = (counted(number, word) for number, word in counts)
     print(f"legal: {modules}, order {order}, {', '.join(others)}")
     for warning in warnings(diagram, arguments.vocabulary, equilibrium=arguments.equilibrium):
         print(f"warning: {warning}")

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
+from ibrid.commands.outputs import require_distinct
 from ibrid.commands.searching import MODEL_HELP
 from ibrid.errors import IbridError
+from ibrid.writing import require_folder, require_place, write_whole
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
@@ -27,7 +29,11 @@ def declare(commands: Any) -> None:
     )
     parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
     parser.add_argument(
-        "--out", metavar="DIR", required=True, help="folder for gap.json, model.py, model.json, report.html"
+        "--out",
+        metavar="DIR",
+        required=True,
+        help="folder for report.html, gap.json, the repaired program model.py (without the comments of the given one), what "
+        "changed in it as model.diff, and its record model.json",
     )
     parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
     parser.add_argument(
@@ -45,34 +51,43 @@ def declare(commands: Any) -> None:
 
 def run(arguments: Namespace) -> int:
     """Answer, write the files, print the answer; 0: any verdict."""
-    from ibrid.gap.files import write_gap
+    from ibrid.gap.files import PAGE, write_gap
     from ibrid.gap.prior import read_values
     from ibrid.report.gap_page import gap_page
     from ibrid.report.gap_text import gap_text
     from ibrid.telling import telling
-    from ibrid.writing import write_whole
 
-    folder = _folder(arguments.out)
+    folder = _folder(arguments)
     sweep = inputs.data(arguments.data)
     values = None if arguments.values is None else read_values(arguments.values)
+    suggest = _suggest(arguments)
     with telling("auto") as tell:
-        gap = _answer(arguments, sweep, values, tell)
-    write_gap(gap, folder)
-    write_whole(folder / "report.html", gap_page(gap))
+        gap = _answer(arguments, sweep, values, suggest, tell)
+    page = gap_page(gap)
+    folder.mkdir(parents=True, exist_ok=True)
+    given = f"the program of {arguments.model}" if _is_sweep(arguments.model) else arguments.model
+    write_gap(gap, folder, given)
+    write_whole(folder / PAGE, page)
     print(gap_text(gap, folder).rstrip("\n"))
     return 0
 
 
-def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None, tell: "Tell") -> "Gap":
+def _answer(
+    arguments: Namespace,
+    sweep: "Sweep",
+    values: dict[str, Any] | None,
+    suggest: "tuple[Suggest, ...]",
+    tell: "Tell",
+) -> "Gap":
     from ibrid.gap.workflow import find_gap
 
-    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "progress": tell}
-    options["suggest"] = _suggest(arguments)
+    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "suggest": suggest, "progress": tell}
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:
         raise IbridError("--values belongs to a program; a simulated sweep brings its own")
     from ibrid.gap.simulated import differences, identify
+    from ibrid.measurement.quantities import span
 
     simulated = inputs.data(arguments.model)
     where = differences(simulated, sweep)
@@ -80,7 +95,7 @@ def _answer(arguments: Namespace, sweep: "Sweep", values: dict[str, Any] | None,
     found = identify(simulated, arguments.seed)
     gap = find_gap(found.record.diagram, sweep, found.values, **options)
     first = where[0]
-    most = f"most of the difference lies at {first.op}, {first.band[0]:g} to {first.band[1]:g} Hz, {first.entry}"
+    most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"
     return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
 
 
@@ -88,6 +103,10 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
     from ibrid.gap.suggesting import low_order_blocks
 
     if arguments.suggest is None:
+        if arguments.models:
+            raise IbridError(
+                "--model names what --suggest llm and --suggest agent ask; add one of them, or leave --model out"
+            )
         return (low_order_blocks,)
 
     from search.proposers.choose import choose_proposers
@@ -103,12 +122,17 @@ def _is_sweep(text: str) -> bool:
     return path.is_file() and path.suffix.lower() not in PROGRAM_ENDINGS
 
 
-def _folder(text: str) -> Path:
-    folder = Path(text)
-    if not text.strip():
+def _folder(arguments: Namespace) -> Path:
+    """Where the answer goes; IbridError before any work when it cannot be written there. Nothing is made yet."""
+    from ibrid.gap.files import FILES
+
+    if not arguments.out.strip():
         raise IbridError("--out needs a folder, found an empty name; write . for the current one")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise IbridError(f"--out {text} cannot be a folder: {error.strerror or error}") from None
+    folder = Path(arguments.out)
+    require_folder(folder)
+    places = {f"the {name} of --out": folder / name for name in FILES}
+    require_distinct(places, {"MODEL": arguments.model, "DATA": arguments.data, "--values": arguments.values})
+    if folder.is_dir():
+        for place in places.values():
+            require_place(place)
     return folder

@@ -199,9 +199,13 @@ def _go_on(arguments: Namespace) -> str:
 
 def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     from ibrid.evaluation.record import Record
+    from ibrid.measurement.quantities import counted
     from search.proposers.spending import spent_words
 
-    print(f"\n{found.evaluations} evaluations in {found.seconds:.0f} s; {found.ending}.")
+    ending = found.ending
+    if found.evaluations > arguments.budget:
+        ending = f"the budget of {arguments.budget} was spent already, a larger one goes on"
+    print(f"\n{counted(found.evaluations, 'evaluation')} in {found.seconds:.0f} s; {ending}.")
     if spent := spent_words(found.spent):
         print(f"Language models took {spent}.")
     if not found.finished:

@@ -42,6 +42,23 @@ class Convention:
             found.append(f"the measuring frame is turned by {np.degrees(self.angle):.3g} degrees")
         return " and ".join(found) or "as declared"
 
+    @property
+    def remedy(self) -> str:
+        """What to write into the file of the data, as sentences."""
+        found = []
+        if self.sign < 0:
+            found.append("Write # current: in at the top of the file, or out where it says in.")
+        if self.q < 0:
+            found.append("Write # q_axis: lags at the top of the file, or leads where it says lags.")
+        found += [f"Exchange p and q of {one} and {other}." for one, other in self.labels]
+        if self.factor != 1.0:
+            found.append(f"Divide the admittances by {self.factor:.4g}, or correct the base they are referred to.")
+        if self.angle != 0.0:
+            found.append(
+                f"Nothing has to be rewritten: the repaired record keeps the {np.degrees(self.angle):.3g} degrees."
+            )
+        return " ".join(found)
+
     def undone(self, sweep: Sweep) -> Sweep:
         """The data as the model means them; labels that a sweep lacks stay."""
         by_name = {point.op.name: self._undone(point) for point in sweep.points}

@@ -1,4 +1,4 @@
-"""The files of an answer: gap.json, the repaired model as a program, and its record."""
+"""The files of an answer: gap.json, the repaired model as a program, what changed in it, and its record."""
 
 import json
 from math import isfinite
@@ -6,9 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.gap.result import SCHEMA, Gap
+from ibrid.structure.difference import unified
 from ibrid.writing import write_whole
 
 GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
+#: What a repair changed; there is none without a repair.
+DIFF = "model.diff"
+FILES = (PAGE, PROGRAM, DIFF, RECORD, GAP)
 
 
 def gap_json(gap: Gap) -> dict[str, Any]:
@@ -41,12 +45,22 @@ def gap_json(gap: Gap) -> dict[str, Any]:
     )
 
 
-def write_gap(gap: Gap, folder: str | Path) -> None:
-    """gap.json, model.py and model.json in a folder, each replaced atomically."""
+def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") -> None:
+    """gap.json, model.py, model.json and, after a repair, model.diff in a folder that is there, each replaced atomically.
+
+    given : name of the given program in the diff, which begins from its canonical text. Without a repair an older diff is
+    taken away.
+    """
     folder = Path(folder)
+    answer = json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n"
+    changed = unified(gap.given, gap.program, (given, str(folder / PROGRAM)))
     write_whole(folder / PROGRAM, gap.program)
+    if changed:
+        write_whole(folder / DIFF, changed)
+    else:
+        (folder / DIFF).unlink(missing_ok=True)
     gap.repaired.write(folder / RECORD)
-    write_whole(folder / GAP, json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n")
+    write_whole(folder / GAP, answer)
 
 
 def _amplitudes(gap: Gap) -> dict[str, Any]:

@@ -23,12 +23,24 @@ _WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """`sweep` : the data with a sigma at every point. `known` : False when it is only the least that is believed.
-    `source` : where it comes from, in words."""
+    """`sweep` : the data with a sigma at every point. `known` : False when it is believed only because nothing fits better.
+    `source` : where it comes from, in words. `level` : of a noise that is not known, the rms of its matrix over |Y|_F."""
 
     sweep: Sweep
     known: bool
     source: str
+    level: float = LEAST_UNKNOWN
+
+    def times(self, factor: float) -> "Noise":
+        """A noise that is not known at another level, `LEAST_UNKNOWN` at least."""
+        level = max(factor * self.level, LEAST_UNKNOWN)
+        points = tuple(replace(one, sigma=relative_sigma(one, level)) for one in self.sweep.points)
+        words = (
+            _WORDS["unknown"]
+            if level <= LEAST_UNKNOWN
+            else f"unknown, taken as the {level:.2g} of |Y| that is left over"
+        )
+        return replace(self, sweep=replace(self.sweep, points=points), level=level, source=words)
 
 
 def noise_of(sweep: Sweep) -> Noise:

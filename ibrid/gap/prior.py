@@ -21,6 +21,8 @@ ABSOLUTE_TOLERANCE = 0.25
 
 #: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
 KNEE = 0.05
+#: Of an end of a box, how far beyond it a value may lie that was rounded when it was written.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
     """The prior that nominal values mean for the free parameters of a diagram.
 
     values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a member that shares it.
-    Values of parameters that the program fixes are passed over. Raises IbridError for names and numbers that mean nothing.
+    Values of parameters that the program fixes are passed over. Raises IbridError for names and numbers that mean nothing,
+    values outside the box of their parameter, and members that share a parameter and are given differently.
     """
     free = {one.name: one for one in table.free}
     owner = {f"{module}.{key}": one.name for one in table.free for module, key in one.members} | {
@@ -85,6 +88,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
     }
     every = {f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters} | set(owner)
     found: dict[str, Belief] = {}
+    said: dict[str, tuple[str, float, float | None]] = {}
     for name, entry in values.items():
         if name not in every:
             raise IbridError(f"the nominal values name {name!r}, which the program lacks; {near(name, sorted(every))}")
@@ -92,12 +96,22 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             continue
         value, tolerance = _entry(name, entry)
         parameter = free[owner[name]]
+        if parameter.logarithmic and value <= 0:
+            raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
+        _require_inside(name, value, parameter)
+        if parameter.name in said:
+            other, held, spread = said[parameter.name]
+            if held != value or (None not in (spread, tolerance) and spread != tolerance):
+                raise IbridError(
+                    f"{other} and {name} are one parameter of the program, {parameter.name}, but their nominal values are "
+                    f"{_shown(held, spread)} and {_shown(value, tolerance)}; give one of them, or the same for both"
+                )
+            tolerance = spread if tolerance is None else tolerance
+        said[parameter.name] = name, value, tolerance
         if tolerance is None:
             kinds = {wiring.kinds[module].family for module, _ in parameter.members}
             tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
             tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
-        if parameter.logarithmic and value <= 0:
-            raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
         found[parameter.name] = Belief(value, tolerance)
     return found
 
@@ -109,6 +123,10 @@ def read_values(path: str | Path) -> dict[str, Any]:
         values = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
+    except RecursionError:
+        raise IbridError(
+            f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found a deep nesting'
+        ) from None
     except ValueError as error:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):
@@ -132,6 +150,21 @@ def _number(name: str, what: str, found: Any) -> float:
     if isinstance(found, bool) or not isinstance(found, int | float) or not isfinite(found):
         raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r}")
     return float(found)
+
+
+def _require_inside(name: str, value: float, parameter: Parameter) -> None:
+    """Raise IbridError for a nominal value that no fit may take."""
+    low, high = parameter.low, parameter.high
+    if not low - ROUNDING * abs(low) <= value <= high + ROUNDING * abs(high):
+        unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
+        raise IbridError(
+            f"the nominal value of {name} must lie in the box of the parameter, {low:g} to {high:g}{unit}, found {value:g}; "
+            "see that it is per unit, or in s and rad/s, or leave it out"
+        )
+
+
+def _shown(value: float, tolerance: float | None) -> str:
+    return f"{value:g}" if tolerance is None else f"{value:g} with a tolerance of {tolerance:g}"
 
 
 def _require_known(unknown: Iterable[str], name: str) -> None:

@@ -16,6 +16,10 @@ from ibrid.gap.trial import ALIKE, FAR, Model, significant
 
 #: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
 STRUCTURED = 4.0
+#: Standard deviations of chi2 by which the best of all fits may be better than a right one.
+BY_CHANCE = 2.0
+#: Factor within which a noise that is not known agrees with what the best fit leaves.
+AGREEING = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +41,36 @@ class Findings:
     after: HeldOut | None = None
 
     @property
+    def weighed_wrongly(self) -> bool:
+        """True when what is left over looks like noise, but not like the one that data and prior were weighed with."""
+        agrees = self.noise.known or 1.0 / AGREEING < self.scale < AGREEING
+        return not agrees and (white(self.given) or white(self.best))
+
+    @property
     def repaired(self) -> bool:
         """True when an edit paid."""
         return self.best is not self.given
 
 
 def scale_of(noise: Noise, models: Sequence[Model], ports: Sequence[PortFit]) -> float:
-    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit found, 1 at least."""
+    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit found, so large at least
+    that the noise is not below `LEAST_UNKNOWN`.
+
+    The best of many fits is better by chance: the first model counts that misses the least chi2 per degree of freedom by no
+    more than `BY_CHANCE` of its standard deviations, sqrt(2 / dof).
+    """
     if noise.known:
         return 1.0
-    per_dof = [one.refit.chi2 / one.refit.dof for one in models] + [one.chi2_per_dof for one in ports]
-    return float(np.sqrt(max(min(per_dof, default=1.0), 1.0)))
+    per_dof = [one.refit.chi2 / one.refit.dof for one in models]
+    least = min([*per_dof, *(one.chi2_per_dof for one in ports)], default=1.0)
+    pairs = zip(models, per_dof, strict=True)
+    as_good = (value for one, value in pairs if value <= least * (1.0 + BY_CHANCE * np.sqrt(2.0 / one.refit.dof)))
+    return max(float(np.sqrt(next(as_good, least))), LEAST_UNKNOWN / noise.level)
+
+
+def white(model: Model) -> bool:
+    """True when what a model leaves over has no more structure than noise."""
+    return bool(abs(whiteness(model.refit)) < STRUCTURED)
 
 
 def fits(model: Model, noise: Noise, scale: float) -> bool:
@@ -55,7 +78,8 @@ def fits(model: Model, noise: Noise, scale: float) -> bool:
     left over is white as well."""
     if not model.adequate(scale):
         return False
-    return noise.known or scale == 1.0 or abs(whiteness(model.refit)) < STRUCTURED
+    least = scale * noise.level <= LEAST_UNKNOWN
+    return noise.known or least or white(model)
 
 
 def verdict_of(found: Findings) -> Verdict:
@@ -94,14 +118,18 @@ def alike(found: Findings, place: int) -> tuple[str, ...]:
 def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, floor: float | None) -> str:
     """The verdict in words for an engineer; before, after, floor : NRMSE."""
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
-    limit = "" if found.noise.known else f"; the noise is not known, so down to {LEAST_UNKNOWN:g} of |Y| alone"
+    limit = "" if found.noise.known else f"; the noise is not known, so down to {_level(found):.2g} of |Y| alone"
     if verdict == "no-gap":
         return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
         names = ", ".join(moved_far(found.given))
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
-        what = "; ".join(words_of(edit) for edit in found.best.edits if isinstance(edit, Insertion))
+        what = "; ".join(
+            words_of(edit) + _or_else(alike(found, place))
+            for place, edit in enumerate(found.best.edits)
+            if isinstance(edit, Insertion)
+        )
         if after > 0.9 * before:
             implausible = "the model as given explains the data only with values far from their nominal ones"
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
@@ -111,17 +139,31 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
         also = "".join(f"; also {words_of(edit)}" for edit in found.best.edits if isinstance(edit, Insertion))
         return f"The data are written otherwise than the model means: {what}{also} (error {before:.2g} -> {after:.2g}{noise})."
     if verdict == "located-unnamed":
-        places = ", ".join(one.port.words for one in found.ports if one.adequate)
-        return f"Something is missing that the catalogue does not know; one unknown transfer would explain all: at {places}."
+        places = [one.port.words for one in found.ports if one.adequate]
+        where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"
+        return (
+            f"Something is missing that the catalogue does not know; one unknown transfer would explain all, {where}."
+        )
     nearest = ""
     if found.repaired:
         share = 1.0 - found.best.refit.chi2 / found.given.refit.chi2
         what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in found.best.edits)
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
-    return (
-        f"The model does not explain the data (error {before:.2g}{noise}), and no effect or single place does either."
-        + nearest
+    neither = (
+        "no effect or single place does either" if found.ports else "no effect does either (places were not compared)"
     )
+    return f"The model does not explain the data (error {before:.2g}{noise}), and {neither}." + nearest
+
+
+def _level(found: Findings) -> float:
+    """Of a noise that is not known: what was taken for it, relative to |Y|."""
+    return found.scale * found.noise.level
+
+
+def _or_else(names: Sequence[str]) -> str:
+    if not names:
+        return ""
+    return f" (or it is {' or '.join(one.replace('_', ' ') for one in names)}: these data cannot tell)"
 
 
 def words_of(edit: Insertion) -> str:

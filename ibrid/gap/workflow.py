@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -31,6 +32,11 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 from ibrid.telling import Count, Tell, counted, telling
+
+#: Times at most that everything is tried, each time with the noise that the time before left over.
+PASSES = 3
+#: Frequencies that all operating points must share for a port map.
+LEAST_SHARED = 6
 
 
 def find_gap(
@@ -97,21 +103,54 @@ def _found(
 
         asked = GapRequest(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
         return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
-    noise = noise_of(plan.fitted)
-    shop = Workshop(noise, plan.kinds, prior, catalogue, np.random.default_rng(seed))
-    tell(0, 1, "the given model refitted")
-    given = shop.given(diagram)
+    ask = _Question(diagram, plan.kinds, prior, tuple(catalogue), seed, tell)
+    found, shop = _findings(ask, noise_of(plan.fitted))
+    gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
+    return replace(gap, seconds=time.perf_counter() - began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is asked of one set of data."""
+
+    diagram: Diagram
+    kinds: Vocabulary
+    prior: Prior
+    catalogue: tuple[Effect, ...]
+    seed: int
+    tell: Count
+
+
+def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop]:
+    """Everything tried; again with what is left over as the noise, where that is not known and not what was assumed.
+
+    A sigma that is too small lets the data pull parameters where no prior would have them, along directions that the
+    data hardly see; whatever stops that seems to be missing.
+    """
+    found, shop = _tried(ask, noise, ())
+    for _ in range(PASSES - 1):
+        if not found.weighed_wrongly:
+            break
+        noise = found.noise.times(found.scale)
+        found, shop = _tried(ask, noise, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
+    return found, shop
+
+
+def _tried(ask: _Question, noise: Noise, steps: Sequence[str]) -> tuple[Findings, Workshop]:
+    shop = Workshop(noise, ask.kinds, ask.prior, ask.catalogue, np.random.default_rng(ask.seed))
+    ask.tell(0, 1, "the given model refitted")
+    given = shop.given(ask.diagram)
     if given is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    bench = Bench(shop, tell)
+    bench = Bench(shop, ask.tell, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
     given, trials = first_trials(bench, given)
-    ports = () if given.adequate() else _ports(given, noise, plan.kinds, prior, bench.steps, tell)
+    ports = () if given.adequate() else _ports(ask, given, noise, bench.steps)
     bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
     before, after = (held_out(shop, given), held_out(shop, best)) if best is not given else (None, None)
-    if before is not None and after is not None and not predicts(before, after, len(plan.fitted.points)):
+    if before is not None and after is not None and not predicts(before, after, len(noise.sweep.points)):
         bench.steps.append(
             "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
         )
@@ -130,16 +169,15 @@ def _found(
         before,
         after,
     )
-    gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
-    return replace(gap, seconds=time.perf_counter() - began)
+    return found, shop
 
 
-def _ports(
-    given: Model, noise: Noise, kinds: Vocabulary, prior: Prior, steps: list[str], tell: Count
-) -> tuple[PortFit, ...]:
-    grids = {point.frequency.tobytes() for point in noise.sweep.points}
-    if len(grids) > 1:
-        steps.append("no port map: the operating points were not measured at the same frequencies")
+def _ports(ask: _Question, given: Model, noise: Noise, steps: list[str]) -> tuple[PortFit, ...]:
+    """The port map at the frequencies that all operating points share; empty where there are too few."""
+    shared = reduce(np.intersect1d, [point.frequency for point in noise.sweep.points])
+    if len(shared) < LEAST_SHARED:
+        steps.append(f"no port map: the operating points share {len(shared)} frequencies, it needs {LEAST_SHARED}")
         return ()
-    tell(0, 1, "the port map")
-    return port_map(given.diagram, kinds, noise.sweep, prior, [given.refit.values, {}])
+    points = tuple(point.at(np.isin(point.frequency, shared)) for point in noise.sweep.points)
+    ask.tell(0, 1, "the port map")
+    return port_map(given.diagram, ask.kinds, replace(noise.sweep, points=points), ask.prior, [given.refit.values, {}])

@@ -14,6 +14,7 @@ from scipy.stats import norm
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.products import UNKNOWN, sigma_of, with_products
+from ibrid.measurement.quantities import hertz, span
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 
 #: Probability of one false alarm in all operating points, frequencies and entries of a measurement.
@@ -59,7 +60,7 @@ class Linearity:
         strong = len(self.refused) > 0
         edges = self.refused if strong else [edge for one in self.bands for edge in one.band]
         low, high = min(edges), max(edges)
-        where = f"between {low:.3g} and {high:.3g} Hz" if high > low else f"at {low:.3g} Hz"
+        where = f"from {span(low, high)}" if hertz(low) != hertz(high) else f"at {hertz(low)}"
         if not strong:
             return (
                 f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response changes with them {where}, no more "

@@ -1,13 +1,20 @@
 """Numbers as an engineer reads them."""
 
+from math import isfinite
+
 
 def hertz(value: float) -> str:
-    """Three significant digits, kHz from 1000 Hz on."""
-    return f"{_digits(value / 1000)} kHz" if value >= 999.5 else f"{_digits(value)} Hz"
+    """A frequency with three significant digits and its unit, kHz from 1000 Hz on."""
+    return f"{_digits(value / 1000)} kHz" if abs(value) >= 999.5 else f"{_digits(value)} Hz"
+
+
+def span(low: float, high: float) -> str:
+    """From one frequency to another in a sentence: 5 Hz to 5 kHz; one alone where both read the same."""
+    return hertz(low) if hertz(low) == hertz(high) else f"{hertz(low)} to {hertz(high)}"
 
 
 def band(low: float, high: float) -> str:
-    """A band in one unit where possible."""
+    """A band in a table, in one unit where possible."""
     if low == high:
         return hertz(low)
     if (low >= 999.5) == (high >= 999.5):
@@ -21,5 +28,10 @@ def percent(value: float) -> str:
     return f"{float(f'{100 * value:.2g}'):g} %"
 
 
+def counted(count: int, word: str) -> str:
+    """So many of something: 1 sum, 2 sums."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
 def _digits(value: float) -> str:
-    return f"{float(f'{value:.3g}'):g}"
+    return f"{float(f'{value:.3g}'):g}" if isfinite(value) else "-"

@@ -50,10 +50,12 @@ def inline_svg(
     rows: int = 1,
     heights: Sequence[float] | None = None,
     zoom: bool = False,
+    left: float = MARGINS[0],
 ) -> str:
     """SVG of what `draw` puts on stacked axes with a common x axis.
 
     size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where scripts run.
+    left : inches left of the axes, more where their labels are words.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -61,7 +63,7 @@ def inline_svg(
     settings = {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
     with rc_context(settings):
         figure = Figure(figsize=size)
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights))
+        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left))
         draw(list(axes[:, 0]))
         plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
         buffer = io.StringIO()
@@ -70,10 +72,10 @@ def inline_svg(
     return _for_page(buffer.getvalue(), name, attributes)
 
 
-def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None) -> dict[str, Any]:
-    """Margins that hold the labels of any of these figures; to measure every label would take as long as to draw it."""
+def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None, left: float) -> dict[str, Any]:
+    """Margins that hold the labels of these figures; to measure every label would take as long as to draw it."""
     width, height = size
-    left, right, bottom, top = MARGINS
+    _, right, bottom, top = MARGINS
     plot = (height - bottom - top - (rows - 1) * BETWEEN) / rows
     return {
         "left": left / width,

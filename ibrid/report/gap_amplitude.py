@@ -7,10 +7,11 @@ import numpy as np
 
 from ibrid.gap.amplitude_result import FEWEST, AmplitudeAnswer, PortGain
 from ibrid.gap.result import Gap
+from ibrid.measurement.quantities import span
 from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.gap_words import p_value
 from ibrid.report.markup import cell, data, escape, head, paragraph, row, table, value_cell
-from ibrid.report.numbers import error, hertz, number, percent
+from ibrid.report.numbers import error, number, percent
 from ibrid.report.style import INK, MUTED, series
 
 if TYPE_CHECKING:
@@ -159,4 +160,4 @@ def amplitude_lines(gap: Gap) -> Iterator[tuple[str, str]]:
 
 
 def _band(band: tuple[float, float]) -> str:
-    return hertz(band[0]) if band[0] == band[1] else f"{hertz(band[0])} to {hertz(band[1])}"
+    return span(*band)

@@ -9,7 +9,7 @@ from ibrid.report.gap_amplitude import amplitude_html
 from ibrid.report.gap_curves import PointView, point_views, repaired
 from ibrid.report.gap_errors import part_table, summary_table
 from ibrid.report.gap_measured import missing
-from ibrid.report.gap_ports import PORTS, draw_missing, draw_ports
+from ibrid.report.gap_ports import PORTS, draw_missing, draw_ports, room_for_names
 from ibrid.report.gap_program import diagrams_html, program_html
 from ibrid.report.gap_response import responses_html
 from ibrid.report.gap_suggestions import suggestions_html
@@ -21,7 +21,7 @@ from ibrid.report.gap_tables import (
     port_table,
     unseen_table,
 )
-from ibrid.report.gap_words import NEXT_STEPS, UNKNOWN, far, headline
+from ibrid.report.gap_words import UNKNOWN, far, headline, next_step
 from ibrid.report.markup import Section, bullets, data, escape, folded, numbered, page, page_header, paragraph
 from ibrid.report.numbers import error
 from ibrid.report.parameter_table import parameter_html
@@ -79,7 +79,7 @@ def _sections(gap: Gap, views: Sequence[PointView]) -> Iterator[Section]:
 
 
 def _missing(gap: Gap) -> str:
-    words = [NEXT_STEPS[gap.verdict]] if gap.verdict in NEXT_STEPS else []
+    words = [step] if (step := next_step(gap)) else []
     if repaired(gap):
         words.append(f"The repaired model is {stability(gap.repaired)}.")
     return "".join(map(paragraph, words)) + "".join(effect_html(gap, one) for one in gap.effects)
@@ -95,6 +95,7 @@ def _ports(gap: Gap) -> str:
         name="ports",
         label="chi2 per degree of freedom of every port on a logarithmic scale; the table gives the numbers.",
         size=(7.4, 0.9 + 0.36 * count),
+        left=room_for_names(gap.ports),
     )
     words = (
         "One unknown complex number per frequency, the same at all operating points, at one place of the given model, fitted "

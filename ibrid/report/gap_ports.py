@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Ports that the page's figure shows at most.
 PORTS = 20
+#: Letters in a line of a port's name, their size in points, and points between a name and the axes.
+LETTERS, LETTER_SIZE, APART = 44, 9.0, 16.0
 #: Error bars reach this many standard deviations.
 BARS = 2.0
 #: Largest over smallest magnitude from which on its axis is logarithmic.
@@ -40,13 +42,26 @@ def draw_ports(axes: Sequence["Axes"], fits: Sequence[PortFit], most: int = PORT
         words = f"{number(value, 3)}{'  adequate' if one.adequate else ''}"
         plane.annotate(words, (value, height), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
     plane.set_xscale("log")
-    plane.set_xlim(low, max(10.0, float(values.max()) * 8.0))
+    plane.set_xlim(low, max(10.0, float(values.max()) * max(8.0, (float(values.max()) / low) ** 0.2)))
     plane.axvline(limit_of(fits), color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)))
-    plane.set_yticks(heights, [textwrap.fill(one.port.words, 44) for one in shown], fontsize=9)
+    plane.set_yticks(heights, list(map(_name, shown)), fontsize=LETTER_SIZE)
     plane.set_ylim(-0.6, len(shown) - 0.4)
     plane.grid(False, axis="y")
     plane.set_xlabel("chi2 per degree of freedom")
     plain_decades(plane.xaxis)
+
+
+def room_for_names(fits: Sequence[PortFit], most: int = PORTS) -> float:
+    """Inches left of the axes that the names of the ports take."""
+    from matplotlib.textpath import TextPath
+
+    lines = [line for one in fits[:most] for line in _name(one).splitlines()]
+    widest = max((TextPath((0, 0), line, size=LETTER_SIZE).get_extents().width for line in lines), default=0.0)
+    return float(widest + APART) / 72.0
+
+
+def _name(one: PortFit) -> str:
+    return textwrap.fill(one.port.words, LETTERS)
 
 
 def limit_of(fits: Sequence[PortFit]) -> float:

@@ -2,6 +2,7 @@
 
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.measurement.quantities import span
 from ibrid.report.gap_curves import repaired
 from ibrid.report.gap_words import (
     UNKNOWN,
@@ -14,7 +15,7 @@ from ibrid.report.gap_words import (
     parameter_words,
 )
 from ibrid.report.markup import bullets, cell, data, escape, folded, head, paragraph, row, sentence, table, value_cell
-from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.numbers import number, percent
 
 #: Rows of a table at most.
 ROWS = 20
@@ -61,7 +62,7 @@ def located_table(gap: Gap) -> str:
         return paragraph("Nowhere: in no band, entry and operating point is the misfit larger than noise.")
     rows = [
         row(one.op, [
-            cell(f"{hertz(one.band[0])} to {hertz(one.band[1])}"),
+            cell(span(*one.band)),
             cell(one.entry),
             cell(percent(one.share), numeric=True),
             cell(number(one.z, 3), numeric=True),

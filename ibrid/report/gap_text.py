@@ -4,20 +4,20 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ibrid.gap.files import DIFF, FILES
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.measurement.quantities import span
 from ibrid.report.gap_amplitude import amplitude_lines
 from ibrid.report.gap_curves import repaired
 from ibrid.report.gap_errors import closed
 from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
-from ibrid.report.numbers import error, hertz, number, percent
+from ibrid.report.numbers import error, number, percent
 from ibrid.report.text import table
 
 WIDTH, INDENT = 96, 12
 #: Lines that effects take at most, and how many are listed of everything else.
 EFFECT_LINES, PARTS, PORTS, MOVED = 12, 3, 3, 3
-#: Files of an answer.
-FILES = ("report.html", "model.py", "model.json", "gap.json")
 
 
 def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
@@ -37,10 +37,12 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_moved(gap),
             *_unseen(gap),
             *_entry("noise", gap.noise),
+            *(_entry("to do", gap.convention.remedy, 3) if gap.convention.remedy else ()),
         ],
     ]
     if folder is not None:
-        parts.append(list(_entry("files", f"{Path(folder)}: {', '.join(FILES)}", 2)))
+        files = [name for name in FILES if name != DIFF or gap.program != gap.given]
+        parts.append(list(_entry("files", f"{Path(folder)}: {', '.join(files)}", 2)))
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
 
@@ -78,7 +80,7 @@ def _row(name: str, given: float | None, before: float | None, after: float | No
 
 def _located(gap: Gap) -> Iterator[str]:
     for place, one in enumerate(gap.located[:PARTS]):
-        band = f"{hertz(one.band[0])} to {hertz(one.band[1])}"
+        band = span(*one.band)
         words = f"{one.op}, {one.entry}, {band}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
         yield from _entry("" if place else "misfit", words)
 

@@ -32,6 +32,11 @@ NEXT_STEPS = {
 }
 
 
+def next_step(gap: Gap) -> str:
+    """What a reader does next; "" where the effects say it."""
+    return " ".join(filter(None, (NEXT_STEPS.get(gap.verdict, ""), gap.convention.remedy)))
+
+
 def headline(gap: Gap) -> str:
     """A few words for the top of a page."""
     if gap.verdict == "named" and gap.effects:

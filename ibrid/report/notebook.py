@@ -11,6 +11,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.result import Gap
+from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
@@ -27,7 +28,7 @@ from ibrid.report.legend import models_legend, points_legend
 from ibrid.report.markup import bullets, cell, data, escape, folded, head, page_header, paragraph, program, row, table
 from ibrid.report.measured_data import measured_data
 from ibrid.report.notebook_output import output, tag
-from ibrid.report.numbers import error, hertz, number
+from ibrid.report.numbers import error, number
 from ibrid.report.page import record_header
 from ibrid.report.parameter_table import parameter_html, twins_table
 from ibrid.report.trajectory import Trajectory, draw_trajectory

@@ -3,10 +3,11 @@
 from ibrid.analysis.modes import QUANTILE
 from ibrid.analysis.prediction import Prediction
 from ibrid.analysis.stability import Stability
+from ibrid.measurement.quantities import hertz
 from ibrid.report.bode import Curves, bode_figures
 from ibrid.report.markup import bullets, data, folded, page_header, paragraph, stable_or_not
 from ibrid.report.notebook_output import output, tag
-from ibrid.report.numbers import hertz, percent
+from ibrid.report.numbers import percent
 from ibrid.report.stability_page import modes_table, stability_facts, stability_sections
 
 #: Parts of a stability study that are shown at once; all others are to be unfolded.

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from ibrid.measurement.quantities import hertz
+
 NOTHING = "-"
 
 
@@ -33,11 +35,6 @@ def error(value: float | None) -> str:
 def percent(value: float) -> str:
     """A part as a percentage."""
     return f"{number(100 * value, 2)} %"
-
-
-def hertz(value: float) -> str:
-    """A frequency with its unit."""
-    return f"{number(value / 1000, 3)} kHz" if abs(value) >= 1000 else f"{number(value, 3)} Hz"
 
 
 def seconds(value: float) -> str:

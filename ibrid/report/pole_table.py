@@ -1,9 +1,10 @@
 """Stability and the least damped modes of every operating point as a table."""
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.quantities import hertz
 from ibrid.report.markup import cell, data, escape, head, paragraph, table
 from ibrid.report.modes import measured_up_to, modes, slowest
-from ibrid.report.numbers import hertz, number, percent
+from ibrid.report.numbers import number, percent
 
 #: Modes that are listed for each operating point.
 LISTED = 5

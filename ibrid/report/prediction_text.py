@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from ibrid.analysis.modes import QUANTILE, Mode, least_damped
 from ibrid.analysis.prediction import Prediction
-from ibrid.report.numbers import hertz, number, percent
+from ibrid.measurement.quantities import hertz
+from ibrid.report.numbers import number, percent
 from ibrid.report.text import WIDTH, table
 
 #: Modes that are listed for each operating point.

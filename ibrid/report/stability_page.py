@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import QUANTILE, Mode
 from ibrid.analysis.stability import PointStability, Stability
+from ibrid.measurement.quantities import hertz
 from ibrid.report.figure import figure_html, inline_svg
 from ibrid.report.legend import points_legend
 from ibrid.report.markup import (
@@ -21,7 +22,7 @@ from ibrid.report.markup import (
     stable_or_not,
     table,
 )
-from ibrid.report.numbers import hertz, interval, number, percent
+from ibrid.report.numbers import interval, number, percent
 from ibrid.report.prediction_text import shown_modes
 from ibrid.report.stability_figures import draw_eigenloci, draw_locus, draw_passivity, shown_cases
 from ibrid.report.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words

@@ -3,7 +3,8 @@
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import least_damped
 from ibrid.analysis.stability import GridCase, PointStability, Stability
-from ibrid.report.numbers import hertz, interval, number, percent
+from ibrid.measurement.quantities import hertz, span
+from ibrid.report.numbers import interval, number, percent
 from ibrid.report.prediction_text import mode_words, shown_modes, warning_lines, wrapped
 from ibrid.report.text import table
 
@@ -29,8 +30,8 @@ def passivity_words(one: PointStability) -> str:
     worst = int(index.argmin())
     least = f"its smallest value is {number(float(index[worst]), 3)} at {hertz(float(one.frequency[worst]))}"
     if not bands:
-        return f"passivity index of -Y: positive from {hertz(one.frequency[0])} to {hertz(one.frequency[-1])}; {least}"
-    words = ", ".join(hertz(low) if low == high else f"{hertz(low)} to {hertz(high)}" for low, high in bands)
+        return f"passivity index of -Y: positive from {span(one.frequency[0], one.frequency[-1])}; {least}"
+    words = ", ".join(span(low, high) for low, high in bands)
     return f"passivity index of -Y: negative, so that the inverter can feed an oscillation, in {words}; {least}"
 
 

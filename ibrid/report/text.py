@@ -5,9 +5,10 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.evaluation.record import Record
+from ibrid.measurement.quantities import counted, hertz
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.modes import measured_up_to, modes
-from ibrid.report.numbers import error, hertz, number, percent
+from ibrid.report.numbers import error, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
 from ibrid.report.verdict import stability, verdict
 
@@ -38,8 +39,8 @@ def _head(record: Record) -> Iterator[str]:
         yield from _wrapped(f"data       {settings['data']}", " " * 11)
     if record.modules:
         yield (
-            f"model      {record.modules} modules, {record.sums} sums, order {record.order}, "
-            f"{record.free_parameters} free parameters"
+            f"model      {counted(record.modules, 'module')}, {counted(record.sums, 'sum')}, order {record.order}, "
+            f"{counted(record.free_parameters, 'free parameter')}"
         )
     made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
             ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip

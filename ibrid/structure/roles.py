@@ -103,8 +103,9 @@ def _regulator(draft: Draft, target: str, measured: tuple[str, ...], apart_from:
 def _subtracts(draft: Draft, target: str, measured: tuple[str, ...]) -> bool:
     """True when an input gets a measurement through a Negate_dq, filters between them allowed."""
     for source in draft.sources(target):
-        negative, port = False, source
-        while port not in measured:
+        negative, port, passed = False, source, set()
+        while port not in measured and port not in passed:  # blocks may feed themselves
+            passed.add(port)
             name = split_port(port)[0]
             if not name or draft.instances[name].kind not in ("Negate_dq", "LPF1_dq", "Pade1_dq", "Delay"):
                 break

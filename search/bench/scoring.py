@@ -29,7 +29,8 @@ Row = dict[str, Any]
 
 
 class Answer(Protocol):
-    """What is read from a `search.running.Run`. `trajectory` : (evaluation, nrmse, best so far); the start is 0."""
+    """What is read from a `search.running.Run`. `trajectory` : (evaluation, nrmse, best so far); the start is 0. `finished` :
+    False when the keyboard stopped it."""
 
     @property
     def best(self) -> Record | None: ...
@@ -41,6 +42,8 @@ class Answer(Protocol):
     def trajectory(self) -> Sequence[tuple[int, float | None, float | None]]: ...
     @property
     def answer_program(self) -> str: ...
+    @property
+    def finished(self) -> bool: ...
 
 
 #: `search.run`, or what stands for it in tests: (sweep, folder, options) -> answer.
@@ -60,6 +63,8 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
         holdout_op=(),
         **trial.mode,
     )
+    if not run.finished:  # the first Ctrl-C ends a search softly, but a part of one is no result
+        raise KeyboardInterrupt
     return {"key": trial.key, **asdict(trial), "data": trial.data, "workers": workers, **score(trial, hidden, run)}
 
 

@@ -29,5 +29,5 @@ def require_peft() -> Any:
         return importlib.import_module("peft")
     except ImportError:
         raise IbridError(
-            "low-rank adapters need the package peft; pip install peft, or leave the rank at 0 to train all weights"
+            "low-rank adapters need the package peft; pip install 'ibrid[lora]', or leave the rank at 0 to train all weights"
         ) from None

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ibrid.errors import IbridError
+from search.learning.adapters import require_peft
 from search.learning.learner import Learner
 from search.learning.settings import LearningSettings
 from search.policy.interface import Policy
@@ -18,7 +19,8 @@ def learning(
     """The proposers with the one that can learn in its learning form; the others stay as they are.
 
     seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
-    language model in one folder on this machine.
+    language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
+    without peft.
     """
     found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
@@ -35,7 +37,12 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
     if isinstance(one, Learner):
         return one
     policy = _policy(one)
-    return None if policy is None else Learner(policy, settings, seed=seed, window=window)
+    if policy is None:
+        return None
+    if settings.lora:
+        require_peft()
+    policy.model()  # what cannot be loaded ends the run here, before anything is fitted
+    return Learner(policy, settings, seed=seed, window=window)
 
 
 def _policy(one: Proposer) -> Policy | None:

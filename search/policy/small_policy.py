@@ -1,7 +1,6 @@
 """The policy that ships: a causal transformer over the tokens of diagrams, residuals and edits."""
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +22,15 @@ from search.policy.record_words import question_words, vocabulary_word
 from search.policy.residual import residual_of
 from search.policy.sampling import END_ID, PAD_ID, allowed_masks, draw_answers
 from search.policy.tokens import TOKENS, LanguageError, kind_word
-from search.policy.weights_folder import load_model, require_weights, shipped_folder
+from search.policy.weights_folder import load_model, shipped_folder
 from search.proposal import Context, Proposal
 
 
 class SmallPolicy:
     """See `search.policy.interface.Policy`. folder : its weights; None: those that ship. model : in place of a folder's.
 
-    The weights are read when they are first asked for. Raises IbridError where torch or transformers is missing.
+    The weights are read here, so that a search which cannot use them ends before anything is fitted. Raises IbridError where
+    torch or transformers is missing, and for a folder without weights or with damaged ones.
     """
 
     name = "policy"
@@ -38,12 +38,9 @@ class SmallPolicy:
 
     def __init__(self, folder: str | Path | None = None, *, model: Any = None, threads: int = 1) -> None:
         require("torch")
-        require("safetensors")
         self.folder = shipped_folder() if folder is None else Path(folder)
-        if model is None:
-            require_weights(self.folder)
         self.threads = threads
-        self._given = model
+        self._model = (load_model(self.folder) if model is None else model).to(device())
 
     def model(self) -> Any:
         """The transformer, float32, on a GPU where there is one."""
@@ -92,11 +89,6 @@ class SmallPolicy:
     def _grammars(self, context: Context, number: int) -> list[Grammar]:
         view = _view(context)
         return [Grammar(view, _spoken(context)) for _ in range(number)]
-
-    @cached_property
-    def _model(self) -> Any:
-        model = load_model(self.folder) if self._given is None else self._given
-        return model.to(device())
 
 
 def note_of(edit: Edit, view: Numbered) -> str:

@@ -10,6 +10,7 @@ from ibrid.writing import write_whole
 from search.policy.backend import require
 from search.policy.tokens import END, PAD, TOKENS
 
+CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
 VOCABULARY_FILE, CARD = "vocabulary.json", "MODEL_CARD.md"
 #: Sizes of the shipped model; a larger one is a matter of data and time.
 SIZES = {"hidden_size": 128, "intermediate_size": 352, "num_hidden_layers": 5, "num_attention_heads": 4}
@@ -42,12 +43,15 @@ def new_model(seed: int, sizes: dict[str, int] | None = None) -> Any:
 
 def require_weights(folder: Path) -> None:
     """Raise IbridError unless the folder holds a policy."""
-    if not all((folder / name).is_file() for name in ("config.json", "model.safetensors", VOCABULARY_FILE)):
+    if not all((folder / name).is_file() for name in (CONFIG_FILE, WEIGHTS_FILE, VOCABULARY_FILE)):
         raise IbridError(f"{folder}: holds no policy; make one with ibrid policy train --out DIR")
 
 
 def load_model(folder: Path) -> Any:
-    """The model of a folder, float32, on the CPU; IbridError when there is none or it speaks another language."""
+    """The model of a folder, float32, on the CPU.
+
+    Raises IbridError when there is none, it speaks another language, or its weights are damaged or not all there.
+    """
     require_weights(folder)
     torch, transformers = require("torch"), require("transformers")
     damaged = require("safetensors").SafetensorError
@@ -56,11 +60,31 @@ def load_model(folder: Path) -> Any:
         words = json.loads((folder / VOCABULARY_FILE).read_text(encoding="utf-8"))
         if words != list(TOKENS.words):
             raise IbridError(f"{folder}: its weights belong to other tokens than this version's; train again")
-        return transformers.LlamaForCausalLM.from_pretrained(
+        _require_whole(folder)
+        model = transformers.LlamaForCausalLM.from_pretrained(
             folder, local_files_only=True, use_safetensors=True, dtype=torch.float32
         )
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, damaged) as error:
         raise IbridError(f"{folder}: cannot be loaded ({' '.join(str(error).split())[:200]}); train again") from None
+    for name, value in model.named_parameters():
+        if not torch.isfinite(value).all():
+            raise IbridError(f"{folder}: its weights must be finite numbers, {name} has others; train again")
+    return model
+
+
+def _require_whole(folder: Path) -> None:
+    """Raise IbridError unless every weight that the config asks for is there; transformers would draw what is missing."""
+    torch, transformers = require("torch"), require("transformers")
+    with torch.device("meta"):
+        wanted = transformers.LlamaForCausalLM(transformers.LlamaConfig.from_pretrained(folder, local_files_only=True))
+    with require("safetensors").safe_open(folder / WEIGHTS_FILE, framework="pt") as file:
+        there = {name: list(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118 (no mapping)
+    for name, value in wanted.named_parameters():
+        if there.get(name) != list(value.shape):
+            raise IbridError(
+                f"{folder}: {name} must be {list(value.shape)} numbers as {CONFIG_FILE} says, found "
+                f"{there.get(name, 'none')}; train again"
+            )
 
 
 def save_model(model: Any, folder: Path, card: str) -> None:
@@ -71,6 +95,6 @@ def save_model(model: Any, folder: Path, card: str) -> None:
     half = {name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()}
     model.save_pretrained(folder, state_dict=half, safe_serialization=True)
     (folder / "generation_config.json").unlink(missing_ok=True)
-    (folder / "model.safetensors").chmod(0o644)  # written for its owner alone
+    (folder / WEIGHTS_FILE).chmod(0o644)  # written for its owner alone
     write_whole(folder / VOCABULARY_FILE, json.dumps(list(TOKENS.words), indent=0) + "\n")
     write_whole(folder / CARD, card)

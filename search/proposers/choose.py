@@ -12,6 +12,8 @@ from search.proposers.rules import Rules
 from search.proposers.spending import Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
+#: Proposers that ask a language model.
+ASKING = ("llm", "agent")
 
 
 def choose_proposers(
@@ -23,11 +25,15 @@ def choose_proposers(
     """Proposers with their weights.
 
     chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits, prices : for "llm" and "agent".
-    Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, or a limit
-    of cost without prices.
+    Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, a limit
+    of cost without prices, and any of the three where nobody asks a model.
     """
+    limits = limits or Limits()
     if isinstance(chosen, str):
-        return _parsed(chosen, _makers(models, limits or Limits(), prices))
+        named = _parsed(chosen, _makers(models, limits, prices))
+        _require_asked({one for one, _, _ in named}, models, limits, prices)
+        return tuple((make(), weight) for _, make, weight in named)
+    _require_asked(["proposers of your own"], models, limits, prices)
     pairs = (
         [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
     )
@@ -77,17 +83,38 @@ def _require(models: Sequence[str], limits: Limits, prices: Prices, name: str) -
         )
 
 
-def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> Weighted:
-    found: list[tuple[Proposer, float]] = []
+def _require_asked(names: Iterable[str], models: Sequence[str], limits: Limits, prices: Prices) -> None:
+    """Raise IbridError for what belongs to language models where no proposer asks one."""
+    if not set(ASKING).isdisjoint(names):
+        return
+    given = {
+        "--model": bool(models),
+        "--model-tokens": limits.tokens < inf,
+        "--model-cost": limits.cost < inf,
+        "--model-seconds": limits.seconds < inf,
+        "--model-price": bool(prices),
+    }
+    if found := [option for option, there in given.items() if there]:
+        raise IbridError(
+            f"{found[0]} belongs to the proposers {' and '.join(ASKING)}, found {', '.join(sorted(names))} alone; choose one of "
+            "them, or leave it out"
+        )
+
+
+def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> list[tuple[str, Callable[[], Proposer], float]]:
+    """(name, how it is made, weight) of each word."""
+    found: list[tuple[str, Callable[[], Proposer], float]] = []
     for word in text.split(","):
         name, _, number = word.strip().partition(":")
         if name not in makers:
-            raise IbridError(f"there is no proposer {name[:40]!r}; known are {', '.join(makers)}; {near(name, makers)}")
+            known, hint = f"known are: {', '.join(makers)}", near(name, makers)
+            hint = known if hint.startswith("known") else f"{hint} {known}"
+            raise IbridError(f"there is no proposer {name[:40]!r}; {hint}")
         try:
             weight = float(number) if number else 1.0
         except ValueError:
             weight = 0.0
         if not _is_weight(weight):
             raise IbridError(f"the proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
-        found.append((makers[name](), weight))
-    return tuple(found)
+        found.append((name, makers[name], weight))
+    return found

@@ -19,11 +19,12 @@ from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
 from ibrid.structure.compare import Comparison, compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
+from search.merit import EXACT, UNKNOWN, Floor, noise_floor
 from search.report.selection import Selection, plain_selection, read_selection
 from search.report.truth import given_truth
 from search.run_folder import SELECTION
 from search.step import Step
-from search.trajectory import Milestone, Point, milestones, trajectory
+from search.trajectory import Milestone, Point, eligible, milestones, trajectory
 
 
 class Stored(Protocol):
@@ -73,6 +74,21 @@ class RunData:
     def record(self) -> Record | None:
         """The record of the answer."""
         return None if self.answer is None else self.records.get(self.answer.number)
+
+    @cached_property
+    def floor(self) -> Floor | None:
+        """What the noise of the fitted points leaves of an error; None without data."""
+        if self.sweep is None:
+            return None
+        held = [name for name in self.settings.get("holdout_op", ()) if name in self.sweep.names]
+        return noise_floor(self.sweep.without(held) if held else self.sweep)
+
+    @cached_property
+    def explained(self) -> bool:
+        """True when a stable candidate follows the data down to their noise; exactly, where that is not known."""
+        floor = self.floor or Floor(EXACT, 1, UNKNOWN)
+        able = [record for number, record in self.records.items() if eligible(self.steps[number])]
+        return any(floor.error(one) <= floor.most for one in able)
 
     @cached_property
     def comparison(self) -> Comparison | None:
@@ -155,7 +171,7 @@ def _settings(text: str) -> dict[str, Any]:
     """The run's settings as one flat table; empty where they cannot be read."""
     try:
         return _flat(tomllib.loads(text))
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         return {}
 
 

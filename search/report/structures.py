@@ -1,4 +1,4 @@
-"""Which structures explain the data: error against complexity, what fits equally well, what is residual."""
+"""Which structures explain the data, if any does: error against complexity, what fits equally well, what is residual."""
 
 import math
 from collections import Counter
@@ -31,16 +31,25 @@ def structures_html(run: RunData) -> str:
         if chosen.why
         else ["The lowest error; among ties the fewest free parameters. The run has not chosen yet."]
     )
-    if len(chosen.equally_good) > 1:
-        listed = ", ".join(map(str, chosen.equally_good[:12])) + (" and more" if len(chosen.equally_good) > 12 else "")
-        words.append(
-            f"{len(chosen.equally_good)} structures fit equally well, steps {listed}; the data cannot tell them apart."
-        )
+    alike = chosen.equally_good
+    listed = ", ".join(map(str, alike[:12])) + (" and more" if len(alike) > 12 else "")
+    if not run.explained:
+        near = f"; {len(alike)} are about equally near, steps {listed}" if len(alike) > 1 else ""
+        words.append(f"{not_explained(run)}{near}.")
+    elif len(alike) > 1:
+        words.append(f"{len(alike)} structures fit equally well, steps {listed}; the data cannot tell them apart.")
     if chosen.residual:
         words.append(f"Residual modules, which stand for no physics: {', '.join(chosen.residual)}.")
     figures = _figure(run, "free", "free parameters") + _figure(run, "order", "order")
     note = "Dots: fitted candidates; crosses: unstable ones; line: nothing simpler is better; ring: the answer."
     return "".join(map(paragraph, words)) + paragraph(note, "note") + f'<div class="four">{figures}</div>' + _table(run)
+
+
+def not_explained(run: RunData) -> str:
+    """The beginning of a sentence about a run whose answer leaves more than noise would."""
+    if run.floor is not None and not run.floor.known:
+        return "No structure fits the data exactly yet, and their noise is not known"
+    return "No structure explains the data yet"
 
 
 def _figure(run: RunData, count: str, name: str) -> str:
@@ -87,7 +96,8 @@ def _table(run: RunData) -> str:
 
 def _row(run: RunData, one: Choice, held: bool, more: list[str], noted: bool) -> str:
     marks = ["the answer"] if run.answer is not None and one.step == run.answer.number else []
-    marks += ["fits equally well"] if one.step in run.selection.equally_good else []
+    alike = "fits equally well" if run.explained else "about equally near"
+    marks += [alike] if one.step in run.selection.equally_good and len(run.selection.equally_good) > 1 else []
     stable = "" if one.stable is None else "yes" if one.stable else "NO"
     step = run.steps.get(one.step)
     cells = [

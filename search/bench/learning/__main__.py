@@ -1,0 +1,112 @@
+"""`make bench-learning`: does the policy help, and does training it during the search help further?
+
+Every search is one line, printed and kept in OUT/results.jsonl as soon as it is done; started again with the same --out,
+only what is missing is made. Ledgers of parts made side by side may be joined line by line. Delete OUT to measure anew.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ibrid.commands.inputs import count, positive
+from ibrid.errors import IbridError
+from ibrid.ledger import NAME, Ledger, resumable
+from ibrid.writing import require_place, write_whole
+from search.bench.learning.arms import ALL_ARMS, ARMS, INVERTERS, Case, cases, weights_digest
+from search.bench.learning.comparison import current
+from search.bench.learning.measuring import Search, measured
+from search.bench.learning.page import measured_of, page
+from search.bench.learning.tables import arms_table, heading, line, pairs_table, sentences
+from search.learning.settings import LearningSettings
+from search.running import run
+
+
+def require_policy() -> None:
+    """Raise IbridError unless the policy can be asked on this machine."""
+    from search.policy.small_policy import SmallPolicy
+
+    SmallPolicy()
+
+
+def main(
+    arguments: Sequence[str] | None = None, *, search: Search = run, ready: Callable[[], None] = require_policy
+) -> int:
+    """Run what the options ask for; 0: done, 1: a search failed or Ctrl-C, 2: the options or the folder were wrong.
+
+    ready : raises IbridError where the policy cannot be asked, before any of its arms begins.
+    """
+    options = _parser().parse_args(arguments)
+    return resumable("bench-learning", options.out, lambda: _benchmark(options, search, ready))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m search.bench.learning", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seeds", type=count, default=3, help="searches of each arm on each inverter (3; all: 10)")
+    parser.add_argument("--budget", type=count, default=128, help="evaluations of each search (128)")
+    parser.add_argument(
+        "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
+    )
+    parser.add_argument(
+        "--arm",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"instead of {', '.join(ARMS)}; known are {', '.join(ALL_ARMS)}",
+    )
+    parser.add_argument("--contexts", type=count, default=4, help="questions of a batch of learning (4)")
+    parser.add_argument("--group", type=count, default=8, help="answers to each question (8)")
+    parser.add_argument("--rate", type=positive, default=None, help="learning rate (by the size of the model)")
+    parser.add_argument("--out", type=Path, default=Path("out/bench-learning"), help="folder of the results")
+    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/learning_results.md)")
+    return parser
+
+
+def _benchmark(options: argparse.Namespace, search: Search, ready: Callable[[], None]) -> int:
+    settings = LearningSettings(contexts=options.contexts, group=options.group, rate=options.rate)
+    wanted = list(
+        cases(
+            options.seeds,
+            options.budget,
+            settings,
+            inverters=options.inverter,
+            arms=options.arm,
+            weights=weights_digest(),
+        )
+    )
+    if options.page is not None:
+        require_place(options.page)
+    known = Ledger(options.out).rows if (options.out / NAME).exists() else {}
+    if any("curve" not in row for row in known.values()):
+        raise IbridError(f"{options.out / NAME}: holds results of another benchmark; try another --out")
+    if any(ALL_ARMS[case.arm].asks_policy and case.key not in known for case in wanted):
+        ready()
+    ledger = Ledger(options.out)
+    print(heading(), flush=True)
+    failed = [case for case in wanted if not _done(case, ledger, search)]
+    rows = [row for row in current(ledger.rows.values()) if row["budget"] == options.budget]
+    print(f"\n{measured_of(rows)} Medians, then mean differences:\n\n{arms_table(rows)}\n{pairs_table(rows)}")
+    print("".join(f"{one}\n" for one in sentences(rows)), end="")
+    place = options.page or options.out / "learning_results.md"
+    write_whole(place, page(ledger.rows.values()))
+    print(f"\nwritten: {place}")
+    return 1 if failed else 0
+
+
+def _done(case: Case, ledger: Ledger, search: Search) -> bool:
+    """Make a search unless its row is there, and print it; False when it has none, it is tried again next time."""
+    if case.key not in ledger.rows:
+        with tempfile.TemporaryDirectory(prefix="ibrid-learning-") as folder:
+            try:
+                row = measured(case, Path(folder) / "run", search)
+            except IbridError as error:
+                print(f"{case.key}: {error}", flush=True)
+                return False
+        ledger.add(row)
+    print(line(ledger.rows[case.key]), flush=True)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

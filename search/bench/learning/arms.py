@@ -1,0 +1,115 @@
+"""What is compared, and on what: the arms, the hidden inverters, and one search of the comparison."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from ibrid.errors import IbridError, near
+from search.learning.settings import LearningSettings
+from search.policy.weights_folder import WEIGHTS_FILE, shipped_folder
+
+#: Seeds of the whole comparison; fewer are a part of it.
+SEEDS = 10
+#: Of families that the policy was trained on. The structure of `paper_like` itself was kept from it.
+KNOWN = ("paper_like", "gfl_l_filter", "gfm_droop")
+#: Of families of which the policy never saw one: DC link with control of the AC voltage, virtual oscillator, hybrid.
+HELD_OUT = ("gfl_dc_link", "gfm_dvoc", "hybrid_gfl_gfm")
+INVERTERS = (*KNOWN, *HELD_OUT)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """`proposer` : as for `search.run`. `learns` : whether `learn` is given. `rate` : Adam's step; None: as asked for."""
+
+    words: str
+    proposer: str
+    learns: bool = False
+    rate: float | None = None
+
+    @property
+    def asks_policy(self) -> bool:
+        """True where the weights of the policy matter."""
+        return "policy" in self.proposer
+
+
+#: Steps of a weight by which no 32-bit number changes.
+NO_STEP = 1e-30
+#: The last is no arm of the comparison but its control: all that `learning` does, answers in groups and results by the batch,
+#: but for the change of the weights. It is made when it is asked for.
+ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
+    {
+        "random": Arm("legal edits by chance", "random"),
+        "rules": Arm("rules of thumb", "rules"),
+        "frozen": Arm("the policy as it ships", "policy"),
+        "learning": Arm("the policy, trained on the rewards of the run", "policy", learns=True),
+        "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
+        "untrained": Arm("as learning, in groups, weights unchanged", "policy", learns=True, rate=NO_STEP),
+    }
+)
+ARMS = tuple(ALL_ARMS)[:-1]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One search. `arm` : of `ALL_ARMS`. `settings` : of learning. `weights` : of the policy, see `weights_digest`."""
+
+    inverter: str
+    arm: str
+    seed: int
+    budget: int
+    settings: LearningSettings
+    weights: str
+
+    @property
+    def label(self) -> str:
+        """The arm, with the size of its batches and its rate where it learns: "learning 4x8"."""
+        one = ALL_ARMS[self.arm]
+        if not one.learns:
+            return self.arm
+        rate = "" if self.settings.rate is None or one.rate is not None else f" rate {self.settings.rate:g}"
+        return f"{self.arm} {self.settings.contexts}x{self.settings.group}{rate}"
+
+    @property
+    def key(self) -> str:
+        """Names the row in the ledger; what would change the result of the arm is part of it."""
+        weights = f"-{self.weights}" if ALL_ARMS[self.arm].asks_policy else ""
+        return f"{self.inverter}-{self.label.replace(' ', '-')}-{self.budget}-{self.seed}{weights}"
+
+
+def cases(
+    seeds: int,
+    budget: int,
+    settings: LearningSettings,
+    *,
+    inverters: Sequence[str] = (),
+    arms: Sequence[str] = (),
+    weights: str = "",
+) -> Iterator[Case]:
+    """All searches, seed by seed, inverter by inverter, arm beside arm, so that a part of them is a fair comparison too.
+
+    inverters, arms : none for all of `INVERTERS` and `ARMS`. Raises IbridError for an unknown one, with near names.
+    """
+    for asked, known, what in ((inverters, INVERTERS, "inverter of this comparison"), (arms, ALL_ARMS, "arm")):
+        for name in asked:
+            if name not in known:
+                raise IbridError(f"there is no {what} called {name}; {near(name, known)}")
+    for seed in range(seeds):
+        for inverter in inverters or INVERTERS:
+            for arm in arms or ARMS:
+                yield Case(inverter, arm, seed, budget, settings, weights)
+
+
+def arm_of(label: str) -> str:
+    """The arm of a label."""
+    return label.partition(" ")[0]
+
+
+def weights_digest(folder: Path | None = None) -> str:
+    """Twelve letters that belong to the weights of a policy, None: those that ship; "none" where there are none."""
+    try:
+        content = ((folder or shipped_folder()) / WEIGHTS_FILE).read_bytes()
+    except OSError:
+        return "none"
+    return hashlib.sha256(content).hexdigest()[:12]

@@ -1,0 +1,123 @@
+"""One search of the comparison made, and the row that is kept of it."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from ibrid.structure.compare import compare
+from ibrid.structure.program import parse_program
+from search.bench.inverters import inverter
+from search.bench.learning.arms import ALL_ARMS, Case
+from search.bench.learning.course import course_of
+from search.bench.scoring import Answer, Row
+from search.bench.trials import EXACT_MODE
+from search.learning.settings import LearningSettings
+from search.learning.updates import META, Update, read_updates
+from search.run_folder import ARCHIVE
+from search.step import Step
+from search.store import Store
+from search.tally import Tally, counts
+
+#: What is kept of each update.
+TOLD = (
+    "number", "reward", "best_reward", "valid", "unchanged", "duplicates", "siblings", "refused", "failed", "dropped", "entropy",
+    "divergence", "weight", "clipped", "drift", "gradient", "updated", "remark",
+)  # fmt: skip
+
+
+class Ended(Answer, Protocol):
+    """An answer that says why the search ended."""
+
+    @property
+    def ending(self) -> str: ...
+
+
+#: `search.run`, or what stands for it in tests: (sweep, folder, options) -> answer; the store of the run is in the folder.
+Search = Callable[..., Ended]
+
+
+def measured(case: Case, folder: Path, search: Search) -> Row:
+    """Make the search in `folder`, with one worker, on clean data; the row is plain data.
+
+    `curve` : see `search.bench.learning.course`. `proposed` : of each proposer how its proposals ended, see `endings`.
+    `modules_f1`, `connections_f1` : of the answer against the truth, 0 without an answer. `updates` : of what learns.
+    `seconds` : of the wall clock, the page of the run included. Raises KeyboardInterrupt when the search was stopped by one.
+    """
+    arm, hidden = ALL_ARMS[case.arm], inverter(case.inverter)
+    run = search(
+        hidden.sweep,
+        folder,
+        proposer=arm.proposer,
+        budget=case.budget,
+        seed=case.seed,
+        learn=_settings(case) if arm.learns else False,
+        **EXACT_MODE,
+    )
+    if not run.finished:  # a search lets the first Ctrl-C end it softly, but a part of one is no result
+        raise KeyboardInterrupt
+    with Store.open(folder / ARCHIVE, read_only=True) as store:
+        steps, updates = list(store.steps()), read_updates(store.meta.get(META, ""))
+    return {
+        "key": case.key,
+        "inverter": case.inverter,
+        "arm": case.label,
+        "seed": case.seed,
+        "budget": case.budget,
+        "weights": case.weights if arm.asks_policy else "",
+        "curve": course_of(run.trajectory),
+        "evaluations": run.evaluations,
+        "ending": run.ending,
+        **_overlap(run.answer_program, case.inverter),
+        "proposed": endings(steps),
+        "updates": [_told(one) for one in updates],
+        "seconds": round(run.seconds, 2),
+    }
+
+
+def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
+    """For each proposer how many of its proposals ended in which way (`search.tally.Tally`).
+
+    `answers` : those behind the proposals, and `known` : of these the ones that led to a known structure or to the parent's;
+    the policy alone is asked again after such an answer.
+    """
+    by_name: dict[str, list[Step]] = {}
+    for step in steps:
+        if step.number > 0:
+            by_name.setdefault(step.proposer, []).append(step)
+    found = {}
+    for name, own in sorted(by_name.items()):
+        tally = Tally.of(counts(own))
+        answers = sum(_number(step, "samples", 1) for step in own)
+        again = {"unchanged", "duplicate"}
+        known = sum(_number(step, "known", int(str(step.status) in again)) for step in own)
+        found[name] = {**asdict(tally), "answers": answers, "known": known}
+    return found
+
+
+def _number(step: Step, name: str, otherwise: int) -> int:
+    value = step.usage.get(name)
+    return value if isinstance(value, int) else otherwise
+
+
+def _settings(case: Case) -> LearningSettings:
+    rate = ALL_ARMS[case.arm].rate
+    return case.settings if rate is None else replace(case.settings, rate=rate)
+
+
+def _overlap(program: str, name: str) -> dict[str, float]:
+    truth = inverter(name).truth
+    if truth is None or not program:
+        return {"modules_f1": 0.0, "connections_f1": 0.0}
+    found = compare(parse_program(program, "the answer"), truth)
+    return {"modules_f1": round(found.modules.f1, 4), "connections_f1": round(found.connections.f1, 4)}
+
+
+def _told(update: Update) -> Mapping[str, Any]:
+    plain = asdict(update)
+    return {name: _short(plain[name]) for name in TOLD}
+
+
+def _short(value: Any) -> Any:
+    """Four digits of a number."""
+    return float(f"{value:.4g}") if isinstance(value, float) else value

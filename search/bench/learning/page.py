@@ -1,0 +1,97 @@
+"""The page docs/learning_results.md, made from the rows of the ledger."""
+
+from collections.abc import Iterable
+
+from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS
+from search.bench.learning.comparison import Row, Rows, budgets, current, newest_weights
+from search.bench.learning.tables import (
+    answers_table,
+    arms_table,
+    inverters_table,
+    pairs_table,
+    sentences,
+    updates_table,
+)
+
+_TOP = """# Does learning help?
+
+Made by `make bench-learning`, which keeps what it has measured and goes on where it was stopped; no number here is typed
+by hand. The same searches by five proposers, at equal numbers of evaluations. A sixth, `untrained`, tells learning from what
+comes with it, answers in groups and results only after a batch:
+
+{arms}
+On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
+equilibrium, one parameter set. The policy was trained on drawn inverters of the families of
+{known};
+the structure of `paper_like` itself was kept from it. It never saw an inverter of the families of
+{held_out}:
+DC link with control of the AC voltage, virtual oscillator, droop with a PLL.
+
+**To 0.0435, to 1e-3**: evaluations until the best error is at most that; a run that never gets there counts as beyond the
+budget, so a median may be "> budget". **Area**: mean over the evaluations of log10 of the best NRMSE so far, 1e-6 at
+least; lower is better, and 0.3 is a factor of two. **F1**: of the answer against the truth. Medians stand with 95 %
+bootstrap intervals (seeds drawn again within each inverter), from three seeds on where they have a width; they speak of other
+seeds on these inverters.
+
+"""
+_PAIRS = """Differences are means over pairs of the same inverter and seed; a limit that was not reached counts as the budget.
+Negative is better but for F1. A star: zero lies outside the interval.
+"""
+_ANSWERS = """Valid: led to a fit; known: to a structure met before or to the parent's; refused: no legal edit; failed: no fit.
+Random edits and rules pass over known structures unseen; the frozen policy is asked again after one, and these answers count
+here. Seconds: of a run, its page included.
+"""
+_INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"
+_UPDATES = """Means over the runs. Reward: of an answer; siblings: answers that repeat another of their batch; entropy and
+divergence from the start in nats per token; clipped: share of the tokens whose gradient was cut off; drift: between the
+weights that answer and those that are trained.
+"""
+
+
+def page(rows: Iterable[Row]) -> str:
+    """Markdown: a section for each budget; what is missing says so."""
+    kept = current(rows)
+    weights = newest_weights(kept)
+    text = _TOP.format(
+        arms="".join(f"- **{name}**: {one.words}\n" for name, one in ALL_ARMS.items()),
+        known=_names(KNOWN),
+        held_out=_names(HELD_OUT),
+    )
+    if weights:
+        text += f"Weights of the policy: `{weights}`.\n\n"
+    parts = [_section([row for row in kept if row["budget"] == one], one) for one in budgets(kept)]
+    return (text + ("".join(parts) or f"{measured_of([])}\n")).rstrip() + "\n"
+
+
+def measured_of(rows: Rows) -> str:
+    """How much of the comparison with one budget is there, in a sentence."""
+    whole = len(INVERTERS) * len(ARMS) * SEEDS
+    there = {(row["inverter"], row["arm"].partition(" ")[0], row["seed"]) for row in rows}
+    asked = [one for one in there if one[1] in ARMS and one[2] < SEEDS]
+    if not asked:
+        return (
+            f"None of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) is measured yet."
+        )
+    return (
+        f"{len(asked)} of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) are measured."
+    )
+
+
+def _section(rows: Rows, budget: int) -> str:
+    told = "".join(f"- {one}\n" for one in sentences(rows))
+    parts = [
+        f"## {budget} evaluations\n\n{measured_of(rows)}\n\n{told}",
+        f"### Every arm, all inverters\n\n{arms_table(rows)}",
+        f"### Every arm, families it was trained on\n\n{arms_table(rows, KNOWN)}",
+        f"### Every arm, held-out families\n\n{arms_table(rows, HELD_OUT)}",
+        f"### Differences\n\n{_PAIRS}\n{pairs_table(rows)}",
+        f"### What became of the answers\n\n{_ANSWERS}\n{answers_table(rows)}",
+        f"### Every inverter\n\n{_INVERTERS}\n{inverters_table(rows)}",
+        f"### The updates\n\n{_UPDATES}\n{updates_table(rows)}",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _names(names: Iterable[str]) -> str:
+    *first, last = (f"`{name}`" for name in names)
+    return f"{', '.join(first)} and {last}"

@@ -1,0 +1,131 @@
+"""Weights of the policy that are missing or damaged end a search in one sentence before anything is fitted."""
+
+import importlib.util
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
+    pytest.skip("the policy needs torch and transformers; make setup-llm", allow_module_level=True)
+
+import torch
+from safetensors.torch import load_file, save_file
+
+import ibrid
+import search
+from ibrid import cli
+from ibrid.errors import IbridError
+from search.evaluation.local import LocalEvaluator
+from search.learning.choose import learning
+from search.learning.settings import LearningSettings
+from search.policy.small_policy import SmallPolicy
+from search.policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
+from search.proposers.policy import PolicyProposer
+
+pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+ONE = "model.layers.0.mlp.down_proj.weight"
+
+
+def changed(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """The tensors of a folder after a change."""
+    tensors = load_file(folder / WEIGHTS_FILE)
+    change(tensors)
+    save_file(tensors, folder / WEIGHTS_FILE, metadata={"format": "pt"})
+
+
+def shortened(folder: Path) -> None:
+    content = (folder / WEIGHTS_FILE).read_bytes()
+    (folder / WEIGHTS_FILE).write_bytes(content[: len(content) // 2])
+
+
+def reconfigured(name: str, value: Any) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        plain = json.loads((folder / CONFIG_FILE).read_text(encoding="utf-8"))
+        (folder / CONFIG_FILE).write_text(json.dumps({**plain, name: value}), encoding="utf-8")
+
+    return change
+
+
+def spoil(tensors: dict[str, Any]) -> None:
+    tensors[ONE] = tensors[ONE] * torch.nan
+
+
+BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "missing": (lambda folder: (folder / WEIGHTS_FILE).unlink(), "holds no policy; make one with ibrid policy train"),
+    "empty": (lambda folder: (folder / WEIGHTS_FILE).write_bytes(b""), "cannot be loaded"),
+    "cut": (shortened, "cannot be loaded"),
+    "a tensor too few": (lambda folder: changed(folder, lambda one: one.pop(ONE)), f"{ONE} must be .* found none"),
+    "no numbers": (lambda folder: changed(folder, spoil), f"must be finite numbers, {ONE} has others"),
+    "more layers": (reconfigured("num_hidden_layers", 7), "as config.json says, found none"),
+    "another size": (
+        reconfigured("hidden_size", 64),
+        r"must be \[\d+, 64\] numbers as config.json says, found \[\d+, 128\]",
+    ),
+    "no config": (lambda folder: (folder / CONFIG_FILE).write_text("[]"), "cannot be loaded"),
+    "other tokens": (lambda folder: (folder / VOCABULARY_FILE).write_text('["a"]'), "other tokens than this version's"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A copy of the weights that ship."""
+    return Path(shutil.copytree(shipped_folder(), tmp_path / "weights"))
+
+
+def test_the_weights_that_ship_are_whole(folder):
+    assert SmallPolicy(folder).model().config.hidden_size == 128
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_damaged_weights_are_told_when_the_policy_is_made(folder, capfd, name):
+    change, sentence = BROKEN[name]
+    change(folder)
+    with pytest.raises(IbridError, match=sentence) as told:
+        SmallPolicy(folder)
+    assert str(folder) in str(told.value)
+    assert "\n" not in str(told.value)
+    assert capfd.readouterr().err == ""  # transformers has its own reports of such things
+
+
+def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, tmp_path, capsys, monkeypatch):
+    shortened(folder)
+    monkeypatch.setattr("search.policy.small_policy.shipped_folder", lambda: folder)
+    monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
+    for more in ([], ["--learn"]):
+        run = tmp_path / "run"
+        assert (
+            cli.main(["search", "paper_like", "--out", str(run), "--proposer", "policy", "--workers", "1", *more]) == 2
+        )
+        assert capsys.readouterr().err.count("\n") == 1
+        assert not run.exists()
+
+
+class Absent:
+    """A policy whose model is not to be had."""
+
+    name, pad, end = "policy", 0, 0
+
+    def __init__(self, reason: str = "the folder cannot be loaded") -> None:
+        self.reason = reason
+
+    def model(self) -> Any:
+        raise IbridError(self.reason)
+
+
+def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path, monkeypatch):
+    monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    with pytest.raises(IbridError, match="the folder cannot be loaded"):
+        search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
+    assert not (tmp_path / "run").exists()
+
+
+def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "peft", None)
+    proposers = [(PolicyProposer(policy=Absent("the model was asked for")), 1.0)]  # type: ignore[arg-type]
+    with pytest.raises(IbridError, match=r"pip install 'ibrid\[lora\]'"):
+        learning(proposers, LearningSettings(lora=4), seed=0, window=8)
