@@ -137,12 +137,14 @@ def unstated(cases: int, seed: int) -> tuple[Trial, ...]:
     """Trials beside a table of so many: nothing hidden, or one effect, at 60 and 40 dB in turn, and no sigma in the file."""
     rng = np.random.default_rng([seed, 1])
     number = cases // UNSTATED_EVERY
-    chosen: list[tuple[Kind, tuple[str, ...], Severity]] = [("nothing", (), "clear")] * (number - number // 2)
-    chosen += [("effect", names, severity) for names, severity in _effects("effect", number // 2, rng)]
+    nothing: list[tuple[Kind, tuple[str, ...], Severity]] = [("nothing", (), "clear")] * (number - number // 2)
+    hidden: list[tuple[Kind, tuple[str, ...], Severity]] = [
+        ("effect", names, severity) for names, severity in _effects("effect", number // 2, rng)
+    ]
     first = _SEEDS * seed + cases
     return tuple(
         Trial(kind, names, severity, (60.0, 40.0)[place % 2], *MAIN[0][1:], first + place, stated=False)
-        for place, (kind, names, severity) in enumerate(chosen)
+        for place, (kind, names, severity) in enumerate(nothing + hidden)
     )
 
 
