@@ -63,11 +63,11 @@ SHARED = textbook_text("gfl")
     ("values", "said"),
     [
         ({"plant.L_F": 1e9}, "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09"),
-        ({"plant.L_F": {"value": 0.9e-4}}, "0.0001 to 1 pu, found 9e-05"),
+        ({"plant.L_F": {"value": 0.9e-5}}, "0.0001 to 1 pu, found 9e-06"),
         ({"pll.kP_pll": 1e12}, "pll.kP_pll must lie in the box"),
     ],
 )
-def test_a_nominal_value_outside_its_box_is_refused_with_name_value_and_box(values, said):
+def test_a_nominal_value_far_outside_its_box_is_refused_with_name_value_and_box(values, said):
     with pytest.raises(IbridError, match=re.escape(said)):
         believed(textbook_text("gfl"), values)
 
@@ -76,8 +76,12 @@ def test_the_box_is_that_of_the_program_and_its_ends_belong_to_it():
     narrowed = textbook_text("gfl").replace('"LCL", "plant"', '"LCL", "plant", L_F=(0.1, 0.2)')
     assert narrowed != textbook_text("gfl")
     assert believed(narrowed, {"plant.L_F": 0.2 * (1 + 1e-12)})["plant.L_F"].nominal == pytest.approx(0.2)
-    with pytest.raises(IbridError, match=r"0\.1 to 0\.2 pu, found 0\.25"):
-        believed(narrowed, {"plant.L_F": 0.25})
+    with pytest.raises(IbridError, match=r"0\.1 to 0\.2 pu, found 2\.5"):
+        believed(narrowed, {"plant.L_F": 2.5})
+
+
+def test_a_nominal_value_not_far_outside_its_box_is_a_wrong_belief_and_no_error():
+    assert believed(textbook_text("gfl"), {"plant.L_F": 1.4})["plant.L_F"].nominal == 1.4
 
 
 def test_two_nominal_values_of_a_shared_parameter_must_agree():

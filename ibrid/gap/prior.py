@@ -21,8 +21,8 @@ ABSOLUTE_TOLERANCE = 0.25
 
 #: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
 KNEE = 0.05
-#: Of an end of a box, how far beyond it a value may lie that was rounded when it was written.
-ROUNDING = 1e-9
+#: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
+BEYOND = 10.0
 
 
 @dataclass(frozen=True)
@@ -153,9 +153,10 @@ def _number(name: str, what: str, found: Any) -> float:
 
 
 def _require_inside(name: str, value: float, parameter: Parameter) -> None:
-    """Raise IbridError for a nominal value that no fit may take."""
+    """Raise IbridError for a nominal value far from all that a fit may take."""
     low, high = parameter.low, parameter.high
-    if not low - ROUNDING * abs(low) <= value <= high + ROUNDING * abs(high):
+    lowest, highest = (low / BEYOND if low > 0 else BEYOND * low), (high * BEYOND if high > 0 else high / BEYOND)
+    if not lowest <= value <= highest:
         unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
         raise IbridError(
             f"the nominal value of {name} must lie in the box of the parameter, {low:g} to {high:g}{unit}, found {value:g}; "
