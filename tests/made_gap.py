@@ -12,6 +12,7 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.recording import record_at
 from ibrid.gap.convention import rotation
+from ibrid.gap.noise import LEAST_UNKNOWN
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
@@ -101,6 +102,7 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
             "pll_prefilter (add LPF1 before pll.e_q) is enough",
         ),
         noise="the sigma of the data",
+        noise_level=LEAST_UNKNOWN,
         null_space=("plant.L_F and current.kP change together without a trace",),
         given=textbook_text(given),
         program=textbook_text(repaired),

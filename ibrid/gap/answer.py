@@ -68,6 +68,7 @@ def answer_of(
         candidates=tuple(_candidate(one, found, shop.known_stable(one)) for one in found.trials),
         steps=found.steps,
         noise=found.noise.source,
+        noise_level=found.noise.level,
         null_space=repaired.identifiability,
         given=program_text(diagram),
         program=program_text(model.diagram),

@@ -43,8 +43,8 @@ class Noise:
         return replace(self, sweep=replace(self.sweep, points=points), level=level, source=words)
 
 
-def noise_of(sweep: Sweep) -> Noise:
-    """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else `LEAST_UNKNOWN` of |Y|_F.
+def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
+    """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else `level` of |Y|_F.
 
     To a known sigma a floor of `MODEL_FLOOR` |Y|_F is added, for linearisation and rounding.
     """
@@ -57,7 +57,8 @@ def noise_of(sweep: Sweep) -> Noise:
         else:
             sigma = np.hypot(np.asarray(one.sigma), relative_sigma(point, MODEL_FLOOR))
         points.append(replace(point, sigma=sigma, repeats=None))
-    return Noise(replace(sweep, points=tuple(points)), source != "unknown", _WORDS[source])
+    noise = Noise(replace(sweep, points=tuple(points)), source != "unknown", _WORDS[source])
+    return noise if noise.known else noise.times(level / LEAST_UNKNOWN)
 
 
 def relative_sigma(point: PointSweep, level: float) -> np.ndarray:

@@ -120,7 +120,8 @@ class Gap:
     `ports` : the port map, best first. `effects` : what is missing. `before`, `after` : NRMSE of the nominal model, the
     refit, and at held-out operating points; `noise_floor` : what noise alone would leave; None where unknown.
     `moved` : parameters with nominal values, furthest first. `candidates` : every edit tried, best first.
-    `steps` : what was decided, in order, in words. `noise` : where the noise comes from. `program` : text after the repair.
+    `steps` : what was decided, in order, in words. `noise` : where the noise comes from.
+    `noise_level` : what one that is not known was taken for, relative to |Y|. `program` : text after the repair.
     `baseline`, `repaired` : records of the refitted model before and after (the same when nothing was changed); they hold
     the parameters, responses and intervals. `sweep`, `held_out` : the measured data, fitted and not. `nominal` :
     responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
@@ -142,6 +143,7 @@ class Gap:
     candidates: tuple[Candidate, ...]
     steps: tuple[str, ...]
     noise: str
+    noise_level: float
     null_space: tuple[str, ...]
     given: str
     program: str

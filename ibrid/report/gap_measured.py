@@ -76,7 +76,7 @@ def measured(gap: Gap, fit: PortFit, values: Mapping[str, float], start: np.ndar
 
     start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
     """
-    noise = noise_of(gap.sweep.without(gap.held_out))
+    noise = noise_of(gap.sweep.without(gap.held_out), gap.noise_level)
     model = OpenPort(fit.port, gap.repaired.vocabulary, noise.sweep)
     opened = model.at(np.array([values[one.name] for one in model.symbolic.parameters]))
     if opened is None:

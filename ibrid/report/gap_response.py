@@ -30,7 +30,7 @@ def _explained(gap: Gap, view: PointView) -> str:
     if view.known:
         words += "what noise alone leaves. Bars: two standard deviations."
     else:
-        words += "1e-4 of |Y|, below which nothing is claimed, as the noise is not known."
+        words += f"{gap.noise_level:.2g} of |Y|, below which nothing is claimed, as the noise is not known."
     if not comparable(gap):
         words += " The repaired model answers in the other convention, so it has no line beside these data."
     return words
