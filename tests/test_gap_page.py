@@ -357,7 +357,7 @@ def test_the_text_says_which_parameters_moved_far():
     words = " ".join(gap_text(made("parameters-only")).split())
     assert "power.kP 0.012 -> 0.02" in words
     assert "(+6.1 sigma)" in words
-    assert "plant.L_F" not in words
+    assert "plant.L_F 0" not in words
 
 
 def test_evidence_without_words_of_its_own_stands_as_it_is():

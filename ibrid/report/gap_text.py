@@ -35,6 +35,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_ports(gap),
             *_suggested(gap),
             *_moved(gap),
+            *_invisible(gap),
             *_unseen(gap),
             *_entry("noise", gap.noise),
             *(_entry("to do", gap.convention.remedy, 3) if gap.convention.remedy else ()),
@@ -118,6 +119,11 @@ def _moved(gap: Gap) -> Iterator[str]:
         yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
     if gap.moved and not found:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
+
+
+def _invisible(gap: Gap) -> Iterator[str]:
+    if gap.null_space:
+        yield from _entry("invisible", "; ".join(gap.null_space), 2)
 
 
 def _unseen(gap: Gap) -> Iterator[str]:
