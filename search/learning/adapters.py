@@ -11,7 +11,7 @@ def add_adapters(model: Any, rank: int, seed: int) -> None:
 
     They begin as nothing: the model says what it said before. Raises IbridError when peft is not installed.
     """
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
     peft = require_peft()
     layers = {name.rpartition(".")[2] for name, one in model.named_modules() if isinstance(one, torch.nn.Linear)}

@@ -17,7 +17,7 @@ VERSION = 1
 
 def write_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
     """Replace the file atomically, so that a killed run finds the state before or after an update."""
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
     buffer = io.BytesIO()
     torch.save({"version": VERSION, **state}, buffer)
@@ -29,7 +29,7 @@ def read_checkpoint(path: Path) -> dict[str, Any] | None:
 
     Raises IbridError when it is damaged or of another version.
     """
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
     try:
         found = torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)

@@ -5,8 +5,8 @@ All of them take (N, L) arrays: N answers to one question, padded to L tokens, a
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import torch  # pyright: ignore[reportMissingImports]
+from torch import Tensor  # pyright: ignore[reportMissingImports]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
+import torch  # pyright: ignore[reportMissingImports]
 
 from search.learning.adapters import add_adapters
 from search.learning.objective import divergence, group_objective, over_answers
