@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from search.edits import edit_between
-from search.learning.sampling import sample_answers
 from search.policy.interface import Sampled
 from search.proposal import Context, Proposal
 
@@ -54,6 +53,8 @@ class ToyPolicy:
     def sample(
         self, prompts: Sequence[Sequence[int]], contexts: Sequence[Context], number: int, seed: int
     ) -> list[list[Sampled]]:
+        from search.learning.sampling import sample_answers
+
         self.sampled += number * len(prompts)
         return [
             sample_answers(
