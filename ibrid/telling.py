@@ -46,7 +46,7 @@ def telling(show: str | Tell = "auto") -> Iterator[Tell]:
         display.close()
 
 
-def counted(tell: Tell) -> Count:
+def in_pieces(tell: Tell) -> Count:
     """Tells pieces of work, with the seconds since now."""
     began = time.monotonic()
     return lambda done, of, words: tell(f"{done}/{of} {words}, {time.monotonic() - began:.0f} s", done / max(of, 1))

@@ -31,7 +31,7 @@ from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
-from ibrid.telling import Count, Tell, counted, telling
+from ibrid.telling import Count, Tell, in_pieces, telling
 
 #: Times at most that everything is tried, each time with the noise that the time before left over.
 PASSES = 3
@@ -74,7 +74,7 @@ def find_gap(
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
     with telling(progress) as tell:
-        return _found(diagram, sweep, values, holdout_op, vocabulary, catalogue, suggest, seed, counted(tell))
+        return _found(diagram, sweep, values, holdout_op, vocabulary, catalogue, suggest, seed, in_pieces(tell))
 
 
 def _found(

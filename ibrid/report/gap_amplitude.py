@@ -100,7 +100,7 @@ def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float
 def _bands(answer: AmplitudeAnswer) -> str:
     rows = [
         row(one.op, [
-            cell(_band(one.band)),
+            cell(span(*one.band)),
             cell(one.entry),
             cell(percent(one.change), numeric=True),
             cell(number(one.z, 3), numeric=True),
@@ -148,7 +148,7 @@ def amplitude_lines(gap: Gap) -> Iterator[tuple[str, str]]:
         yield (
             label,
             (
-                f"{one.op}, {one.entry}, {_band(one.band)}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}"
+                f"{one.op}, {one.entry}, {span(*one.band)}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}"
             ),
         )
         label = ""
@@ -157,7 +157,3 @@ def amplitude_lines(gap: Gap) -> Iterator[tuple[str, str]]:
             "",
             f"and {len(worst) - 2} more bands; {len(found.refused)} frequencies left out of the small-signal model",
         )
-
-
-def _band(band: tuple[float, float]) -> str:
-    return span(*band)
