@@ -23,6 +23,8 @@ ASKED = 3.0
 LATER = 0.2
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
+#: A parent's NRMSE above this is gross: it speaks for another structure, a smaller one for a detail.
+GROSS = 0.03
 
 
 class Rules:
@@ -45,11 +47,12 @@ class Rules:
         views = views_of(context.parent.diagram, context.task.kinds)
         if not views:
             return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
-        bands = residual_bands(context.parent.record)
+        record = context.parent.record
+        bands, gross = residual_bands(record), record.nrmse is None or record.nrmse > GROSS
         moves = _Moves(views)
         families = [one for one in self.families if not one.first or moves.of(one)]
         while families:
-            family = _drawn(families, bands, context.scale, rng)
+            family = _drawn(families, bands, context.scale, rng, gross=gross)
             if not moves.of(family):
                 families.remove(family)
                 continue
@@ -96,11 +99,15 @@ def _popped(moves: list[tuple[View, Move]], rng: np.random.Generator) -> tuple[V
     return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
 
 
-def _drawn(families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.random.Generator) -> Family:
+def _drawn(
+    families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.random.Generator, *, gross: bool
+) -> Family:
     """A family, by how usual it is, how much it matters where the error lies, and whether it has the scale asked for."""
     weights = np.array([ASKED if one.scale == scale else 1.0 for one in families])
     if rng.random() >= CURIOSITY:
-        weights *= [one.weight * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families]
+        weights *= [
+            one.readiness(gross=gross) * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families
+        ]
         if any(one.first for one in families):
             weights *= [1.0 if one.first else LATER for one in families]
     return families[int(rng.choice(len(families), p=weights / weights.sum()))]
