@@ -6,6 +6,7 @@ from search.merit import Criterion
 from search.oddities import Oddities, oddities
 from search.parsed import parsed
 from search.ranking import Entry
+from search.sorts import sort_of_control
 from search.step import Step
 from search.store import Store
 
@@ -69,4 +70,5 @@ class Appraisal:
             stable=bool(step.stable),
             program=step.program,
             value=self.criterion.merit(error, 0, odd),
+            sort=sort_of_control(parsed(step.program), self._kinds),
         )

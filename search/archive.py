@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ibrid.errors import IbridError
+from search.merit import EXACT
 from search.ranking import Entry, Front, Ranking, RankLaw
 from search.settings import SearchSettings
 
@@ -68,6 +69,8 @@ class Archive:
         self._all, self._stable = Ranking(), Ranking()
         self._islands = tuple(_Island() for _ in range(settings.islands))
         self._front = Front()
+        self._sorts: dict[str, Ranking] = {}
+        self._least: dict[str, float] = {}
         self._children: Counter[int] = Counter()
         self._counts: Counter[str] = Counter()
 
@@ -111,7 +114,7 @@ class Archive:
         if not self._all:
             raise IbridError("the archive must hold an entry to draw a parent from, found none; admit the start first")
         settings, active = self._settings, number % len(self._islands)
-        which, place, along = rng.random(3)
+        which, place, along, varied, sort = rng.random(5)
         chosen = np.searchsorted(
             [settings.from_elites, settings.from_elites + settings.from_island], which, side="right"
         )
@@ -119,7 +122,9 @@ class Archive:
             return self._law.draw(pool, place, self._room, self._children), active
         if chosen < 2 and self._stable:
             front = self.front if along < settings.front else ()
-            if front:
+            if varied < settings.variety:
+                parent = self._law.draw(self._sort(sort), place, settings.elites, self._children)
+            elif front:
                 parent = self._law.draw_evenly(front, place, self._children)
             else:
                 parent = self._law.draw(self._stable, place, settings.elites, self._children)
@@ -166,6 +171,12 @@ class Archive:
             **{name: self._counts[name] for name in ("admitted", "repeated", "invalid", "evicted", "migrations")},
         )
 
+    def _sort(self, place: float) -> Ranking:
+        """The entries of a sort of control, drawn with probability proportional to 1 / its least error."""
+        sorts = sorted(name for name, one in self._sorts.items() if one)
+        total = np.cumsum([1.0 / max(self._least[name], EXACT) for name in sorts])
+        return self._sorts[sorts[min(int(np.searchsorted(total, place * total[-1], side="right")), len(sorts) - 1)]]
+
     def _admissible(self, entry: Entry) -> bool:
         if not math.isfinite(entry.reward):
             self._counts["invalid"] += 1
@@ -179,6 +190,8 @@ class Archive:
         self._met.add(entry.hash)
         if entry.stable:
             self._front.add(entry)
+            homes = [*homes, self._sorts.setdefault(entry.sort, Ranking())]
+            self._least[entry.sort] = min(entry.nrmse, self._least.get(entry.sort, math.inf))
         for ranking in [self._all, *([self._stable, *homes] if entry.stable else [])]:
             ranking.add(entry)
 
@@ -187,7 +200,12 @@ class Archive:
         kept = self._starts | {island.natives[0].hash for island in self._islands if island.natives}
         kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
         lowest = next(one for one in reversed(self._all) if one.hash not in kept)
-        for ranking in (self._all, self._stable, self._islands[lowest.island].natives):
+        for ranking in (
+            self._all,
+            self._stable,
+            self._islands[lowest.island].natives,
+            self._sorts.get(lowest.sort, Ranking()),
+        ):
             ranking.discard(lowest)
         for island in self._islands:
             island.guests.discard(lowest)

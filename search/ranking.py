@@ -12,7 +12,8 @@ import numpy as np
 class Entry:
     """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native.
 
-    `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward.
+    `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward. `sort` : of
+    control, the same for diagrams that an engineer would call by one name.
     """
 
     step: int
@@ -26,6 +27,7 @@ class Entry:
     stable: bool
     program: str
     value: float | None = None
+    sort: str = ""
 
     @property
     def plain(self) -> float:

@@ -19,7 +19,9 @@ class SearchSettings:
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
     elites and within islands; 0 and infinity for all alike. `front` : share of the draws from the elites that are made
-    along the front of error against free parameters, its `front_size` entries of least error.
+    along the front of error against free parameters, its `front_size` entries of least error. `variety` : share of those
+    draws that are made among the best of each sort of control (what makes the frequency, a voltage loop), a sort with twice
+    the error of the best half as often: another sort may need several edits before it is better.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
     `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
@@ -47,6 +49,7 @@ class SearchSettings:
     crowding: float = 10.0
     front: float = 1.0
     front_size: int = 8
+    variety: float = 0.25
     parsimony: float = 0.05
     layer: float = 3.0
     bound: float = 0.3
@@ -80,6 +83,7 @@ def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     yield 0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
     yield 0 <= one.front <= 1, "front must be a share from 0 to 1", one.front
+    yield 0 <= one.variety <= 1, "variety must be a share from 0 to 1", one.variety
     yield one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size
     yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
     yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power

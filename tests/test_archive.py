@@ -10,7 +10,7 @@ from ibrid.errors import IbridError
 from search.archive import Archive, Entry
 from search.settings import SearchSettings
 
-SMALL = SearchSettings(population=60, islands=5, elites=8, sweep=40, front=0.0)
+SMALL = SearchSettings(population=60, islands=5, elites=8, sweep=40, front=0.0, variety=0.0)
 
 
 def entry(step: int, reward: float = 0.0, island: int = 0, **changes) -> Entry:
