@@ -199,6 +199,18 @@ def test_draws_along_the_front_reach_the_simple_and_the_good():
     assert all(count / 9_000 == pytest.approx(1 / 3, abs=0.02) for count in drawn.values())
 
 
+def test_with_variety_each_sort_of_control_is_drawn_as_one_over_its_least_error():
+    settings = replace(SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf)
+    archive, rng = started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)), np.random.default_rng(6)
+    for step, error, sort in ((1, 0.1, "phase"), (2, 0.2, "phase"), (3, 0.4, "power"), (4, 0.5, "power")):
+        archive.admit(entry(step, -np.log(error), sort=sort))
+    drawn = Counter(archive.sample(rng, number)[0].step for number in range(9_000))
+    total = 1 / 0.1 + 1 / 0.4 + 1 / 0.9
+    for step, error in ((1, 0.1), (3, 0.4), (0, 0.9)):  # the best of each sort; four standard deviations are 0.02
+        assert drawn[step] / 9_000 == pytest.approx(1 / error / total, abs=0.02)
+    assert set(drawn) == {0, 1, 3}
+
+
 @pytest.mark.parametrize("change", [lambda reward: 1024 * reward, lambda reward: reward - 64, np.arctan])
 def test_selection_sees_the_order_of_rewards_only(change):
     _, children = grown(SMALL, 150)

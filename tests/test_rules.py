@@ -25,7 +25,7 @@ from search.gates import implausible
 from search.proposal import SCALES, Proposal
 from search.proposers.edited import edited
 from search.proposers.moves.family import Family, Move, view_of, views_of
-from search.proposers.rules import CURIOSITY, FAMILIES, LATER, Rules, residual_bands
+from search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
 
 SEARCH = Path(__file__).resolve().parents[1] / "search"
 #: An engineer's edit is no larger than this: a droop with its rotations has eight blocks.
@@ -221,6 +221,19 @@ def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
     expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + LATER)
     # a thousand draws: four standard deviations are 0.05
     assert notes.count("a filter") / 1000 == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize(("nrmse", "weight"), [(0.5, 4.0), (None, 4.0), (0.9 * GROSS, 1.0)])
+def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, weight):
+    families = (
+        Family("detail", "module", ALIKE, 1.0, lambda _: iter([FILTERED])),
+        Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), gross=4.0),
+    )
+    record = replace(record_of(ibrid.program_text(NAIVE)), nrmse=nrmse)
+    context, rules = context_of(NAIVE, record=record), Rules(families)
+    notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
+    expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + 1)
+    assert notes.count("a delay") / 1000 == pytest.approx(expected, abs=0.05)
 
 
 def test_what_comes_first_gives_way_when_nothing_of_it_is_new():

@@ -1,0 +1,35 @@
+"""Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
+
+import pytest
+
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.structure.library import textbook
+from search.bench.inverters import inverter
+from search.sorts import sort_of_control
+
+
+@pytest.mark.parametrize(
+    ("hidden", "sort"),
+    [
+        ("paper_like", "phase"),
+        ("gfl_l_filter", "phase"),
+        ("gfl_dc_link", "phase"),
+        ("gfm_droop", "power, voltage loop"),
+        ("gfm_vsm", "power, voltage loop"),
+        ("gfm_dvoc", "oscillator, voltage loop"),
+        ("hybrid_gfl_gfm", "phase and power"),
+        ("parallel_gfl_gfm", "phase beside power, voltage loop"),
+    ],
+)
+def test_every_reference_inverter_is_of_the_sort_that_an_engineer_would_name(hidden, sort):
+    assert sort_of_control(inverter(hidden).truth, VOCABULARY) == sort
+
+
+def test_without_a_frame_of_its_own_the_frequency_follows_nothing():
+    assert sort_of_control(textbook("naive"), VOCABULARY) == "nothing"
+
+
+def test_filters_and_feedforward_make_no_other_sort():
+    assert (
+        len({sort_of_control(textbook(name), VOCABULARY) for name in ("gfl", "gfl_exact", "gfl_pll_filter_exact")}) == 1
+    )
