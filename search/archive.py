@@ -200,12 +200,8 @@ class Archive:
         kept = self._starts | {island.natives[0].hash for island in self._islands if island.natives}
         kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
         lowest = next(one for one in reversed(self._all) if one.hash not in kept)
-        for ranking in (
-            self._all,
-            self._stable,
-            self._islands[lowest.island].natives,
-            self._sorts.get(lowest.sort, Ranking()),
-        ):
+        homes = (self._islands[lowest.island].natives, self._sorts.get(lowest.sort, Ranking()))
+        for ranking in (self._all, self._stable, *homes):
             ranking.discard(lowest)
         for island in self._islands:
             island.guests.discard(lowest)

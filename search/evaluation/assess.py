@@ -19,9 +19,10 @@ BY_THE_WALL = 3600.0
 #: Most candidates get this: one wave of few starts, and the parent's values.
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, seconds=BY_THE_WALL)
 #: What promises something gets this on top.
-THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=1, kicked=16, seconds=BY_THE_WALL)
-#: An error below this part of its parent's promises something.
-PROMISING = 0.99
+THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16, seconds=BY_THE_WALL)
+#: An error below this many times its parent's promises something: a quick fit of the right edit often stops in the parent's
+#: minimum.
+PROMISING = 1.01
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Subject:
 def assess(job: Job, subject: Subject) -> Record:
     """Fit a candidate quickly, and thoroughly when its error comes out below `job.promising`, or that is None.
 
-    A quick fit may stop in a minimum that is hardly better than the parent's, although the edit is the right one.
+    A quick fit may stop in the parent's minimum, although the edit is the right one.
     """
     record = subject.record_of(job.program, subject.fit, job.warm)
     if record.outcome != Outcome.OK:

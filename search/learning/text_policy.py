@@ -122,7 +122,7 @@ def _special_tokens(folder: Path) -> tuple[list[int], int]:
             found |= {key: plain[key] for key in ("eos_token_id", "pad_token_id") if plain.get(key) is not None}
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, AttributeError):
+        except (OSError, ValueError, AttributeError, RecursionError):
             raise IbridError(
                 f"{folder / name}: must be the JSON that save_pretrained writes; save the model again"
             ) from None

@@ -135,7 +135,7 @@ def _opened(folder: Path, order: Order, resume: bool) -> dict[str, float]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         asked, seconds = found["order"], {name: float(value) for name, value in found["seconds"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise IbridError(f"{path}: is not readable as the settings of a training; name a new folder") from None
     wanted = json.loads(json.dumps(order.described()))
     if asked != wanted:

@@ -20,7 +20,7 @@ CURIOSITY = 0.2
 #: How much the scale that was asked for raises the weight of a family.
 ASKED = 3.0
 #: How much lighter everything else is while a part that every controller has is missing.
-LATER = 0.2
+LATER = 0.05
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
 #: A parent's NRMSE above this is gross: it speaks for another structure, a smaller one for a detail.
@@ -109,5 +109,5 @@ def _drawn(
             one.readiness(gross=gross) * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families
         ]
         if any(one.first for one in families):
-            weights *= [1.0 if one.first else LATER for one in families]
+            weights *= [1.0 if one.first or one.any_time else LATER for one in families]
     return families[int(rng.choice(len(families), p=weights / weights.sum()))]

@@ -41,7 +41,7 @@ def read_shards(folder: Path, shards: Sequence[int]) -> Iterator[Example]:
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             try:
                 yield Example.from_json(json.loads(line))
-            except (ValueError, TypeError, KeyError):
+            except (ValueError, TypeError, KeyError, RecursionError):
                 raise IbridError(f"{path} line {number}: is no example; delete the file and run again") from None
 
 

@@ -19,7 +19,11 @@ def current_loop(view: View) -> Iterator[Move]:
     if roles.lcl:
         currents.append((f"{roles.plant}.i_g", "grid current"))
     for port, words in currents:
-        for what in ("alone", "with the old command as its reference", "beside the old command"):
+        for what, usual in (
+            ("alone", 2.0),
+            ("with the old command as its reference", 0.5),
+            ("beside the old command", 0.5),
+        ):
 
             def loop(draft: Draft, port: str = port, what: str = what) -> None:
                 name = draft.add("PI_dq", "current")
@@ -29,7 +33,7 @@ def current_loop(view: View) -> Iterator[Move]:
                         draft.connect(source, f"{name}.in_")
                 draft.chain(draft.negated(port), f"{name}.in_", f"{name}.out", roles.command)
 
-            yield Move(f"a PI controller of the {words}, {what}", loop)
+            yield Move(f"a PI controller of the {words}, {what}", loop, usual)
 
 
 def _packed(draft: Draft, source: str) -> bool:

@@ -93,8 +93,9 @@ def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
 class Family:
     """`scale` : local, module or structural. `bands` : how much it usually matters in each frequency band, 0 to 1, in
     the order of the record. `weight` : how readily an engineer tries it. `moves` : the edits that apply to a parent.
-    `first` : it puts in a part that every controller has, so it comes before the rest. `gross` : its weight while the
-    parent's error is gross, where that is more: another structure is tried then, and details later.
+    `first` : it puts in a part that every controller has, so it comes before the rest. `any_time` : it need not wait for
+    those. `gross` : its weight while the parent's error is gross, where that is more: another structure is tried then, and
+    details later.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Family:
     weight: float
     moves: Moves
     first: bool = False
+    any_time: bool = False
     gross: float = 0.0
 
     def readiness(self, *, gross: bool) -> float:

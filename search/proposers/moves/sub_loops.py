@@ -61,7 +61,7 @@ _SLOW, _OUTER, _FREQUENCY = (1.0, 1.0, 0.5, 0.1), (1.0, 1.0, 0.3, 0.1), (1.0, 1.
 
 #: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop; its droop controls p.
 SUB_LOOPS = (
-    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _forming_or_lcl)),
+    Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _forming_or_lcl), any_time=True),
     Family("capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(plants, _following_or_lcl), True),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(plants, _lcl)),
     Family("synchronisation", "structural", _FREQUENCY, 9.0, where_missing(synchronisation, _synchronised), True),
@@ -89,7 +89,7 @@ SUB_LOOPS = (
     ),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, gross=0.5),
     Family(
-        "second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.05, where_missing(second_device, _incomplete), gross=0.5
+        "second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.05, where_missing(second_device, _incomplete), gross=0.1
     ),
     Family("one device less", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, no_second_device),
 )
