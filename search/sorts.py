@@ -2,6 +2,7 @@
 
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import split_port
 from search.proposers.moves.family import View, views_of
 
 
@@ -14,7 +15,7 @@ def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:
 def _sort(view: View) -> str:
     draft, roles = view.draft, view.roles
     makers = draft.upstream(f"{roles.plant}.delta_omega", without=roles.plant)
-    phase = {target.split(".")[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
+    phase = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
     power, oscillator = makers & set(roles.power), makers & set(draft.named("dVOC"))
     follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
     return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

@@ -223,6 +223,16 @@ def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
     assert notes.count("a filter") / 1000 == pytest.approx(expected, abs=0.05)
 
 
+def test_what_need_not_wait_is_tried_beside_what_comes_first():
+    families = (
+        Family("missing", "module", ALIKE, 1.0, lambda _: iter([FILTERED]), first=True),
+        Family("patient", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), any_time=True),
+    )
+    context, rules = context_of(NAIVE), Rules(families)
+    notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
+    assert notes.count("a delay") / 1000 == pytest.approx(0.5, abs=0.065)  # four standard deviations
+
+
 @pytest.mark.parametrize(("nrmse", "weight"), [(0.5, 4.0), (None, 4.0), (0.9 * GROSS, 1.0)])
 def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, weight):
     families = (
