@@ -13,12 +13,11 @@ _EXCHANGES = (
     ("PI_dq", "Gain_dq"),
     ("LPF1", "Notch", "Pade1"),
     ("LPF1_dq", "Delay", "Pade1_dq"),
-    ("JMul", "JMul_omega"),
     ("Gain_dq", "LPF1_dq"),
     ("Gain", "LPF1"),
 )
 
-#: Exchanges that often pay: something that fits anything for something with a meaning, a nominal for a measured frequency.
+#: Exchanges that often pay: something that fits anything for something with a meaning.
 USUAL_EXCHANGES = {
     ("Notch", "LPF1"): 2.0,
     ("Pade1", "LPF1"): 2.0,
@@ -27,8 +26,6 @@ USUAL_EXCHANGES = {
     ("Gain_dq", "PI_dq"): 2.0,
     ("Gain", "PI"): 2.0,
     ("Integrator", "PI"): 2.0,
-    ("JMul", "JMul_omega"): 4.0,
-    ("JMul_omega", "JMul"): 2.0,
 }
 
 
@@ -39,13 +36,27 @@ def exchange(view: View) -> Iterator[Move]:
             for kind in view.known(*(other for other in group if one.kind in group and other != one.kind)):
 
                 def swap(draft: Draft, name: str = name, kind: str = kind) -> None:
-                    fresh = draft.replace(name, kind, f"{name}_{kind.lower()}" if name in STEMS.values() else name)
-                    if kind == "JMul_omega":
-                        for source in draft.sources(f"{view.roles.plant}.delta_omega"):
-                            draft.connect(source, f"{fresh}.delta_omega")
+                    draft.replace(name, kind, f"{name}_{kind.lower()}" if name in STEMS.values() else name)
 
                 usual = USUAL_EXCHANGES.get((one.kind, kind), 0.5)
                 yield Move(f"{kind} in place of the {one.kind} {name}", swap, usual)
+
+
+def coupling_frequency(view: View) -> Iterator[Move]:
+    """A reactance that couples the axes, of a decoupling or a virtual impedance, at the measured frequency in place of the
+    nominal one, or the other way round."""
+    draft = view.draft
+    for kind, other in (("JMul", "JMul_omega"), ("JMul_omega", "JMul")):
+        for name in draft.named(kind) if view.known(other) else ():
+            if other == "JMul_omega" and view.roles.frequency is None:
+                continue  # nothing measures the frequency
+
+            def swap(draft: Draft, name: str = name, other: str = other) -> None:
+                fresh = draft.replace(name, other, name)
+                for source in draft.sources(f"{view.roles.plant}.delta_omega") if other == "JMul_omega" else ():
+                    draft.connect(source, f"{fresh}.delta_omega")
+
+            yield Move(f"{other} in place of the {kind} {name}", swap)
 
 
 def removals(view: View) -> Iterator[Move]:

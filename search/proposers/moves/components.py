@@ -1,6 +1,6 @@
 """Families of edits of one component: a filter, delay or path added, a block exchanged for another or taken away."""
 
-from search.proposers.moves.blocks import exchange, removals
+from search.proposers.moves.blocks import coupling_frequency, exchange, removals
 from search.proposers.moves.damping import (
     active_damping,
     damped,
@@ -44,6 +44,7 @@ COMPONENTS = (
     Family("other feedforward", "module", _FEEDFORWARD, 0.5, where_present(feedforward, fed_forward)),
     Family("decoupling", "module", _COUPLING, 10.0, where_missing(decoupling, decoupled)),
     Family("other decoupling", "module", _COUPLING, 0.3, where_present(decoupling, decoupled)),
+    Family("frequency of a coupling", "module", _COUPLING, 4.0, coupling_frequency),
     Family("voltage decoupling", "module", _COUPLING, 8.0, where_missing(voltage_decoupling, voltage_decoupled)),
     Family("other voltage decoupling", "module", _COUPLING, 0.3, where_present(voltage_decoupling, voltage_decoupled)),
     Family("virtual impedance", "module", _IMPEDANCE, 4.0, where_missing(virtual_impedance, _virtual_or_following)),
