@@ -315,7 +315,7 @@ class Loop:
             job = Job(step.number, step.program)
         else:
             before, error = self.appraisal.record(step.parent), self.appraisal.error(step.parent)
-            job = Job(step.number, step.program, before.parameters, PROMISING * error)
+            job = Job(step.number, step.program, before.parameters, PROMISING * error, before.free_parameters)
         self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:

@@ -77,8 +77,8 @@ class Criterion:
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
     Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer`, `bound`,
-    `residual` : prices of a free number, a missing control layer, a parameter at its bound and a residual module in the
-    order of the parents.
+    `residual`, `absurd` : prices of a free number, a missing control layer, a parameter at its bound, a residual module and
+    an absurd plant in the order of the parents.
     """
 
     floor: Floor
@@ -88,23 +88,24 @@ class Criterion:
     layer: float = 0.0
     bound: float = 0.0
     residual: float = 0.0
+    absurd: float = 0.0
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
-        return log(max(error, self._least(odd))) + self.price * (free / self.alone + 2 * odd.total)
+        least = DOUBTFUL if odd.absurd else EXACT
+        return log(max(error, least)) + self.price * (free / self.alone + 2 * odd.total)
 
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """What the archive ranks parents by, the higher, the better."""
+        """What the archive ranks parents by, the higher, the better. An absurd plant may be one edit away from the right
+        diagram, so it is not without merit."""
         priced = self.parsimony * free + self.bound * odd.at_bound
         return (
-            reward(max(error, self._least(odd)))
+            reward(max(error, EXACT))
             - priced / self.alone
             - self.layer * odd.missing
             - self.residual * odd.residual
+            - self.absurd * bool(odd.absurd)
         )
-
-    def _least(self, odd: Oddities) -> float:
-        return DOUBTFUL if odd.absurd else EXACT
 
 
 #: Price of a free number when the noise is not known: it breaks ties.
@@ -116,4 +117,6 @@ def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criter
     floor = noise_floor(sweep)
     alone = len(sweep.points) if parameters == "per-op" else 1
     price = log(floor.numbers) * alone / (2 * floor.numbers) if floor.known else TIE
-    return Criterion(floor, price, settings.parsimony, alone, settings.layer, settings.bound, settings.residual)
+    return Criterion(
+        floor, price, settings.parsimony, alone, settings.layer, settings.bound, settings.residual, settings.absurd
+    )

@@ -20,9 +20,11 @@ BY_THE_WALL = 3600.0
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, seconds=BY_THE_WALL)
 #: What promises something gets this on top.
 THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16, seconds=BY_THE_WALL)
-#: An error below this many times its parent's promises something: a quick fit of the right edit often stops in the parent's
-#: minimum.
-PROMISING = 1.01
+#: An error below this part of its parent's promises something.
+PROMISING = 0.99
+#: With more free numbers than the parent an error up to this factor above that does too: the quick fit of the right edit
+#: often stops in the parent's minimum.
+STUCK = 1.02
 
 
 @dataclass(frozen=True)
@@ -66,15 +68,20 @@ class Subject:
 
 
 def assess(job: Job, subject: Subject) -> Record:
-    """Fit a candidate quickly, and thoroughly when its error comes out below `job.promising`, or that is None.
-
-    A quick fit may stop in the parent's minimum, although the edit is the right one.
-    """
+    """Fit a candidate quickly, and thoroughly when that promises something: an error below `job.promising`, one that looks
+    as if the fit had stopped in the parent's minimum, or any where `job.promising` is None."""
     record = subject.record_of(job.program, subject.fit, job.warm)
     if record.outcome != Outcome.OK:
         return record
-    if job.promising is None or subject.error(record) < job.promising:
+    if _promises(record, job, subject):
         again = subject.record_of(job.program, subject.thorough, record.parameters)
         if again.outcome == Outcome.OK and subject.error(again) <= subject.error(record):
             return replace(again, seconds=record.seconds + again.seconds)
     return record
+
+
+def _promises(record: Record, job: Job, subject: Subject) -> bool:
+    if job.promising is None:
+        return True
+    more = job.free is not None and record.free_parameters > job.free
+    return subject.error(record) < job.promising * (STUCK if more else 1.0)
