@@ -54,6 +54,17 @@ def test_what_promises_something_gets_a_thorough_fit_too(efforts):
     assert found == replace(record(0.1), seconds=2.0)
 
 
+@pytest.mark.parametrize(("free", "error", "thorough"), [(7, 0.505, True), (6, 0.505, False), (7, 0.52, False)])
+def test_an_edit_that_adds_something_and_ends_at_its_parents_error_gets_a_thorough_fit_too(
+    efforts, free, error, thorough
+):
+    """The parent has six free numbers and an error of 0.505; below 0.5 anything promises something."""
+    FOUND.update({QUICK: replace(record(error), free_parameters=free), THOROUGH: record(0.1)})
+    found = assess(Job(1, NAIVE, {}, 0.5, free=6), Subject(task().sweep))
+    assert efforts == ([QUICK, THOROUGH] if thorough else [QUICK])
+    assert found.nrmse == (0.1 if thorough else error)
+
+
 def test_without_a_parent_everything_promises_something(efforts):
     assessed(record(0.9), record(0.8), None)
     assert efforts == [QUICK, THOROUGH]
