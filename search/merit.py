@@ -1,6 +1,6 @@
 """By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, log, sqrt
 
 import numpy as np
@@ -76,19 +76,14 @@ class Criterion:
     each has its own).
 
     With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
-    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `parsimony`, `layer`, `bound`,
-    `residual`, `absurd` : prices of a free number, a missing control layer, a parameter at its bound, a residual module and
-    an absurd plant in the order of the parents.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `settings` : with the prices that
+    order the parents.
     """
 
     floor: Floor
     price: float
-    parsimony: float
     alone: int = 1
-    layer: float = 0.0
-    bound: float = 0.0
-    residual: float = 0.0
-    absurd: float = 0.0
+    settings: SearchSettings = field(default_factory=SearchSettings)
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
@@ -98,13 +93,13 @@ class Criterion:
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """What the archive ranks parents by, the higher, the better. An absurd plant may be one edit away from the right
         diagram, so it is not without merit."""
-        priced = self.parsimony * free + self.bound * odd.at_bound
+        prices = self.settings
         return (
             reward(max(error, EXACT))
-            - priced / self.alone
-            - self.layer * odd.missing
-            - self.residual * odd.residual
-            - self.absurd * bool(odd.absurd)
+            - (prices.parsimony * free + prices.bound * odd.at_bound) / self.alone
+            - prices.layer * odd.missing
+            - prices.residual * odd.residual
+            - prices.absurd * bool(odd.absurd)
         )
 
 
@@ -117,6 +112,4 @@ def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criter
     floor = noise_floor(sweep)
     alone = len(sweep.points) if parameters == "per-op" else 1
     price = log(floor.numbers) * alone / (2 * floor.numbers) if floor.known else TIE
-    return Criterion(
-        floor, price, settings.parsimony, alone, settings.layer, settings.bound, settings.residual, settings.absurd
-    )
+    return Criterion(floor, price, alone, settings)

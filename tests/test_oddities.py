@@ -9,8 +9,9 @@ import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
 from search.merit import DOUBTFUL, EXACT, Criterion, Floor
 from search.oddities import SOUND, Oddities, oddities
+from search.settings import SearchSettings
 
-CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3, parsimony=0.05, layer=3.0, bound=0.3)
+CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3)
 
 
 def record_with(program: str, **changes: float):
@@ -51,7 +52,7 @@ def test_residual_modules_are_counted_and_no_reason_to_doubt_the_rest():
 
 
 def test_a_residual_module_has_a_price_among_parents():
-    priced = replace(CRITERION, residual=0.3)
+    priced = replace(CRITERION, settings=SearchSettings(residual=0.3))
     # worth it only where it lowers the error by more than its price: e^-0.3 = 0.74
     assert priced.merit(0.0075, 13, Oddities(residual=1)) < priced.merit(0.01, 13)
     assert priced.merit(0.0073, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
