@@ -71,5 +71,4 @@ class Appraisal:
             program=step.program,
             value=self.criterion.merit(error, 0, odd),
             sort=sort_of_control(parsed(step.program), self._kinds) + ", absurd plant" * bool(odd.absurd),
-            sound=not odd.absurd,
         )

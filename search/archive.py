@@ -189,8 +189,7 @@ class Archive:
     def _insert(self, entry: Entry, homes: list[Ranking]) -> None:
         self._met.add(entry.hash)
         if entry.stable:
-            if entry.sound:
-                self._front.add(entry)
+            self._front.add(entry)
             homes = [*homes, self._sorts.setdefault(entry.sort, Ranking())]
             self._least[entry.sort] = min(entry.nrmse, self._least.get(entry.sort, math.inf))
         for ranking in [self._all, *([self._stable, *homes] if entry.stable else [])]:

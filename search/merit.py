@@ -87,20 +87,21 @@ class Criterion:
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
-        least = DOUBTFUL if odd.absurd else EXACT
-        return log(max(error, least)) + self.price * (free / self.alone + 2 * odd.total)
+        return log(max(error, _least(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """What the archive ranks parents by, the higher, the better. An absurd plant may be one edit away from the right
-        diagram, so it is not without merit."""
+        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
         prices = self.settings
         return (
-            reward(max(error, EXACT))
+            reward(max(error, _least(odd)))
             - (prices.parsimony * free + prices.bound * odd.at_bound) / self.alone
             - prices.layer * odd.missing
             - prices.residual * odd.residual
-            - prices.absurd * bool(odd.absurd)
         )
+
+
+def _least(odd: Oddities) -> float:
+    return DOUBTFUL if odd.absurd else EXACT
 
 
 #: Price of a free number when the noise is not known: it breaks ties.

@@ -13,7 +13,7 @@ class Entry:
     """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native.
 
     `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward. `sort` : of
-    control, the same for diagrams that an engineer would call by one name. `sound` : False for an absurd plant.
+    control, the same for diagrams that an engineer would call by one name.
     """
 
     step: int
@@ -28,7 +28,6 @@ class Entry:
     program: str
     value: float | None = None
     sort: str = ""
-    sound: bool = True
 
     @property
     def plain(self) -> float:

@@ -19,14 +19,13 @@ class SearchSettings:
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
     elites and within islands; 0 and infinity for all alike. `front` : share of the draws from the elites that are made
-    along the front of error against free parameters, of sound plants, its `front_size` entries of least error. `variety` :
+    along the front of error against free parameters, its `front_size` entries of least error. `variety` :
     share of those draws that are made among the best of each sort of control (what makes the frequency, a voltage loop, an
     absurd plant), a sort with twice the error of the best half as often: another sort may need several edits before it is
-    better.
+    better, and an absurd plant may be one edit away from the right diagram.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
-    `bound`, `residual`, `absurd` : the same for a parameter at the end of its box, for a residual module (notch, Pade) and
-    for a plant that stands in for a controller.
+    `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
 
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees.
@@ -56,7 +55,6 @@ class SearchSettings:
     layer: float = 3.0
     bound: float = 0.3
     residual: float = 0.3
-    absurd: float = 2.0
     scales: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )

@@ -199,17 +199,6 @@ def test_draws_along_the_front_reach_the_simple_and_the_good():
     assert all(count / 9_000 == pytest.approx(1 / 3, abs=0.02) for count in drawn.values())
 
 
-def test_an_absurd_plant_is_a_parent_but_not_on_the_front():
-    settings = replace(SMALL, from_elites=1.0, from_island=0.0, front=1.0, variety=0.5)
-    archive, rng = started(settings, replace(START, reward=-9.0, free=9)), np.random.default_rng(7)
-    archive.admit(entry(1, 1.0, free=3))
-    archive.admit(entry(2, 9.0, free=3, sound=False, sort="absurd plant"))
-    assert [one.step for one in archive.front] == [1]
-    drawn = Counter(archive.sample(rng, number)[0].step for number in range(2_000))
-    assert drawn[1] > 900
-    assert drawn[2] > 900  # its error is so much smaller that it is nearly every draw among the sorts
-
-
 def test_with_variety_each_sort_of_control_is_drawn_as_one_over_its_least_error():
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf)
     archive, rng = started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)), np.random.default_rng(6)

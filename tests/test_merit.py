@@ -133,8 +133,9 @@ def test_numbers_of_each_operating_point_cost_as_much_as_shared_ones():
     assert judged(parameters="per-op").merit(0.01, 10) == pytest.approx(judged().merit(0.01, 5))
 
 
-def test_an_absurd_plant_is_no_answer_by_a_perfect_fit_but_may_be_a_parent():
+def test_an_absurd_plant_earns_nothing_by_a_perfect_fit():
     one = judged()
-    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(absurd=2)) == pytest.approx(SETTINGS.absurd)
-    assert one.merit(1e-5, 5, Oddities(absurd=1)) > one.merit(1e-4, 5, Oddities(absurd=1))
+    assert one.merit(1e-5, 5, Oddities(absurd=1)) == one.merit(1e-4, 5, Oddities(absurd=1))
+    assert one.merit(1e-5, 5) > one.merit(1e-4, 5)
+    assert one.merit(0.1, 5, Oddities(absurd=1)) == one.merit(0.1, 5)
     assert one.value(1e-5, 5, Oddities(absurd=1)) == one.value(1e-4, 5, Oddities(absurd=1))

@@ -89,7 +89,7 @@ SUB_LOOPS = (
     ),
     Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, gross=0.5),
     Family(
-        "second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.05, where_missing(second_device, _incomplete), gross=0.1
+        "second device", "structural", (1.0, 1.0, 1.0, 1.0), 0.005, where_missing(second_device, _incomplete), gross=0.1
     ),
     Family("one device less", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, no_second_device),
 )
