@@ -57,7 +57,7 @@ class Archive:
 
     Each structure is kept once, under its hash, also when several islands see it. A structure that was evicted is not
     admitted again. An unstable one is kept but is no elite, no migrant, and a parent only in a draw from everything.
-    Nothing depends on rewards but their order.
+    Nothing depends on rewards but their order; draws among sorts of control depend on errors.
     """
 
     def __init__(self, settings: SearchSettings) -> None:
@@ -70,7 +70,7 @@ class Archive:
         self._islands = tuple(_Island() for _ in range(settings.islands))
         self._front = Front()
         self._sorts: dict[str, Ranking] = {}
-        self._least: dict[str, float] = {}
+        self._least_error: dict[str, float] = {}
         self._children: Counter[int] = Counter()
         self._counts: Counter[str] = Counter()
 
@@ -114,18 +114,17 @@ class Archive:
         if not self._all:
             raise IbridError("the archive must hold an entry to draw a parent from, found none; admit the start first")
         settings, active = self._settings, number % len(self._islands)
-        which, place, along, varied, sort = rng.random(5)
+        which, place, along, varied, among_sorts = rng.random(5)
         chosen = np.searchsorted(
             [settings.from_elites, settings.from_elites + settings.from_island], which, side="right"
         )
         if chosen == 1 and (pool := self._islands[active].pool):
             return self._law.draw(pool, place, self._room, self._children), active
         if chosen < 2 and self._stable:
-            front = self.front if along < settings.front else ()
             if varied < settings.variety:
-                parent = self._law.draw(self._sort(sort), place, settings.elites, self._children)
-            elif front:
-                parent = self._law.draw_evenly(front, place, self._children)
+                parent = self._law.draw(self._drawn_sort(among_sorts), place, settings.elites, self._children)
+            elif along < settings.front:
+                parent = self._law.draw_evenly(self.front, place, self._children)
             else:
                 parent = self._law.draw(self._stable, place, settings.elites, self._children)
         else:
@@ -171,11 +170,11 @@ class Archive:
             **{name: self._counts[name] for name in ("admitted", "repeated", "invalid", "evicted", "migrations")},
         )
 
-    def _sort(self, place: float) -> Ranking:
-        """The entries of a sort of control, drawn with probability proportional to 1 / its least error."""
-        sorts = sorted(name for name, one in self._sorts.items() if one)
-        total = np.cumsum([1.0 / max(self._least[name], EXACT) for name in sorts])
-        return self._sorts[sorts[min(int(np.searchsorted(total, place * total[-1], side="right")), len(sorts) - 1)]]
+    def _drawn_sort(self, place: float) -> Ranking:
+        """The entries of a sort of control, drawn with probability proportional to 1 / the least error it has had."""
+        names = sorted(name for name, one in self._sorts.items() if one)
+        total = np.cumsum([1.0 / max(self._least_error[name], EXACT) for name in names])
+        return self._sorts[names[min(int(np.searchsorted(total, place * total[-1], side="right")), len(names) - 1)]]
 
     def _admissible(self, entry: Entry) -> bool:
         if not math.isfinite(entry.reward):
@@ -191,16 +190,20 @@ class Archive:
         if entry.stable:
             self._front.add(entry)
             homes = [*homes, self._sorts.setdefault(entry.sort, Ranking())]
-            self._least[entry.sort] = min(entry.nrmse, self._least.get(entry.sort, math.inf))
+            self._least_error[entry.sort] = min(entry.nrmse, self._least_error.get(entry.sort, math.inf))
         for ranking in [self._all, *([self._stable, *homes] if entry.stable else [])]:
             ranking.add(entry)
 
     def _evict(self) -> Entry:
-        """Drop the lowest reward, of equal ones the least simple, but no start, no elite and no island's best."""
-        kept = self._starts | {island.natives[0].hash for island in self._islands if island.natives}
+        """Drop the lowest reward, of equal ones the least simple, but no start, no elite, no best of an island or a sort.
+
+        In an archive that is too small to keep all those, the lowest that is no start.
+        """
+        homes = (*(island.natives for island in self._islands), *self._sorts.values())
+        kept = self._starts | {home[0].hash for home in homes if home}
         kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
-        lowest = next(one for one in reversed(self._all) if one.hash not in kept)
-        homes = (self._islands[lowest.island].natives, self._sorts.get(lowest.sort, Ranking()))
+        upwards = [one for one in reversed(self._all) if one.hash not in self._starts]
+        lowest = next((one for one in upwards if one.hash not in kept), upwards[0])
         for ranking in (self._all, self._stable, *homes):
             ranking.discard(lowest)
         for island in self._islands:

@@ -13,7 +13,7 @@ class Entry:
     """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native.
 
     `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward. `sort` : of
-    control, the same for diagrams that an engineer would call by one name.
+    control, by which an engineer would call it, and whether its plant has absurd values.
     """
 
     step: int

@@ -199,6 +199,24 @@ def test_draws_along_the_front_reach_the_simple_and_the_good():
     assert all(count / 9_000 == pytest.approx(1 / 3, abs=0.02) for count in drawn.values())
 
 
+def test_the_best_of_a_sort_of_control_is_not_evicted_while_there_is_room_for_it():
+    settings = SearchSettings(population=13, islands=2, elites=4, sweep=40, front=0.0)
+    archive = started(settings, replace(START, reward=-9.0, sort="nothing"))
+    archive.admit(entry(1, -5.0, sort="power"))
+    archive.admit(entry(2, -4.0, sort="power"))
+    for step in range(3, 30):
+        archive.admit(entry(step, float(step), island=step % 2, sort="phase"))
+    assert len(archive) == 13
+    assert [one.step for one in archive.entries if one.sort == "power"] == [2]
+
+
+def test_an_archive_too_small_for_all_that_should_be_kept_drops_the_lowest():
+    archive = started(SearchSettings(population=4, islands=1, elites=2, sweep=40), replace(START, reward=-9.0))
+    for step in range(1, 9):
+        archive.admit(entry(step, float(step), sort=f"sort {step}", free=20 - step))
+    assert [one.step for one in archive.entries] == [8, 7, 6, 0]
+
+
 def test_with_variety_each_sort_of_control_is_drawn_as_one_over_its_least_error():
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf)
     archive, rng = started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)), np.random.default_rng(6)

@@ -60,7 +60,7 @@ def test_an_edit_that_adds_something_and_ends_at_its_parents_error_gets_a_thorou
 ):
     """The parent has six free numbers and an error of 0.505; below 0.5 anything promises something."""
     FOUND.update({QUICK: replace(record(error), free_parameters=free), THOROUGH: record(0.1)})
-    found = assess(Job(1, NAIVE, {}, 0.5, free=6), Subject(task().sweep))
+    found = assess(Job(1, NAIVE, {}, 0.5, free_before=6), Subject(task().sweep))
     assert efforts == ([QUICK, THOROUGH] if thorough else [QUICK])
     assert found.nrmse == (0.1 if thorough else error)
 

@@ -147,6 +147,7 @@ def test_a_candidate_is_fitted_from_its_parents_values(path):
         assert parent is not None
         assert job.warm == naive_record().parameters
         assert 0 < job.promising < steps[parent].nrmse
+        assert job.free_before == naive_record().free_parameters > 0
 
 
 def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path):

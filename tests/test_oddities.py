@@ -52,10 +52,10 @@ def test_residual_modules_are_counted_and_no_reason_to_doubt_the_rest():
 
 
 def test_a_residual_module_has_a_price_among_parents():
-    priced = replace(CRITERION, settings=SearchSettings(residual=0.3))
-    # worth it only where it lowers the error by more than its price: e^-0.3 = 0.74
-    assert priced.merit(0.0075, 13, Oddities(residual=1)) < priced.merit(0.01, 13)
-    assert priced.merit(0.0073, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
+    priced = replace(CRITERION, settings=SearchSettings(residual=0.5))
+    # worth it only where it lowers the error by more than its price: e^-0.5 = 0.607
+    assert priced.merit(0.0062, 13, Oddities(residual=1)) < priced.merit(0.01, 13)
+    assert priced.merit(0.0060, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
 
 
 def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():

@@ -233,13 +233,15 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
     assert notes.count("a delay") / 1000 == pytest.approx(0.5, abs=0.065)  # four standard deviations
 
 
-@pytest.mark.parametrize(("nrmse", "weight"), [(0.5, 4.0), (None, 4.0), (0.9 * GROSS, 1.0)])
-def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, weight):
+@pytest.mark.parametrize(
+    ("nrmse", "noise", "weight"), [(0.5, None, 4.0), (None, None, 4.0), (0.9 * GROSS, None, 1.0), (0.5, 0.3, 1.0)]
+)
+def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, noise, weight):
     families = (
         Family("detail", "module", ALIKE, 1.0, lambda _: iter([FILTERED])),
-        Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), gross=4.0),
+        Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), weight_while_gross=4.0),
     )
-    record = replace(record_of(ibrid.program_text(NAIVE)), nrmse=nrmse)
+    record = replace(record_of(ibrid.program_text(NAIVE)), nrmse=nrmse, noise_floor=noise)
     context, rules = context_of(NAIVE, record=record), Rules(families)
     notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
     expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + 1)
@@ -308,6 +310,19 @@ def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_
     assert {hash_of(alone), hash_of(both)} <= found
     for parent in (alone, both):
         assert hash_of(TEXTBOOK["gfl"]) in {hash_of(after) for after in edits_of("other current", parent).values()}
+
+
+@pytest.mark.parametrize(("parent", "child"), [("gfl", "gfl_exact"), ("gfl_exact", "gfl")])
+def test_a_coupling_at_the_nominal_frequency_and_one_at_the_measured_are_one_move_apart(parent, child):
+    changed = [diagram for family, _, diagram in legal_moves(parent) if family == "frequency of a coupling"]
+    assert [hash_of(diagram) for diagram in changed] == [hash_of(TEXTBOOK[child])]
+
+
+def test_nothing_measures_the_frequency_without_synchronisation():
+    draft = Draft(NAIVE, VOCABULARY)
+    name = draft.add("JMul", "coupling")
+    draft.chain("plant.i_g", f"{name}.in_", f"{name}.out", "plant.u_r")
+    assert not [family for family, _, _ in moves_of(draft.diagram()) if family == "frequency of a coupling"]
 
 
 def test_powers_and_the_terminal_keep_the_grid_current():

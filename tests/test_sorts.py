@@ -29,7 +29,8 @@ def test_without_a_frame_of_its_own_the_frequency_follows_nothing():
     assert sort_of_control(textbook("naive"), VOCABULARY) == "nothing"
 
 
-def test_filters_and_feedforward_make_no_other_sort():
-    assert (
-        len({sort_of_control(textbook(name), VOCABULARY) for name in ("gfl", "gfl_exact", "gfl_pll_filter_exact")}) == 1
-    )
+@pytest.mark.parametrize(
+    "hidden", ["filtered_feedforward", "no_decoupling", "pll_and_power_filters", "delay", "unusual"]
+)
+def test_filters_feedforward_decoupling_and_delay_make_no_other_sort(hidden):
+    assert sort_of_control(inverter(hidden).truth, VOCABULARY) == "phase"

@@ -22,8 +22,8 @@ QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, second
 THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16, seconds=BY_THE_WALL)
 #: An error below this part of its parent's promises something.
 PROMISING = 0.99
-#: With more free numbers than the parent an error up to this factor above that does too: the quick fit of the right edit
-#: often stops in the parent's minimum.
+#: With more free numbers than the parent has an error up to this factor above that part does too, 1 % above the parent's: the
+#: quick fit of the right edit often stops in the parent's minimum.
 STUCK = 1.02
 
 
@@ -68,8 +68,8 @@ class Subject:
 
 
 def assess(job: Job, subject: Subject) -> Record:
-    """Fit a candidate quickly, and thoroughly when that promises something: an error below `job.promising`, one that looks
-    as if the fit had stopped in the parent's minimum, or any where `job.promising` is None."""
+    """Fit a candidate quickly, and thoroughly when that promises something: an error below `job.promising`, with more free
+    numbers than the parent's one that looks as if the fit had stopped in its minimum, or any where `promising` is None."""
     record = subject.record_of(job.program, subject.fit, job.warm)
     if record.outcome != Outcome.OK:
         return record
@@ -83,5 +83,5 @@ def assess(job: Job, subject: Subject) -> Record:
 def _promises(record: Record, job: Job, subject: Subject) -> bool:
     if job.promising is None:
         return True
-    more = job.free is not None and record.free_parameters > job.free
+    more = job.free_before is not None and record.free_parameters > job.free_before
     return subject.error(record) < job.promising * (STUCK if more else 1.0)

@@ -13,15 +13,15 @@ class Job:
     """A program to be fitted.
 
     `number` : of its step. `warm` : operating point -> name -> value to begin from, such as the parent's parameters.
-    `promising` : error, as the search measures it, below which the candidate deserves more effort. `free` : free numbers of
-    the parent; None: not known.
+    `promising` : error, as the search measures it, below which the candidate deserves more effort. `free_before` : free
+    numbers of the parent; None: not known.
     """
 
     number: int
     program: str
     warm: Mapping[str, Any] | None = None
     promising: float | None = None
-    free: int | None = None
+    free_before: int | None = None
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,9 @@ ASKED = 3.0
 LATER = 0.05
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
-#: A parent's NRMSE above this is gross: it speaks for another structure, a smaller one for a detail.
-GROSS = 0.03
+#: A parent's NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a
+#: smaller one for a detail.
+GROSS, ABOVE_NOISE = 0.03, 2.0
 
 
 class Rules:
@@ -48,7 +49,7 @@ class Rules:
         if not views:
             return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
         record = context.parent.record
-        bands, gross = residual_bands(record), record.nrmse is None or record.nrmse > GROSS
+        bands, gross = residual_bands(record), _gross(record)
         moves = _Moves(views)
         families = [one for one in self.families if not one.first or moves.of(one)]
         while families:
@@ -86,6 +87,10 @@ def residual_bands(record: Record) -> np.ndarray:
         if part.sum() > 0:
             total += part / part.sum()
     return total / total.sum() if total.sum() > 0 else np.full(len(BAND_NAMES), 1 / len(BAND_NAMES))
+
+
+def _gross(record: Record) -> bool:
+    return record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
 
 
 def _number(table: Mapping[str, float | None], name: str) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from ibrid.structure.drafting import Draft
+from search.proposers.moves.drawing import frequency_sources
 from search.proposers.moves.family import Move, View
 from search.proposers.moves.shapers import STEMS, in_line
 
@@ -45,18 +46,19 @@ def exchange(view: View) -> Iterator[Move]:
 def coupling_frequency(view: View) -> Iterator[Move]:
     """A reactance that couples the axes, of a decoupling or a virtual impedance, at the measured frequency in place of the
     nominal one, or the other way round."""
-    draft = view.draft
-    for kind, other in (("JMul", "JMul_omega"), ("JMul_omega", "JMul")):
-        for name in draft.named(kind) if view.known(other) else ():
-            if other == "JMul_omega" and view.roles.frequency is None:
-                continue  # nothing measures the frequency
+    frequencies = frequency_sources(view.draft, view.roles)
+    for name in (*view.draft.named("JMul"), *view.draft.named("JMul_omega")):
+        kind = view.draft.instances[name].kind
+        other = "JMul" if kind == "JMul_omega" else "JMul_omega"
+        if not view.known(other) or (other == "JMul_omega" and not frequencies):
+            continue
 
-            def swap(draft: Draft, name: str = name, other: str = other) -> None:
-                fresh = draft.replace(name, other, name)
-                for source in draft.sources(f"{view.roles.plant}.delta_omega") if other == "JMul_omega" else ():
-                    draft.connect(source, f"{fresh}.delta_omega")
+        def swap(draft: Draft, name: str = name, other: str = other) -> None:
+            fresh = draft.replace(name, other, name)
+            for source in frequencies if other == "JMul_omega" else ():
+                draft.connect(source, f"{fresh}.delta_omega")
 
-            yield Move(f"{other} in place of the {kind} {name}", swap)
+        yield Move(f"{other} in place of the {kind} {name}", swap)
 
 
 def removals(view: View) -> Iterator[Move]:
