@@ -18,11 +18,11 @@ class SearchSettings:
     over all islands. `from_elites`, `from_island` : share of parents from the elites and from the active island; the
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
-    elites and within islands; 0 and infinity for all alike. `variety` : share of the draws from
-    the elites that are made among the sorts of control (what makes the frequency, a voltage loop, an absurd plant), in
-    proportion to 1 / the least error of each: another sort may need several edits before it is better, and an absurd
-    plant may be one edit away from the right diagram. `front` : of the rest, the share along the front of error against free
-    parameters, its `front_size` entries of least error.
+    elites and within islands; 0 and infinity for all alike. `variety` : share of the draws from the elites that are made among
+    the sorts of control (what makes the frequency, a voltage loop, an absurd plant), in proportion to 1 / the least error of
+    each: another sort may need several edits before it is better, and an absurd plant may be one edit away from the right
+    diagram. `front` : of the rest, the share along the front of error against free parameters, its `front_size` entries of
+    least error.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
     `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).

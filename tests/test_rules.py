@@ -239,7 +239,7 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
 def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, noise, weight):
     families = (
         Family("detail", "module", ALIKE, 1.0, lambda _: iter([FILTERED])),
-        Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), weight_while_gross=4.0),
+        Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), if_gross=4.0),
     )
     record = replace(record_of(ibrid.program_text(NAIVE)), nrmse=nrmse, noise_floor=noise)
     context, rules = context_of(NAIVE, record=record), Rules(families)

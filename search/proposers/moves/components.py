@@ -51,7 +51,7 @@ COMPONENTS = (
     Family(
         "other virtual impedance", "module", _IMPEDANCE, 0.2, where_present(virtual_impedance, _virtual_or_following)
     ),
-    Family("active damping", "module", _RESONANCE, 0.3, where_missing(active_damping, damped), weight_while_gross=1.5),
+    Family("active damping", "module", _RESONANCE, 0.3, where_missing(active_damping, damped), if_gross=1.5),
     Family("command delay", "module", (0.0, 0.3, 1.0, 1.0), 5.0, where_missing(command_delay, delayed)),
     Family("other delay", "module", (0.0, 0.3, 1.0, 1.0), 0.3, where_present(command_delay, delayed)),
     Family("PLL filter", "module", _PHASE_LOCKED, 5.0, where_missing(synchronisation_filter, filtered_synchronisation)),

@@ -94,8 +94,8 @@ class Family:
     """`scale` : local, module or structural. `bands` : how much it usually matters in each frequency band, 0 to 1, in
     the order of the record. `weight` : how readily an engineer tries it. `moves` : the edits that apply to a parent.
     `first` : it puts in a part that every controller has, so it comes before the rest. `any_time` : it need not wait for
-    those. `weight_while_gross` : its weight while the parent's error is gross, where that is more: another structure is
-    tried then, and details later.
+    those. `if_gross` : its weight while the parent's error is gross; None: the same. Another structure is tried then, and
+    details later.
     """
 
     name: str
@@ -105,11 +105,11 @@ class Family:
     moves: Moves
     first: bool = False
     any_time: bool = False
-    weight_while_gross: float = 0.0
+    if_gross: float | None = None
 
     def readiness(self, *, gross: bool) -> float:
         """The weight for a parent whose error is gross, or not."""
-        return max(self.weight, self.weight_while_gross) if gross else self.weight
+        return self.if_gross if gross and self.if_gross is not None else self.weight
 
 
 def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:

@@ -58,57 +58,39 @@ def _incomplete(view: View) -> bool:
 
 
 _SLOW, _OUTER, _FREQUENCY = (1.0, 1.0, 0.5, 0.1), (1.0, 1.0, 0.3, 0.1), (1.0, 1.0, 0.5, 0.3)
+_MAGNITUDE, _EVERYWHERE = (1.0, 0.7, 0.2, 0.1), (1.0, 1.0, 1.0, 1.0)
 
 #: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop; its droop controls p.
 SUB_LOOPS = (
     Family("filter", "structural", (0.2, 0.4, 1.0, 1.0), 9.0, where_missing(plants, _forming_or_lcl), any_time=True),
-    Family("capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(plants, _following_or_lcl), True),
+    Family("capacitor", "structural", _EVERYWHERE, 9.0, where_missing(plants, _following_or_lcl), True),
     Family("other filter", "structural", (0.2, 0.4, 1.0, 1.0), 0.5, where_present(plants, _lcl)),
     Family("synchronisation", "structural", _FREQUENCY, 9.0, where_missing(synchronisation, _synchronised), True),
     Family(
-        "other synchronisation",
-        "structural",
-        _SLOW,
-        0.5,
-        where_present(synchronisation, _synchronised),
-        weight_while_gross=2.0,
+        "other synchronisation", "structural", _SLOW, 0.5, where_present(synchronisation, _synchronised), if_gross=2.0
     ),
-    Family("PLL and droop together", "structural", _SLOW, 0.2, blend, weight_while_gross=0.7),
+    Family("PLL and droop together", "structural", _SLOW, 0.2, blend, if_gross=0.7),
     Family("damping of the swing", "structural", _SLOW, 3.0, frequency_damping),
     Family("no synchronisation", "structural", (0.5, 0.5, 0.2, 0.1), 0.1, no_synchronisation),
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
     Family("voltage loop", "structural", _SLOW, 9.0, where_present(voltage_loop, _forming_alone), True),
     Family("voltage loop too", "structural", _SLOW, 6.0, where_present(voltage_loop, _forming_beside)),
-    Family(
-        "other voltage loop",
-        "structural",
-        _SLOW,
-        0.3,
-        where_missing(voltage_loop, grid_forming),
-        weight_while_gross=1.5,
-    ),
+    Family("other voltage loop", "structural", _SLOW, 0.3, where_missing(voltage_loop, grid_forming), if_gross=1.5),
     Family("power loops", "structural", (1.0, 1.0, 0.3, 0.3), 9.0, where_missing(power_loops, _outer), True),
     Family("missing axis", "structural", (1.0, 1.0, 0.3, 0.3), 6.0, missing_axis),
-    Family("other power loops", "structural", _OUTER, 0.3, where_present(power_loops, _outer), weight_while_gross=1.0),
-    Family("AC voltage", "structural", (1.0, 0.7, 0.2, 0.1), 0.3, ac_voltage_loop, weight_while_gross=1.5),
-    Family("DC link", "structural", _OUTER, 0.3, dc_voltage_loop, weight_while_gross=1.5),
+    Family("other power loops", "structural", _OUTER, 0.3, where_present(power_loops, _outer), if_gross=1.0),
+    Family("AC voltage", "structural", _MAGNITUDE, 0.3, ac_voltage_loop, if_gross=1.5),
+    Family("DC link", "structural", _OUTER, 0.3, dc_voltage_loop, if_gross=1.5),
     Family("voltage droop", "structural", _OUTER, 6.0, where_present(voltage_droop, _voltage_to_give)),
     Family(
         "other voltage droop",
         "structural",
-        (1.0, 0.7, 0.2, 0.1),
+        _MAGNITUDE,
         0.3,
         where_missing(voltage_droop, _voltage_to_give),
-        weight_while_gross=1.0,
+        if_gross=1.0,
     ),
-    Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, weight_while_gross=0.5),
-    Family(
-        "second device",
-        "structural",
-        (1.0, 1.0, 1.0, 1.0),
-        0.005,
-        where_missing(second_device, _incomplete),
-        weight_while_gross=0.1,
-    ),
-    Family("one device less", "structural", (1.0, 1.0, 1.0, 1.0), 0.2, no_second_device),
+    Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, if_gross=0.5),
+    Family("second device", "structural", _EVERYWHERE, 0.005, where_missing(second_device, _incomplete), if_gross=0.1),
+    Family("one device less", "structural", _EVERYWHERE, 0.2, no_second_device),
 )
