@@ -115,8 +115,8 @@ def _listen(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call 
 
     try:
         asyncio.run(speak())
-    except Exception:
-        traceback.print_exc()  # the connection is gone: standard error is all that is left
+    except Exception as error:  # the connection is gone: standard error is all that is left
+        print(f"ibrid mcp: the connection ended: {_in_words(error)}", file=sys.stderr)
     finally:
         listening.set()
         calls.put(None)
@@ -153,11 +153,14 @@ def _guarded(tools: Sequence[Tool], name: str, arguments: Any) -> dict[str, Any]
     try:
         return call_by_name(tools, name, arguments)
     except Exception as error:
-        if os.environ.get("IBRID_DEBUG") == "1":
-            traceback.print_exc(file=sys.stderr)
-        return failed(
-            f"{name} failed with {type(error).__name__}: {error}; start the server with IBRID_DEBUG=1 for more"
-        )
+        return failed(f"{name} failed: {_in_words(error)}")
+
+
+def _in_words(error: Exception) -> str:
+    """An unforeseen error in a sentence; its traceback goes to standard error where IBRID_DEBUG asks for it."""
+    if os.environ.get("IBRID_DEBUG") == "1":
+        traceback.print_exception(error, file=sys.stderr)
+    return f"{type(error).__name__}: {error}; start the server with IBRID_DEBUG=1 for more"
 
 
 def _instructions(task: Task) -> str:

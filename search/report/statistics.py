@@ -40,6 +40,7 @@ _ARCHIVE = {
     "admitted": "admitted in all",
     "evicted": "evicted",
     "migrations": "migrations between islands",
+    "beginnings": "new beginnings, halfway back",
 }
 
 
