@@ -7,9 +7,13 @@ from fitted import TRUE, benchmark
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.structure.program import program_text
+from search.appraisal import Appraisal
 from search.merit import DOUBTFUL, EXACT, Criterion, Floor
 from search.oddities import SOUND, Oddities, oddities
 from search.settings import SearchSettings
+from search.step import Status, Step
+from search.store import Store
 
 CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3)
 
@@ -32,6 +36,30 @@ def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
 
 def test_a_small_resistance_is_not_absurd():
     assert oddities(*record_with("gfl_pll_filter_exact", plant__R_F=1e-5), VOCABULARY) == SOUND
+
+
+def entry_of(tmp_path, **changes):
+    """The entry of a fitted step with such a record."""
+    diagram, record = record_with("gfl_pll_filter_exact")
+    record = replace(record, nrmse=5e-4, misfit=None, free_parameters=13, **changes)
+    with Store.create(tmp_path / "archive.sqlite", {}) as store:
+        store.propose(Step(0, program=program_text(diagram), hash="h"))
+        store.conclude(0, status=Status.OK, record=record)
+        return Appraisal(store, CRITERION, VOCABULARY).entry(store.step(0))
+
+
+def test_a_parameter_at_its_bound_costs_rank(tmp_path):
+    (tmp_path / "free").mkdir()
+    sound, bound = entry_of(tmp_path), entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L"))
+    assert bound.reward == pytest.approx(sound.reward - 2 * CRITERION.settings.bound)
+    assert (sound.sort, sound.plain) == ("phase", CRITERION.merit(5e-4, 0))
+
+
+def test_a_diagram_with_an_absurd_plant_is_of_another_sort(tmp_path):
+    absurd = {name: {**TRUE, "plant.R_F": 1.0} for name in benchmark().names}
+    found = entry_of(tmp_path, parameters=absurd)
+    assert found.sort == "phase, absurd plant"
+    assert found.plain < CRITERION.merit(9e-4, 0)
 
 
 def test_the_naive_diagram_lacks_every_layer():
