@@ -277,9 +277,9 @@ class Archive:
         """
         homes = (*(island.natives for island in self._field.islands), *self._field.sorts.values())
         kept = self._starts | {home[0].hash for home in homes if home}
-        kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
-        upwards = [one for one in reversed(self._all) if one.hash not in self._starts]
-        lowest = next((one for one in upwards if one.hash not in kept), upwards[0])
+        kept |= {one.hash for one in (*self.elites, *self._field.stable.top(self._settings.elites))}
+        found = (one for one in reversed(self._all) if one.hash not in kept)
+        lowest = next(found, None) or next(one for one in reversed(self._all) if one.hash not in self._starts)
         for ranking in (self._all, self._stable):
             ranking.discard(lowest)
         self._field.discard(lowest)
