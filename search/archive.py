@@ -2,28 +2,21 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ibrid.errors import IbridError
 from search.merit import EXACT
-from search.ranking import Entry, Ranking, RankLaw, front, rank
+from search.ranking import Entry, Front, Ranking, RankLaw
 from search.settings import SearchSettings
 
 __all__ = ["Archive", "Entry", "Statistics"]
 
-#: A reward that rises by less is no gain: a free number less, or five percent of the error.
-GAIN = 0.05
-#: A beginning lasts at least this part of what it has brought so far without a gain.
-LASTING = 1 / 3
-
 
 @dataclass(frozen=True)
 class Statistics:
-    """Counts. `entries` : kept now, `unstable` of them. `admitted`, `repeated`, `invalid`, `evicted`, `migrations`, new
-    `beginnings` : so far.
+    """Counts. `entries` : kept now, `unstable` of them. `admitted`, `repeated`, `invalid`, `evicted`, `migrations` : so far.
 
     `natives`, `guests` : for each island, its own entries and the neighbours' that it sees.
     """
@@ -36,7 +29,6 @@ class Statistics:
     invalid: int
     evicted: int
     migrations: int
-    beginnings: int
     natives: tuple[int, ...]
     guests: tuple[int, ...]
 
@@ -60,37 +52,12 @@ class _Island:
             self.pool.discard(lowest)
 
 
-@dataclass(frozen=True)
-class _Field:
-    """Stable entries that parents are drawn from: all, or since a new beginning those that it went back to and their like.
-
-    `sorts` : by the sort of their control.
-    """
-
-    islands: tuple[_Island, ...]
-    stable: Ranking = field(default_factory=Ranking)
-    sorts: dict[str, Ranking] = field(default_factory=dict)
-
-    def add(self, entry: Entry, homes: Sequence[Ranking]) -> None:
-        """Add an entry, at home in these pools of islands."""
-        for ranking in (self.stable, self.sorts.setdefault(entry.sort, Ranking()), *homes):
-            ranking.add(entry)
-
-    def discard(self, entry: Entry) -> None:
-        """Take an entry out."""
-        islands = [ranking for one in self.islands for ranking in (one.natives, one.guests, one.pool)]
-        for ranking in (self.stable, *self.sorts.values(), *islands):
-            ranking.discard(entry)
-
-
 class Archive:
     """What a search has found, and where the next parent comes from.
 
     Each structure is kept once, under its hash, also when several islands see it. A structure that was evicted is not
     admitted again. An unstable one is kept but is no elite, no migrant, and a parent only in a draw from everything.
-    When nothing has been gained for a while the draws go back halfway: to what is no better than the geometric mean of the
-    errors of start and best, and what is born of that from then on. Nothing that was met is met again, so the way differs.
-    Nothing depends on rewards but their order, save the draws along a front, which depend on the differences of its errors.
+    Nothing depends on rewards but their order; draws among sorts of control depend on errors.
     """
 
     def __init__(self, settings: SearchSettings) -> None:
@@ -100,9 +67,10 @@ class Archive:
         self._met: set[str] = set()
         self._starts: set[str] = set()
         self._all, self._stable = Ranking(), Ranking()
-        self._field = self._empty_field()
-        self._born = self._barren = 0  # admitted since the last new beginning; of them since the last gain
-        self._peak = -math.inf  # the reward that the next gain is measured from
+        self._islands = tuple(_Island() for _ in range(settings.islands))
+        self._front = Front()
+        self._sorts: dict[str, Ranking] = {}
+        self._least_error: dict[str, float] = {}
         self._children: Counter[int] = Counter()
         self._counts: Counter[str] = Counter()
 
@@ -111,7 +79,7 @@ class Archive:
         if not self._admissible(entry):
             return False
         self._starts.add(entry.hash)
-        self._insert(entry)
+        self._insert(entry, [island.pool for island in self._islands])
         return True
 
     def admit(self, entry: Entry) -> bool:
@@ -120,12 +88,13 @@ class Archive:
         False when nothing changed: a known hash, a reward that is not finite, or the worst entry of a full archive.
         Raises IbridError for an island that does not exist.
         """
-        if not 0 <= entry.island < self._settings.islands:
-            raise IbridError(f"an entry's island must be 0 to {self._settings.islands - 1}, found {entry.island}")
+        if not 0 <= entry.island < len(self._islands):
+            raise IbridError(f"an entry's island must be 0 to {len(self._islands) - 1}, found {entry.island}")
         if not self._admissible(entry):
             return False
-        self._insert(entry)
-        self._field.islands[entry.island].trim(self._room)
+        island = self._islands[entry.island]
+        self._insert(entry, [island.natives, island.pool])
+        island.trim(self._room)
         if len(self) > self._settings.population and self._evict() is entry:
             return False
         if entry.parent is not None:
@@ -133,7 +102,6 @@ class Archive:
         self._counts["admitted"] += 1
         if self._counts["admitted"] % self._settings.sweep == 0:
             self._migrate()
-        self._watch(entry)
         return True
 
     def sample(self, rng: np.random.Generator, number: int) -> tuple[Entry, int]:
@@ -145,38 +113,33 @@ class Archive:
         """
         if not self._all:
             raise IbridError("the archive must hold an entry to draw a parent from, found none; admit the start first")
-        settings, field, active = self._settings, self._field, number % self._settings.islands
+        settings, active = self._settings, number % len(self._islands)
         which, place, along, varied, among_sorts = rng.random(5)
         chosen = np.searchsorted(
             [settings.from_elites, settings.from_elites + settings.from_island], which, side="right"
         )
-        if chosen == 1 and (pool := field.islands[active].pool):
+        if chosen == 1 and (pool := self._islands[active].pool):
             return self._law.draw(pool, place, self._room, self._children), active
-        if chosen < 2 and field.stable:
-            elites = self._drawn_sort(among_sorts) if varied < settings.variety else field.stable
-            if along < settings.front:
-                parent = self._law.draw_by_worth(self._front(elites), settings.front_power, place, self._children)
+        if chosen < 2 and self._stable:
+            if varied < settings.variety:
+                parent = self._law.draw(self._drawn_sort(among_sorts), place, settings.elites, self._children)
+            elif along < settings.front:
+                parent = self._law.draw_evenly(self.front, place, self._children)
             else:
-                parent = self._law.draw(elites, place, settings.elites, self._children)
+                parent = self._law.draw(self._stable, place, settings.elites, self._children)
         else:
             parent = self._all[int(place * len(self._all))]
         return parent, active if parent.hash in self._starts else parent.island
 
     @property
     def elites(self) -> tuple[Entry, ...]:
-        """The stable entries of highest reward over all islands, best first; those before a new beginning too."""
+        """The stable entries of highest reward over all islands, best first."""
         return self._stable.top(self._settings.elites)
 
     @property
     def front(self) -> tuple[Entry, ...]:
-        """Of the stable entries that parents are drawn from those that nothing with fewer free parameters beats, fewest first;
-        only the best of them."""
-        return self._front(self._field.stable)
-
-    @property
-    def leader(self) -> Entry | None:
-        """The best of those that parents are drawn from; before a new beginning the best."""
-        return self._field.stable[0] if self._field.stable else None
+        """Of the stable entries those that nothing with fewer free parameters beats, fewest first; only the best of them."""
+        return self._front.entries(self._settings.front_size)
 
     @property
     def best(self) -> Entry | None:
@@ -193,7 +156,7 @@ class Archive:
 
     def island(self, number: int) -> tuple[Entry, ...]:
         """What a draw from this island can give, best first: its own, its guests (at home elsewhere) and the starts."""
-        return self._field.islands[number].pool.top(self._room)
+        return self._islands[number].pool.top(self._room)
 
     def statistics(self) -> Statistics:
         """Counts for the page and the log."""
@@ -202,23 +165,16 @@ class Archive:
             entries=len(self._all),
             unstable=len(self._all) - len(self._stable),
             elites=min(len(self._stable), self._settings.elites),
-            natives=tuple(natives[number] for number in range(self._settings.islands)),
-            guests=tuple(len(island.guests) for island in self._field.islands),
-            **{
-                name: self._counts[name]
-                for name in ("admitted", "repeated", "invalid", "evicted", "migrations", "beginnings")
-            },
+            natives=tuple(natives[number] for number in range(len(self._islands))),
+            guests=tuple(len(island.guests) for island in self._islands),
+            **{name: self._counts[name] for name in ("admitted", "repeated", "invalid", "evicted", "migrations")},
         )
 
-    def _front(self, elites: Ranking) -> tuple[Entry, ...]:
-        return front(elites.top(self._settings.elites), self._settings.front_size)
-
     def _drawn_sort(self, place: float) -> Ranking:
-        """The entries of a sort of control, drawn with probability proportional to 1 / the rank of its best among those of
-        the others."""
-        sorts = sorted((one for one in self._field.sorts.values() if one), key=lambda one: rank(one[0]))
-        total = np.cumsum(1.0 / np.arange(1, len(sorts) + 1))
-        return sorts[int(np.searchsorted(total, place * total[-1], side="right"))]
+        """The entries of a sort of control, drawn with probability proportional to 1 / the least error it has had."""
+        names = sorted(name for name, one in self._sorts.items() if one)
+        total = np.cumsum([1.0 / max(self._least_error[name], EXACT) for name in names])
+        return self._sorts[names[min(int(np.searchsorted(total, place * total[-1], side="right")), len(names) - 1)]]
 
     def _admissible(self, entry: Entry) -> bool:
         if not math.isfinite(entry.reward):
@@ -229,70 +185,39 @@ class Archive:
             return False
         return True
 
-    def _insert(self, entry: Entry) -> None:
+    def _insert(self, entry: Entry, homes: list[Ranking]) -> None:
         self._met.add(entry.hash)
-        self._all.add(entry)
         if entry.stable:
-            self._stable.add(entry)
-            self._place(entry)
-
-    def _place(self, entry: Entry) -> None:
-        """Let parents be drawn from an entry: a start on every island, a child on its own."""
-        islands = self._field.islands
-        if entry.hash in self._starts:
-            self._field.add(entry, [island.pool for island in islands])
-        else:
-            self._field.add(entry, [islands[entry.island].natives, islands[entry.island].pool])
-
-    def _empty_field(self) -> _Field:
-        return _Field(tuple(_Island() for _ in range(self._settings.islands)))
-
-    def _watch(self, entry: Entry) -> None:
-        """Count the admissions without a gain, and begin anew when there were too many."""
-        self._born, self._barren = self._born + 1, self._barren + 1
-        if entry.stable and entry.reward > self._peak + GAIN:
-            self._peak, self._barren = entry.reward, 0
-        if self._barren > max(self._settings.barren, self._born * LASTING):
-            self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        """Go back halfway; children that were born before still count, so what they left is tried first."""
-        starts = [one.nrmse for one in self._stable if one.hash in self._starts]
-        least = min((one.nrmse for one in self._stable), default=EXACT)
-        limit = math.sqrt(max(starts, default=1.0) * max(least, EXACT))
-        self._field = self._empty_field()
-        for entry in self._stable:
-            if entry.nrmse >= limit or entry.hash in self._starts:
-                self._place(entry)
-        for island in self._field.islands:
-            island.trim(self._room)
-        self._born = self._barren = 0
-        self._peak = self.leader.reward if self.leader else -math.inf
-        self._counts["beginnings"] += 1
+            self._front.add(entry)
+            homes = [*homes, self._sorts.setdefault(entry.sort, Ranking())]
+            self._least_error[entry.sort] = min(entry.nrmse, self._least_error.get(entry.sort, math.inf))
+        for ranking in [self._all, *([self._stable, *homes] if entry.stable else [])]:
+            ranking.add(entry)
 
     def _evict(self) -> Entry:
         """Drop the lowest reward, of equal ones the least simple, but no start, no elite, no best of an island or a sort.
 
         In an archive that is too small to keep all those, the lowest that is no start.
         """
-        homes = (*(island.natives for island in self._field.islands), *self._field.sorts.values())
+        homes = (*(island.natives for island in self._islands), *self._sorts.values())
         kept = self._starts | {home[0].hash for home in homes if home}
-        kept |= {one.hash for one in (*self.elites, *self._field.stable.top(self._settings.elites))}
+        kept |= {one.hash for one in (*self.elites, *(self.front if self._settings.front else ()))}
         found = (one for one in reversed(self._all) if one.hash not in kept)
         lowest = next(found, None) or next(one for one in reversed(self._all) if one.hash not in self._starts)
-        for ranking in (self._all, self._stable):
+        for ranking in (self._all, self._stable, *homes):
             ranking.discard(lowest)
-        self._field.discard(lowest)
+        for island in self._islands:
+            island.guests.discard(lowest)
+            island.pool.discard(lowest)
         self._counts["evicted"] += 1
         return lowest
 
     def _migrate(self) -> None:
         """Show each island's best natives, as they are now, to both neighbours; a guest is never shown on."""
-        islands = self._field.islands
-        number = len(islands)
+        number = len(self._islands)
         share = self._settings.migrants
-        shown = [island.natives.top(_part(len(island.natives), share)) for island in islands]
-        for place, island in enumerate(islands):
+        shown = [island.natives.top(_part(len(island.natives), share)) for island in self._islands]
+        for place, island in enumerate(self._islands):
             for neighbour in sorted({(place - 1) % number, (place + 1) % number} - {place}):
                 for entry in shown[neighbour]:
                     island.guests.add(entry)

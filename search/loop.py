@@ -255,7 +255,7 @@ class Loop:
         else:
             leader = self.steps[self.learner.rounds.leader]
             parent, island, scale = self._parent(leader), leader.island, leader.scale
-        best = self.archive.leader
+        best = self.archive.best
         if pruned is not None:
             yield self.appraisal.entry(pruned), pruned.island, self.tidying, "module"
             return

@@ -14,9 +14,8 @@ from search.settings import SearchSettings
 
 #: Errors up to this count as exact.
 EXACT = 1e-6
-#: An error below this hardly speaks for a structure whose plant has absurd values: it swallows something. What is gained
-#: below counts so much, to tell such structures apart.
-DOUBTFUL, HARDLY = 1e-3, 0.02
+#: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
+DOUBTFUL = 1e-3
 #: Source of a noise that the data do not tell.
 UNKNOWN = "unknown noise"
 
@@ -87,28 +86,26 @@ class Criterion:
     settings: SearchSettings = field(default_factory=SearchSettings)
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns hardly anything below `DOUBTFUL`."""
-        return log(_counted(error, odd)) + self.price * (free / self.alone + 2 * odd.total)
+        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
+        return log(max(error, _least(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """What the archive ranks parents by, the higher, the better; an absurd plant earns hardly anything below `DOUBTFUL`."""
+        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
         prices = self.settings
         return (
-            reward(_counted(error, odd))
+            reward(max(error, _least(odd)))
             - (prices.parsimony * free + prices.bound * odd.at_bound) / self.alone
             - prices.layer * odd.missing
             - prices.residual * odd.residual
         )
 
 
-def _counted(error: float, odd: Oddities) -> float:
-    """The error as it counts."""
-    error = max(error, EXACT)
-    return DOUBTFUL * (error / DOUBTFUL) ** HARDLY if odd.absurd and error < DOUBTFUL else error
+def _least(odd: Oddities) -> float:
+    return DOUBTFUL if odd.absurd else EXACT
 
 
-#: Price of a free number when the noise is not known: one that gains less than a percent does nothing.
-TIE = 0.01
+#: Price of a free number when the noise is not known: it breaks ties.
+TIE = 1e-3
 
 
 def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criterion:

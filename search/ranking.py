@@ -1,7 +1,7 @@
 """Entries of the archive in order, best first: kept sorted as they come and go, and drawn by rank."""
 
 from bisect import bisect_left, insort
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +59,7 @@ class Ranking:
 
     def place(self, entry: Entry) -> int:
         """Number of entries before this one, whether it is here or not."""
-        return bisect_left(self._keys, rank(entry))
+        return bisect_left(self._keys, _key(entry))
 
     def top(self, number: int) -> tuple[Entry, ...]:
         """The best ones, at most `number`."""
@@ -68,7 +68,7 @@ class Ranking:
     def add(self, entry: Entry) -> None:
         """Put an entry in its place, unless it is there."""
         if entry not in self:
-            insort(self._keys, (*rank(entry), entry))
+            insort(self._keys, (*_key(entry), entry))
 
     def discard(self, entry: Entry) -> None:
         """Take an entry out, when it is there."""
@@ -94,10 +94,9 @@ class RankLaw:
         pool = ranking.top(min(most, self._most))
         return self._drawn(pool, self._weight[: len(pool)], place, children)
 
-    def draw_by_worth(self, pool: Sequence[Entry], power: float, place: float, children: Mapping[int, int]) -> Entry:
-        """The same from a few entries, by exp(power x `plain`), which is error^-power, instead of their rank."""
-        worth = power * np.array([one.plain for one in pool])
-        return self._drawn(pool, np.exp(worth - worth.max()), place, children)
+    def draw_evenly(self, pool: Sequence[Entry], place: float, children: Mapping[int, int]) -> Entry:
+        """The same from a few entries, whatever their rank."""
+        return self._drawn(pool, np.ones(len(pool)), place, children)
 
     def _drawn(self, pool: Sequence[Entry], weight: np.ndarray, place: float, children: Mapping[int, int]) -> Entry:
         born = np.array([children.get(one.step, 0) for one in pool])
@@ -105,26 +104,26 @@ class RankLaw:
         return pool[min(int(np.searchsorted(total, place * total[-1], side="right")), len(pool) - 1)]
 
 
-#: What a further free number must gain in ln(error) to be worth looking at: less is a part that does nothing.
-PAYS = 0.01
+class Front:
+    """For every number of free parameters the best entry, where it beats all that have fewer."""
 
+    def __init__(self) -> None:
+        self._best: dict[int, Entry] = {}
 
-def front(entries: Iterable[Entry], most: int) -> tuple[Entry, ...]:
-    """For every number of free parameters the best entry, where it beats all that have fewer by what `PAYS` asks; fewest
-    parameters first; at most that many, those of the highest values."""
-    best: dict[int, Entry] = {}
-    for entry in entries:
-        before = best.get(entry.free)
+    def add(self, entry: Entry) -> None:
+        """Take note of an entry."""
+        before = self._best.get(entry.free)
         if before is None or (-entry.plain, entry.order, entry.step) < (-before.plain, before.order, before.step):
-            best[entry.free] = entry
-    found: list[Entry] = []
-    for free in sorted(best):
-        entry = best[free]
-        if not found or entry.plain > found[-1].plain + PAYS * (free - found[-1].free):
-            found.append(entry)
-    return tuple(found[-most:])
+            self._best[entry.free] = entry
+
+    def entries(self, most: int) -> tuple[Entry, ...]:
+        """The front, fewest parameters first; at most that many, those of the highest values."""
+        found: list[Entry] = []
+        for free in sorted(self._best):
+            if not found or self._best[free].plain > found[-1].plain:
+                found.append(self._best[free])
+        return tuple(found[-most:])
 
 
-def rank(entry: Entry) -> tuple[Any, ...]:
-    """The lower, the better."""
+def _key(entry: Entry) -> tuple[Any, ...]:
     return -entry.reward, entry.free, entry.order, entry.step, entry.hash

@@ -18,12 +18,11 @@ class SearchSettings:
     over all islands. `from_elites`, `from_island` : share of parents from the elites and from the active island; the
     rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
     see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
-    elites and within islands; 0 and infinity for all alike. `variety` : share of the draws from the elites that are made within
-    a sort of control (what makes the frequency, a voltage loop, a DC link, an absurd plant), drawn as 1 / the rank of its best:
-    another sort may need several edits before it is better, and an absurd plant may be one edit away from the right diagram.
-    `front` : of both, the share along the front of error against free parameters, its `front_size` entries of least error, in
-    proportion to error^-front_power. `barren` : admissions without a gain, and a third of those since the last new beginning,
-    after which the draws go back halfway (`Archive`).
+    elites and within islands; 0 and infinity for all alike. `variety` : share of the draws from the elites that are made among
+    the sorts of control (what makes the frequency, a voltage loop, an absurd plant), in proportion to 1 / the least error of
+    each: another sort may need several edits before it is better, and an absurd plant may be one edit away from the right
+    diagram. `front` : of the rest, the share along the front of error against free parameters, its `front_size` entries of
+    least error.
     `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
     `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
     `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
@@ -51,9 +50,7 @@ class SearchSettings:
     crowding: float = 10.0
     front: float = 1.0
     front_size: int = 8
-    front_power: float = 0.5
-    barren: int = 60
-    variety: float = 0.5
+    variety: float = 0.25
     parsimony: float = 0.05
     layer: float = 3.0
     bound: float = 0.3
@@ -88,9 +85,7 @@ def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
     yield 0 <= one.front <= 1, "front must be a share from 0 to 1", one.front
     yield 0 <= one.variety <= 1, "variety must be a share from 0 to 1", one.variety
-    yield 0 <= one.front_power < math.inf, "front_power must be finite and not negative", one.front_power
     yield one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size
-    yield one.barren >= 1, "barren must be 1 or more", one.barren
     yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
     yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power
     yield one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population

@@ -7,8 +7,8 @@ from search.proposers.moves.family import View, views_of
 
 
 def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:
-    """By what the frequency follows (phase, power, oscillator, several or nothing), whether the voltage is controlled, and a
-    DC link; of two devices both. Empty where the roles of none can be told."""
+    """By what the frequency follows (phase, power, oscillator, several or nothing), and whether the voltage is controlled; of
+    two devices both. Empty where the roles of none can be told."""
     return " beside ".join(sorted(_sort(view) for view in views_of(diagram, kinds)))
 
 
@@ -18,10 +18,4 @@ def _sort(view: View) -> str:
     phase = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
     power, oscillator = makers & set(roles.power), makers & set(draft.named("dVOC"))
     follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
-    return ", ".join(
-        [
-            " and ".join(follows or ["nothing"]),
-            *(["voltage loop"] if roles.voltage_loop else []),
-            *(["DC link"] if draft.named("DC_link") else []),
-        ]
-    )
+    return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

@@ -59,7 +59,7 @@ def test_a_diagram_with_an_absurd_plant_is_of_another_sort(tmp_path):
     absurd = {name: {**TRUE, "plant.R_F": 1.0} for name in benchmark().names}
     found = entry_of(tmp_path, parameters=absurd)
     assert found.sort == "phase, absurd plant"
-    assert found.plain < CRITERION.merit(9e-4, 0)
+    assert found.plain == CRITERION.merit(DOUBTFUL, 0)
 
 
 def test_the_naive_diagram_lacks_every_layer():
@@ -86,9 +86,8 @@ def test_a_residual_module_has_a_price_among_parents():
     assert priced.merit(0.0060, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
 
 
-def test_an_absurd_plant_earns_hardly_anything_below_the_doubtful_error():
+def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
     absurd = Oddities(absurd=1)
-    assert CRITERION.merit(DOUBTFUL, 13) < CRITERION.merit(1e-9, 13, absurd) < CRITERION.merit(0.8 * DOUBTFUL, 13)
-    assert CRITERION.merit(DOUBTFUL, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
+    assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
     assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(7e-4, 12)  # a sound structure is the answer
     assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(0.2, 13)  # where nothing fits, the error decides

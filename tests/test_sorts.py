@@ -1,4 +1,4 @@
-"""Sorts of control: what makes the frequency, whether the voltage is controlled, a DC link, and nothing else."""
+"""Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from search.sorts import sort_of_control
     [
         ("paper_like", "phase"),
         ("gfl_l_filter", "phase"),
-        ("gfl_dc_link", "phase, DC link"),
+        ("gfl_dc_link", "phase"),
         ("gfm_droop", "power, voltage loop"),
         ("gfm_vsm", "power, voltage loop"),
         ("gfm_dvoc", "oscillator, voltage loop"),

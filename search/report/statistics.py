@@ -40,7 +40,6 @@ _ARCHIVE = {
     "admitted": "admitted in all",
     "evicted": "evicted",
     "migrations": "migrations between islands",
-    "beginnings": "new beginnings, halfway back",
 }
 
 
