@@ -34,6 +34,9 @@ demo: $(STAMP)
 bench: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench
 
+# The results that the pages in docs show lie in docs/measured; the page of a benchmark is made again, and what is missing
+# measured, by e.g. make bench-search ARGS="--out docs/measured/search --page docs/search_results.md".
+
 # hours: every hidden inverter, ten seeds each; make bench-search ARGS="--only paper --seeds 3" does a part
 bench-search: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench $(ARGS)
@@ -42,17 +45,18 @@ bench-search: $(STAMP)
 bench-gap: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench_gap $(ARGS)
 
-# half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data, into docs/baselines.md
+# half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data; with
+# ARGS="--searches docs/measured/search" the searches are not made again
 bench-baselines: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.baselines $(ARGS)
 
-# an hour or more: every reference inverter swept, fitted, diagnosed and searched, into docs/inverters_results.md;
+# an hour or more: every reference inverter swept, fitted, diagnosed and searched; --searches as above,
 # make bench-inverters ARGS="--only fit --inverter gfm_droop" does a part
 bench-inverters: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
 
-# an hour or two: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it, for
-# docs/learning_results.md: make bench-learning ARGS="--seeds 10 --out docs/learning --page docs/learning_results.md"
+# an hour or two: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it:
+# make bench-learning ARGS="--seeds 10 --out docs/measured/learning --page docs/learning_results.md"
 bench-learning: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.learning $(ARGS)
 

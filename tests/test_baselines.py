@@ -16,17 +16,18 @@ from ibrid.plants.linear_sweep import state_space
 from search.bench.baselines.__main__ import main
 from search.bench.baselines.answer import Answer, scored
 from search.bench.baselines.between import nearest, weights_between
-from search.bench.baselines.case import GRID, INVERTERS, Case
-from search.bench.baselines.methods import METHODS, row_key
+from search.bench.baselines.case import GRID, INVERTERS, Case, cases_of
+from search.bench.baselines.methods import METHODS, placed, row_key
 from search.bench.baselines.recovered import recovered
 from search.bench.baselines.series_filter import SeriesFilter, impedance_terms, rotating, series_filter
 from search.bench.baselines.sparse import sparse_regression
 from search.bench.baselines.sparse_model import sparse_model
-from search.bench.baselines.tables import NOT_YET
+from search.bench.baselines.tables import NOT_YET, page
 from search.bench.baselines.terms import control_terms
 from search.bench.baselines.vector_fit import vector_fit
 from search.bench.hidden import FREQUENCY
 from search.bench.inverters import inverter, plant_of
+from search.bench.trials import BUDGETS
 
 OMEGA_0 = 2 * np.pi * 60
 HERE, THERE = OperatingPoint("here", 1.0, 0.3), OperatingPoint("there", 1.0, -0.3)
@@ -241,8 +242,8 @@ def searching(seen: list):
 
 def quick(folder: Path, *more: str) -> list[str]:
     methods = [part for name in ("sparse-terminals", "textbook", "search") for part in ("--method", name)]
-    page = ["--out", str(folder / "out"), "--page", str(folder / "page.md")]
-    return ["--inverter", "paper_like", *methods, *page, *more]
+    places = ["--out", str(folder / "out"), "--page", str(folder / "page.md")]
+    return ["--inverter", "paper_like", *methods, *places, *more]
 
 
 def test_the_page_has_every_row_of_every_case_and_measures_nothing_twice(tmp_path, capsys):
@@ -250,19 +251,25 @@ def test_the_page_has_every_row_of_every_case_and_measures_nothing_twice(tmp_pat
     assert main(quick(tmp_path), search=searching(seen)) == 0
     shown = capsys.readouterr().out
     assert shown.count(METHODS["search"].title) == 2  # clean and 40 dB
-    page = (tmp_path / "page.md").read_text(encoding="utf-8")
+    text = (tmp_path / "page.md").read_text(encoding="utf-8")
     for method in METHODS.values():
-        assert page.count(f"| {method.title} |") == 2 * len(INVERTERS)
-    assert page.count(NOT_YET) == 2 * len(INVERTERS) * len(METHODS) - 2 * 3
+        assert text.count(f"| {method.title} |") == 2 * len(INVERTERS)
+    assert text.count(NOT_YET) == 2 * len(INVERTERS) * len(METHODS) - 2 * 3
     assert [len(sweep.points) for sweep, _ in seen] == [2, 2]  # the held-out point is never seen
-    assert seen[0][1]["budget"] == 500
-    row = Ledger(tmp_path / "out").rows[row_key(Case("paper_like"), "search", 500)]
+    assert seen[0][1]["budget"] == 1000
+    row = Ledger(tmp_path / "out").rows[row_key(Case("paper_like"), "search", 1000)]
     assert row["held_out"] < 1e-9
     assert row["recovered"] == 8  # of 13; the other five scale together
     assert row["seconds"] == 3.0
     assert main(quick(tmp_path), search=searching(seen)) == 0
     assert len(seen) == 2
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == text
+
+
+def test_the_page_in_the_docs_is_that_of_the_shipped_results():
+    docs = Path(__file__).resolve().parents[1] / "docs"
+    cases, rows = cases_of(INVERTERS), Ledger(docs / "measured" / "baselines").rows
+    assert (docs / "baselines.md").read_text(encoding="utf-8") == page(cases, placed(cases, rows, BUDGETS["inverters"]))
 
 
 def test_another_budget_is_another_search(tmp_path):

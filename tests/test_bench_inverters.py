@@ -1,6 +1,5 @@
 """The table of every reference inverter: what is hidden in them, what a row says, and that nothing is measured twice."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import pytest
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.gap.catalogue import CATALOGUE, insertions
+from ibrid.ledger import Ledger
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.published_forming import BEYOND
 from ibrid.structure import compare, structure_hash, violations
@@ -20,6 +20,8 @@ from search.bench.reference.__main__ import main
 from search.bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
 from search.bench.reference.rows import INVERTERS, TASKS, Effort, Task, measured, tasks
 from search.bench.reference.tables import NOT_YET, page
+from search.bench.scoring import perform
+from search.bench.trials import BUDGETS, alone
 
 NAMED = [pytest.param(one, id=f"{one.inverter}: {one.words}") for one in HIDINGS]
 
@@ -118,7 +120,7 @@ def answering(answer: Answer, seen: list | None = None) -> Any:
 
 def gap_row(hiding: Hiding | None, answer: Answer) -> dict[str, Any]:
     name = "gfl_l_filter" if hiding is None else hiding.inverter
-    effort = Effort(search=lambda *_: None, folder=Path(), find_gap=answering(answer))  # type: ignore[arg-type]
+    effort = Effort(search=lambda *_: None, folder=Path(), budget=500, find_gap=answering(answer))  # type: ignore[arg-type]
     return measured(Task(name, "gap", 500, hiding), effort)
 
 
@@ -138,7 +140,7 @@ def test_a_gap_is_right_when_the_hidden_effect_is_named_first_and_alone():
 
 
 def test_the_fit_of_a_known_structure_and_both_sweeps_of_an_inverter_are_measured():
-    effort = Effort(search=lambda *_: None, folder=Path())  # type: ignore[arg-type]
+    effort = Effort(search=lambda *_: None, folder=Path(), budget=500)  # type: ignore[arg-type]
     fit = measured(Task("gfl_l_filter", "fit", 500), effort)
     assert fit["nrmse"] < 1e-9
     assert fit["holdout"] < 1e-9
@@ -218,7 +220,7 @@ def test_a_row_that_fails_says_so_and_the_others_go_on(tmp_path, capsys):
     options = ["--inverter", "gfl_l_filter", "--only", "gap", "--out", str(tmp_path / "out")]
     assert main([*options, "--page", str(tmp_path / "page.md")], find_gap=refusing, search=finding([])) == 1
     assert capsys.readouterr().out.count("the model has no response") == 4
-    assert (tmp_path / "page.md").read_text(encoding="utf-8").count(NOT_YET) == len(list(tasks(INVERTERS, TASKS, 500)))
+    assert (tmp_path / "page.md").read_text(encoding="utf-8").count(NOT_YET) == len(list(tasks(INVERTERS, TASKS, 1000)))
 
 
 @pytest.mark.parametrize(
@@ -237,8 +239,22 @@ def test_wrong_options_are_one_sentence(tmp_path, capsys, wrong, sentence):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_page_in_the_docs_is_made_of_rows_that_can_be_read_back():
-    docs = Path(__file__).resolve().parents[1] / "docs" / "inverters_results.md"
-    top = page([], {}).splitlines()[0]
-    assert docs.read_text(encoding="utf-8").splitlines()[0] == top
-    assert json.dumps(gap_row(None, Answer("no-gap")))
+def test_the_page_in_the_docs_is_that_of_the_shipped_results():
+    docs = Path(__file__).resolve().parents[1] / "docs"
+    rows = Ledger(docs / "measured" / "inverters").rows
+    whole = list(tasks(INVERTERS, TASKS, BUDGETS["inverters"]))
+    assert (docs / "inverters_results.md").read_text(encoding="utf-8") == page(whole, rows)
+    assert set(rows) <= {task.key for task in whole}
+
+
+def test_a_search_that_was_made_before_is_read_and_not_made_again(tmp_path):
+    searched: list = []
+    options = ["--inverter", "gfl_l_filter", "--only", "search", "--out", str(tmp_path / "out")]
+    trial = alone("gfl_l_filter", BUDGETS["inverters"])
+    Ledger(tmp_path / "made").add(perform(trial, tmp_path / "run", search=finding([]), workers=1))
+    assert main([*options, "--searches", str(tmp_path / "made")], search=finding(searched)) == 0
+    assert searched == []
+    (row,) = Ledger(tmp_path / "out").rows.values()
+    assert (row["success"], row["seconds"], row["evaluations"]) == (True, 3.0, 40)
+    assert main([*options, "--budget", "20", "--searches", str(tmp_path / "made")], search=finding(searched)) == 0
+    assert len(searched) == 1  # another budget is another search

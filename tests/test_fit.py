@@ -369,7 +369,7 @@ def test_vector_fitting_seeds_find_the_structure_too():
 
 def test_without_scikit_rf_vector_fitting_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "skrf", None)
-    with pytest.raises(IbridError, match=r"vector-fitting seeds need scikit-rf; install it with: pip install"):
+    with pytest.raises(IbridError, match=r"vector fitting needs scikit-rf; install it with: pip install"):
         ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=FitSettings(seeds="vector-fitting"))
 
 

@@ -1,7 +1,7 @@
 """The benchmark of the search scores answers against what is hidden, keeps what it has measured, and says what failed."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from ibrid.ledger import NAME, Ledger
 from search.bench import speed_table
 from search.bench.__main__ import main
 from search.bench.inverters import inverter
+from search.bench.page import page
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
 from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local
 from search.bench.tables import heading, seed_line, summary
@@ -147,7 +148,7 @@ def test_without_a_truth_there_is_no_verdict():
 
 
 def test_every_search_has_its_own_name_and_the_baseline_beside_it():
-    found = list(trials(10, 500))
+    found = list(trials(range(10)))
     assert len({one.key for one in found}) == len(found)
     assert {one.table for one in found} == set(TABLES)
     assert {one.noise_db for one in found if one.table == "structure"} == {None, 60.0, 40.0}
@@ -155,9 +156,9 @@ def test_every_search_has_its_own_name_and_the_baseline_beside_it():
     for first, second in zip(found[::2], found[1::2], strict=True):
         assert (first.proposer, second.proposer) == PROPOSERS
         assert replace(first, proposer="") == replace(second, proposer="")
-    assert {one.inverter for one in trials(1, 5, only=["droop"])} == {"droop"}
-    assert {one.table for one in trials(1, 5, only=["paper"])} == {"paper"}
-    assert len(list(trials(1, 5, few=True))) < len(list(trials(1, 5)))
+    assert {one.inverter for one in trials(range(1), 5, only=["droop"])} == {"droop"}
+    assert {one.table for one in trials(range(1), 5, only=["paper"])} == {"paper"}
+    assert len(list(trials(range(1), 5, few=True))) < len(list(trials(range(1), 5)))
 
 
 def test_a_finished_benchmark_measures_nothing_again(tmp_path, capsys):
@@ -188,7 +189,7 @@ def test_a_search_that_fails_is_said_and_tried_again(tmp_path, capsys):
 
     arguments = ["--only", "l_filter", "--seeds", "1", "--out", str(tmp_path)]
     assert main(arguments, search=moody) == 1
-    assert "l_filter-clean-random-500-0: the server must answer" in capsys.readouterr().out
+    assert "l_filter-clean-random-1000-0: the server must answer" in capsys.readouterr().out
     assert main(arguments, search=good) == 0
     assert "1 of 1" in capsys.readouterr().out
 
@@ -216,8 +217,9 @@ def test_the_torn_last_line_of_a_killed_benchmark_is_dropped(tmp_path):
     assert set(Ledger(tmp_path).rows) == {"a", "c"}
 
 
-def test_a_line_that_is_no_result_is_refused_with_its_number(tmp_path):
-    (tmp_path / NAME).write_text('{"key": "a"}\n[1]\n', encoding="utf-8")
+@pytest.mark.parametrize("line", ["[1]", "no JSON", 200_000 * "["])
+def test_a_line_that_is_no_result_is_refused_with_its_number(tmp_path, line):
+    (tmp_path / NAME).write_text(f'{{"key": "a"}}\n{line}\n', encoding="utf-8")
     with pytest.raises(IbridError, match="line 2"):
         Ledger(tmp_path)
 
@@ -244,6 +246,45 @@ def test_the_summary_gives_medians_and_counts_of_each_group():
     ]
     assert lines[1].split()[-4:] == ["2.0", "1", "of", "1"]
     assert len(seed_line(row)) == len(heading())
+
+
+def test_the_page_shows_every_search_in_words_of_its_group_and_what_is_missing():
+    row = {
+        "table": "structure", "inverter": "paper_like", "data": "clean", "proposer": "rules", "budget": 1000, "nrmse": 1e-9,
+        "answer_nrmse": 2e-9, "truth_nrmse": 1e-15, "holdout": 3e-9, "modules_f1": 1.0, "connections_f1": 1.0, "workers": 1,
+        "evaluations": 250, "first": 120, "seconds": 90.0, "success": True, "seed": 11, "free_parameters": 13,
+    }  # fmt: skip
+    lost = {**row, "seed": 10, "answer_nrmse": 0.01, "first": None, "success": False, "modules_f1": 0.5}
+    alone = {
+        **row,
+        "seed": 13,
+        "table": "hardware",
+        "inverter": "gti_pq",
+        "success": None,
+        "modules_f1": None,
+        "truth_nrmse": None,
+    }
+    text = page({str(number): one for number, one in enumerate([row, {**row, "seed": 13}, lost, alone])})
+    sections = {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
+    lines = [line for line in sections["paper_like, clean"].splitlines() if line.startswith("| `")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert cells[0][3:7] == ["10 to 11, 13", "2 of 3", "2 of 3", "2.0e-09 (2.0e-09 to 0.0100)"]
+    assert cells[0][7:] == ["1.00 / 1.00", "120", "90"]
+    assert [(one[3], one[4], one[-1]) for one in cells[1:]] == [
+        *[("10", "0.0100", "no"), ("11", "2.0e-09", "yes"), ("13", "2.0e-09", "yes")]
+    ]
+    assert sections["Measured hardware"].count("| `gti_pq`") == 1  # one search has no medians
+    assert text.count("Not measured yet.") == 5
+
+
+def test_the_page_in_the_docs_is_that_of_the_shipped_results():
+    docs = Path(__file__).resolve().parents[1] / "docs"
+    rows = Ledger(docs / "measured" / "search").rows
+    assert (docs / "search_results.md").read_text(encoding="utf-8") == page(rows)
+    whole = [json.loads(json.dumps(row)) for row in rows.values() if row["table"] != "speed"]
+    assert {trial(**{name: row[name] for name in asdict(trial())}).key for row in whole} == {
+        row["key"] for row in whole
+    }
 
 
 def test_the_candidates_of_the_speed_table_are_80_structures_of_13_states():

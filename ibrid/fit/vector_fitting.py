@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
+from ibrid.measurement.sweep import PointSweep
 
 #: Real and complex-conjugate poles of the rational fit; fewer when there are few frequencies.
 REAL_POLES, COMPLEX_PAIRS = 3, 4
@@ -19,25 +20,44 @@ def fitted_poles(problem: Problem) -> list[np.ndarray]:
 
     Raises IbridError when scikit-rf is not installed.
     """
-    try:
-        from skrf import Frequency, Network
-        from skrf.vectorFitting import VectorFitting
-    except ImportError:
-        raise IbridError(
-            "vector-fitting seeds need scikit-rf; install it with: pip install 'ibrid[vectorfit]'"
-        ) from None
     found = []
     for point in problem.points:
         count = len(point.frequency)
         pairs = min(COMPLEX_PAIRS, max(1, count // 4))
-        band = Frequency.from_f(point.frequency, unit="Hz")
-        fit = VectorFitting(Network(frequency=band, y=point.admittance, z0=1.0, name="admittance"))
-        with warnings.catch_warnings():  # a rough fit is good enough to rank starts
-            warnings.simplefilter("ignore")
-            fit.vector_fit(n_poles_real=min(REAL_POLES, count // 4), n_poles_cmplx=pairs, parameter_type="y")
-        poles = np.asarray(fit.poles)
+        poles = relocated_poles(point, min(REAL_POLES, count // 4), pairs)
         found.append(poles[np.abs(poles) > 0])
     return found
+
+
+def relocated_poles(
+    point: PointSweep, real: int, pairs: int, *, spacing: str = "lin", enforce_dc: bool = True
+) -> np.ndarray:
+    """Poles (rad/s) common to the four entries, of a complex pair the upper one; none where scikit-rf breaks off.
+
+    spacing : of the starting poles, "lin" or "log". Data without noise may leave poles beyond their order so undetermined
+    that the equations are singular. Raises IbridError when scikit-rf is not installed.
+    """
+    try:
+        from skrf import Frequency, Network
+        from skrf.vectorFitting import VectorFitting
+    except ImportError:
+        raise IbridError("vector fitting needs scikit-rf; install it with: pip install 'ibrid[vectorfit]'") from None
+    band = Frequency.from_f(point.frequency, unit="Hz")
+    fit = VectorFitting(Network(frequency=band, y=point.admittance, z0=1.0, name="admittance"))
+    with warnings.catch_warnings():  # of fits that do not converge, whose poles are judged by whoever asked
+        warnings.simplefilter("ignore")
+        try:
+            fit.vector_fit(
+                n_poles_real=real,
+                n_poles_cmplx=pairs,
+                init_pole_spacing=spacing,
+                parameter_type="y",
+                enforce_dc=enforce_dc,
+            )
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return np.zeros(0, dtype=complex)
+    poles = np.asarray(fit.poles, dtype=complex)
+    return poles if np.isfinite(poles).all() else np.zeros(0, dtype=complex)
 
 
 def pole_distances(problem: Problem, x: np.ndarray, measured: list[np.ndarray]) -> np.ndarray:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ibrid.gap.effect import Effect
+from ibrid.markdown import markdown_table
 
 HEADER = ("id", "law", "tried", "shows", "looks like", "told apart by")
 
@@ -20,8 +21,7 @@ def effects_table(catalogue: Sequence[Effect]) -> str:
         )
         for one in catalogue
     ]
-    lines = [HEADER, ("---",) * len(HEADER), *(tuple(cell.replace("|", r"\|") for cell in row) for row in rows)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return markdown_table(HEADER, rows)
 
 
 def effects_list(effects: Sequence[Effect]) -> str:

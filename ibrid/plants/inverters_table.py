@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 
+from ibrid.markdown import markdown_table
 from ibrid.plants.benchmarks import Benchmark, recipes
 from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.published import PLANTS
@@ -35,8 +36,7 @@ Published means published values in the equations given; what a source has beyon
 def inverters_page() -> str:
     """Markdown: a table with a row for each shipped sweep, then the source of each inverter's values."""
     shipped = list(recipes())
-    rows = [HEADER, ("---",) * len(HEADER), *map(_row, shipped)]
-    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    table = markdown_table(HEADER, [_row(one) for one in shipped])
     drawn = [one for one in shipped if one.name.startswith("random_")]
     sources = "".join(f"- `{one.name}`: {one.plant.source}\n" for one in shipped if one not in drawn)
     some = {one.plant.source for one in drawn}

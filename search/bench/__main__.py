@@ -1,7 +1,8 @@
 """`make bench-search`: how often, how fast and how well the search finds hidden inverters, beside random edits.
 
 Every search is one line, printed and kept in OUT/results.jsonl as soon as it is done; started again with the same --out,
-the benchmark goes on where it was stopped. Delete OUT to measure anew.
+the benchmark goes on where it was stopped. Ledgers of parts made side by side may be joined line by line. Delete OUT to
+measure anew.
 """
 
 import argparse
@@ -10,13 +11,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ibrid.commands.inputs import count
+from ibrid.commands.inputs import count, natural
 from ibrid.errors import IbridError
 from ibrid.ledger import Ledger, resumable
+from ibrid.writing import require_place, write_whole
+from search.bench.page import page
 from search.bench.scoring import Search, perform
 from search.bench.speed_table import speed_lines
 from search.bench.tables import heading, seed_line, summary
-from search.bench.trials import PROPOSERS, TABLES, Trial, trials
+from search.bench.trials import BUDGETS, PROPOSERS, TABLES, Trial, trials
 from search.running import run
 
 #: Seeds and budget of --quick: an hour less, nothing to quote.
@@ -35,7 +38,9 @@ def main(arguments: Sequence[str] | None = None, *, search: Search = run) -> int
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m search.bench", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seeds", type=count, default=None, help="searches of each kind (10)")
-    parser.add_argument("--budget", type=count, default=None, help="evaluations of each search (500)")
+    parser.add_argument("--first", type=natural, default=0, metavar="SEED", help="seed of the first of them (0)")
+    budgets = ", ".join(f"{table} {budget}" for table, budget in BUDGETS.items())
+    parser.add_argument("--budget", type=count, default=None, help=f"evaluations of each search ({budgets})")
     parser.add_argument(
         "--only",
         action="append",
@@ -47,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--workers", type=count, default=2, help="workers of each search (2)")
     parser.add_argument("--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort")
     parser.add_argument("--out", type=Path, default=Path("out/bench-search"), help="folder of the results")
+    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/search_results.md)")
     parser.add_argument("--keep", action="store_true", help="keep the run folders (OUT/runs), for ibrid report")
     return parser
 
@@ -55,20 +61,25 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
     tables = [name for name in options.only if name != SPEED]
     wanted: list[Trial] = []
     if tables or not options.only:
-        seeds, budget, proposers = options.seeds or 10, options.budget or 500, options.proposer or PROPOSERS
-        wanted = list(trials(seeds, budget, only=tables, proposers=proposers, few=options.quick))
+        seeds, proposers = range(options.first, options.first + (options.seeds or 10)), options.proposer or PROPOSERS
+        wanted = list(trials(seeds, options.budget, only=tables, proposers=proposers, few=options.quick))
+    if options.page is not None:
+        require_place(options.page)
     ledger = Ledger(options.out)
     if not options.only or SPEED in options.only:
         quick = {"evaluations": QUICK["budget"]} if options.quick else {}
         for line in speed_lines(ledger, search, options.out, **quick):
             print(line, flush=True)
-    if not wanted:
-        return 0
-    print(heading(), flush=True)
-    failed = [trial for trial in wanted if not _done(trial, ledger, options, search)]
-    print(f"\nMedians over seeds\n{heading()}")
-    for line in summary(ledger.rows[trial.key] for trial in wanted if trial not in failed):
-        print(line)
+    failed: list[Trial] = []
+    if wanted:
+        print(heading(), flush=True)
+        failed = [trial for trial in wanted if not _done(trial, ledger, options, search)]
+        print(f"\nMedians over seeds\n{heading()}")
+        for line in summary(ledger.rows[trial.key] for trial in wanted if trial not in failed):
+            print(line)
+    place = options.page or options.out / "search_results.md"
+    write_whole(place, page(ledger.rows))
+    print(f"\nwritten: {place}")
     return 1 if failed else 0
 
 

@@ -1,6 +1,6 @@
 """One search of the benchmark made, and its answer scored against what was hidden and by data it never saw."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -26,6 +26,8 @@ FOUND = 0.9
 CHECKING_SEED = 1000
 
 Row = dict[str, Any]
+#: Rows by their keys, as in a ledger.
+Rows = Mapping[str, Mapping[str, Any]]
 
 
 class Answer(Protocol):
@@ -66,6 +68,11 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
     if not run.finished:  # the first Ctrl-C ends a search softly, but a part of one is no result
         raise KeyboardInterrupt
     return {"key": trial.key, **asdict(trial), "data": trial.data, "workers": workers, **score(trial, hidden, run)}
+
+
+def made_before(trial: Trial, ledger: Rows, folder: Path, *, search: Search, workers: int) -> Row:
+    """The row of a search from the ledger of `make bench-search`, which may hold it; else see `perform`."""
+    return dict(ledger[trial.key]) if trial.key in ledger else perform(trial, folder, search=search, workers=workers)
 
 
 def score(trial: Trial, hidden: Hidden, run: Answer) -> Row:

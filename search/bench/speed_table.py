@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.ledger import Ledger
-from search.bench.scoring import Search
+from search.bench.scoring import Rows, Search
 from search.bench.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace
 
 #: A search whose paces are compared lasts this many evaluations.
@@ -20,24 +20,6 @@ def speed_lines(ledger: Ledger, search: Search, out: Path, *, evaluations: int =
     evaluations : length of the searches whose paces are compared. Raises IbridError where a search or Ray fails.
     """
 
-    def known(name: str, measure: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
-        key = f"speed-{name}"
-        if key not in ledger.rows:
-            ledger.add({"key": key, "table": "speed", **measure()})
-        return ledger.rows[key]
-
-    archive = known("archive", lambda: {"milliseconds": archive_milliseconds()})
-    yield f"archive with 10,000 entries, sample + admit   {archive['milliseconds']:7.3f} ms        (target 2 ms)"
-
-    programs = candidates()
-    one = known("fits-1", lambda: {"rate": fits_a_second(local, programs)})
-    yield f"fits, 13 states, this process                 {one['rate']:7.1f} a second"
-    two = known("fits-2", lambda: {"rate": fits_a_second(lambda: on_ray(2), programs)})
-    yield (
-        f"fits, 13 states, two workers                  {two['rate']:7.1f} a second  (target 15)   "
-        f"{two['rate'] / one['rate']:.2f} x (target 1.8 x)"
-    )
-
     def searched(workers: int) -> Mapping[str, Any]:
         folder = out / "runs" / f"speed-{workers}"
         shutil.rmtree(folder, ignore_errors=True)
@@ -46,13 +28,52 @@ def speed_lines(ledger: Ledger, search: Search, out: Path, *, evaluations: int =
         shutil.rmtree(folder, ignore_errors=True)
         return {**asdict(found), "rate": found.rate, "overhead": found.overhead}
 
-    alone = known(f"search-1-{evaluations}", lambda: searched(1))
-    yield (
-        f"search, one worker, {alone['evaluations']:3d} evaluations           {alone['rate']:7.1f} a second   "
-        f"not fitting {alone['overhead']:.1%} (target 5 %)"
+    programs = candidates()
+    measures: tuple[Callable[[], Mapping[str, Any]], ...] = (
+        lambda: {"milliseconds": archive_milliseconds()},
+        lambda: {"rate": fits_a_second(local, programs)},
+        lambda: {"rate": fits_a_second(lambda: on_ray(2), programs)},
+        lambda: searched(1),
+        lambda: searched(2),
     )
-    both = known(f"search-2-{evaluations}", lambda: searched(2))
-    yield (
-        f"search, two workers, {both['evaluations']:3d} evaluations          {both['rate']:7.1f} a second  (target 15)   "
-        f"{both['rate'] / alone['rate']:.2f} x (target 1.8 x)"
+    for name, measure in zip(_figures(evaluations), measures, strict=True):
+        key = f"speed-{name}"
+        if key not in ledger.rows:
+            ledger.add({"key": key, "table": "speed", **measure()})
+        yield _line(name, ledger.rows)
+
+
+def known_speed_lines(rows: Rows, *, evaluations: int = EVALUATIONS) -> Iterator[str]:
+    """The lines of what is in a ledger already; none where a figure is missing."""
+    names = _figures(evaluations)
+    if all(f"speed-{name}" in rows for name in names):
+        for name in names:
+            yield _line(name, rows)
+
+
+def _figures(evaluations: int) -> tuple[str, ...]:
+    return "archive", "fits-1", "fits-2", f"search-1-{evaluations}", f"search-2-{evaluations}"
+
+
+def _line(name: str, rows: Rows) -> str:
+    row = rows[f"speed-{name}"]
+    if name == "archive":
+        return f"archive with 10,000 entries, sample + admit   {row['milliseconds']:7.3f} ms        (target 2 ms)"
+    if name == "fits-1":
+        return f"fits, 13 states, this process                 {row['rate']:7.1f} a second"
+    if name == "fits-2":
+        ratio = row["rate"] / rows["speed-fits-1"]["rate"]
+        return (
+            f"fits, 13 states, two workers                  {row['rate']:7.1f} a second  (target 15)   "
+            f"{ratio:.2f} x (target 1.8 x)"
+        )
+    if row["workers"] == 1:
+        return (
+            f"search, one worker, {row['evaluations']:3d} evaluations           {row['rate']:7.1f} a second   "
+            f"not fitting {row['overhead']:.1%} (target 5 %)"
+        )
+    ratio = row["rate"] / rows[f"speed-{name.replace('search-2', 'search-1')}"]["rate"]
+    return (
+        f"search, two workers, {row['evaluations']:3d} evaluations          {row['rate']:7.1f} a second  (target 15)   "
+        f"{ratio:.2f} x (target 1.8 x)"
     )

@@ -38,11 +38,16 @@ def heading() -> str:
 
 def summary(rows: Iterable[Row]) -> list[str]:
     """For each inverter, data and proposer the medians over seeds, and how many of them found it; proposers side by side."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
+    return [_group_line(group) for group in groups(rows)]
+
+
+def groups(rows: Iterable[Row]) -> list[list[Row]]:
+    """Searches that differ in nothing but the seed, together."""
+    found: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         key = (row["table"], row["inverter"], row["data"], row["budget"], row["proposer"])
-        groups.setdefault(key, []).append(row)
-    return [_group_line(group) for group in groups.values()]
+        found.setdefault(key, []).append(row)
+    return list(found.values())
 
 
 def _group_line(rows: Sequence[Row]) -> str:

@@ -1,6 +1,6 @@
 """The searches that the benchmark makes: which inverter, which data, which rules, which proposer, which seed."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,16 @@ from ibrid.structure.library import textbook
 from search.bench.hidden import Hidden
 from search.bench.inverters import hardware, inverter, inverter_names
 
-#: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden inverters.
-TABLES = ("paper", "structure", "inverters")
+#: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden inverters; measured ones.
+TABLES = ("paper", "structure", "inverters", "hardware")
+#: Evaluations of a search of each table. Measured sweeps have 60 to 100 frequencies, and a fit takes as much longer.
+BUDGETS: Mapping[str, int] = {"paper": 500, "structure": 1000, "inverters": 1000, "hardware": 150}
 #: Rules on the left, the baseline beside it.
 PROPOSERS = ("rules", "random")
 NOISE_DB = (None, 60.0, 40.0)
+
+#: The inverter of the first two tables.
+BENCHMARK = "paper_like"
 
 PAPER_MODE: Mapping[str, Any] = {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"}
 EXACT_MODE: Mapping[str, Any] = {"parameters": "shared", "equilibrium": "exact", "vocabulary": "extended"}
@@ -57,12 +62,23 @@ class Trial:
         return textbook("gfl_pll_filter") if self.table == "paper" else hidden.truth
 
 
+def alone(inverter: str, budget: int, noise_db: float | None = None) -> Trial:
+    """The search of an inverter by rules, seed 0, as the tables of the benchmark have it."""
+    return Trial(TABLES[1] if inverter == BENCHMARK else TABLES[2], inverter, PROPOSERS[0], 0, budget, noise_db)
+
+
 def trials(
-    seeds: int, budget: int, *, only: Sequence[str] = (), proposers: Sequence[str] = PROPOSERS, few: bool = False
+    seeds: Iterable[int],
+    budget: int | None = None,
+    *,
+    only: Sequence[str] = (),
+    proposers: Sequence[str] = PROPOSERS,
+    few: bool = False,
 ) -> Iterator[Trial]:
     """All searches, seed by seed and proposer beside proposer.
 
-    only : names of tables or inverters; none: all. few : one inverter of each sort instead of all of them.
+    budget : evaluations of each; None: those of `BUDGETS`. only : names of tables or inverters; none: all. few : one
+    inverter of each sort instead of all of them.
     Raises IbridError, at the first one asked for, when a name is unknown.
     """
     known = (*TABLES, *inverter_names(), *_hardware_names())
@@ -71,18 +87,20 @@ def trials(
             raise IbridError(f"there is no table and no hidden inverter called {name}; {near(name, known)}")
     for table, name, noise_db in _cases(few):
         if not only or table in only or name in only:
-            for seed in range(seeds):
+            for seed in seeds:
                 for proposer in proposers:
-                    yield Trial(table, name, proposer, seed, budget, noise_db)
+                    yield Trial(table, name, proposer, seed, budget or BUDGETS[table], noise_db)
 
 
 def _cases(few: bool) -> Iterator[tuple[str, str, float | None]]:
-    yield "paper", "paper_like", None
+    yield "paper", BENCHMARK, None
     for noise_db in NOISE_DB:
-        yield "structure", "paper_like", noise_db
+        yield "structure", BENCHMARK, noise_db
     others = ("l_filter", "delay", "droop", "unusual", "random_00") if few else inverter_names()[1:]
-    for name in (*others, *_hardware_names()):
+    for name in others:
         yield "inverters", name, None
+    for name in _hardware_names():
+        yield "hardware", name, None
 
 
 def _hardware_names() -> tuple[str, ...]:

@@ -7,17 +7,18 @@ missing is measured. Delete OUT to measure anew.
 import argparse
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
 from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
-from search.bench.baselines.case import INVERTERS, NOISE_DB, Case
-from search.bench.baselines.methods import METHODS, Effort, measured, row_key
+from search.bench.baselines.case import INVERTERS, Case, cases_of
+from search.bench.baselines.methods import METHODS, Effort, measured, placed, row_key
 from search.bench.baselines.tables import heading, line, page
 from search.bench.scoring import Search
+from search.bench.trials import BUDGETS
 from search.running import run
 
 
@@ -37,10 +38,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--method", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(METHODS)}"
     )
-    parser.add_argument("--budget", type=count, default=500, help="evaluations of the search (500)")
+    budget = BUDGETS["inverters"]
+    parser.add_argument("--budget", type=count, default=budget, help=f"evaluations of the search ({budget})")
+    parser.add_argument(
+        "--searches", type=Path, default=None, help="folder of bench-search whose searches are not made again"
+    )
     parser.add_argument("--workers", type=count, default=1, help="workers of the search (1)")
     parser.add_argument("--out", type=Path, default=Path("out/baselines"), help="folder of the results")
-    parser.add_argument("--page", type=Path, default=Path("docs/baselines.md"), help="where the page goes")
+    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/baselines.md)")
     return parser
 
 
@@ -48,24 +53,23 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
     for name in options.method:
         if name not in METHODS:
             raise IbridError(f"there is no method called {name}; {near(name, METHODS)}")
-    cases = _cases(options.inverter or INVERTERS)
-    require_place(options.page)
+    cases = cases_of(options.inverter or INVERTERS)
+    if options.page is not None:
+        require_place(options.page)
     ledger = Ledger(options.out)
-    effort = Effort(search, options.out / "runs", options.budget, options.workers)
+    made = {} if options.searches is None else Ledger(options.searches).rows
+    effort = Effort(search, options.out / "runs", options.budget, options.workers, made)
     failed = False
     for case in cases:
         print(f"\n{case.name}\n{heading()}", flush=True)
         for name in METHODS:
             if not options.method or name in options.method:
                 failed |= not _done(case, name, effort, ledger)
-    whole = _cases([*INVERTERS, *options.inverter])
-    write_whole(options.page, page(whole, _kept(whole, ledger, options.budget)))
-    print(f"\nwritten: {options.page}")
+    whole = cases_of([*INVERTERS, *options.inverter])
+    place = options.page or options.out / "baselines.md"
+    write_whole(place, page(whole, placed(whole, ledger.rows, options.budget)))
+    print(f"\nwritten: {place}")
     return 1 if failed else 0
-
-
-def _cases(inverters: Sequence[str]) -> list[Case]:
-    return [Case(name, noise) for name in dict.fromkeys(inverters) for noise in NOISE_DB]
 
 
 def _done(case: Case, method: str, effort: Effort, ledger: Ledger) -> bool:
@@ -82,11 +86,6 @@ def _done(case: Case, method: str, effort: Effort, ledger: Ledger) -> bool:
         shutil.rmtree(effort.folder / key, ignore_errors=True)
     print(line(dict(ledger.rows[key])), flush=True)
     return True
-
-
-def _kept(cases: Sequence[Case], ledger: Ledger, budget: int) -> Mapping[tuple[Case, str], Mapping[str, object]]:
-    keys = {(case, name): row_key(case, name, budget) for case in cases for name in METHODS}
-    return {place: ledger.rows[key] for place, key in keys.items() if key in ledger.rows}
 
 
 if __name__ == "__main__":

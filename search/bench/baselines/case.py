@@ -15,7 +15,7 @@ from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 from search.bench.hidden import FREQUENCY, HALF_LOAD, Hidden
 from search.bench.inverters import inverter, plant_of
-from search.bench.trials import Trial
+from search.bench.trials import Trial, alone
 
 #: The benchmark, a published set behind an L filter, a random draw; each with a filter before the PLL.
 INVERTERS = ("paper_like", "published_kuleuven_600mva", "random_00")
@@ -51,7 +51,7 @@ class Case:
 
     def trial(self, budget: int) -> Trial:
         """The search to make, and the options of every fit of a diagram."""
-        return Trial("baselines", self.inverter, "rules", 0, budget, self.noise_db)
+        return alone(self.inverter, budget, self.noise_db)
 
     @cached_property
     def clean(self) -> Hidden:
@@ -95,3 +95,8 @@ class Case:
         if plant is None:
             raise IbridError(f"{self.inverter} has no nonlinear model; try {', '.join(INVERTERS)}")
         return sweep(plant, points, FREQUENCY)
+
+
+def cases_of(inverters: Sequence[str]) -> list[Case]:
+    """All tables of these inverters, each with every noise."""
+    return [Case(name, noise) for name in dict.fromkeys(inverters) for noise in NOISE_DB]

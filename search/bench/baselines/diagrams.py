@@ -8,7 +8,7 @@ from ibrid.structure.program import parse_program
 from search.bench.baselines.answer import Answer
 from search.bench.baselines.case import Case
 from search.bench.baselines.recovered import recovered
-from search.bench.scoring import Search, fitted, perform
+from search.bench.scoring import Rows, Search, fitted, made_before
 
 
 def true_structure(case: Case) -> Answer:
@@ -21,9 +21,12 @@ def wrong_structure(case: Case) -> Answer:
     return _answer(case, case.wrong(), "a block diagram that is not the device's")
 
 
-def searched(case: Case, folder: Path, *, search: Search, budget: int, workers: int) -> Answer:
-    """The search from the naive start; `folder` must not exist. Its answer is fitted as the textbook's are."""
-    row = perform(case.trial(budget), folder, search=search, workers=workers)
+def searched(case: Case, folder: Path, *, search: Search, budget: int, workers: int, ledger: Rows) -> Answer:
+    """The search from the naive start; `folder` must not exist. Its answer is fitted as the textbook's are.
+
+    ledger : of searches that need not be made again.
+    """
+    row = made_before(case.trial(budget), ledger, folder, search=search, workers=workers)
     program = parse_program(row["answer_program"], "the answer")
     overlap = f"F1 {row['modules_f1']:.2f}/{row['connections_f1']:.2f}"
     return _answer(case, program, f"a block diagram, found ({overlap})", row["seconds"])

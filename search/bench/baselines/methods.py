@@ -1,17 +1,18 @@
 """The rows of every table: what each method is called, and how it makes its answer of a case."""
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from search.bench.baselines.answer import Answer, Row, scored
 from search.bench.baselines.black_box import between_points, nearest_point
 from search.bench.baselines.case import Case
 from search.bench.baselines.diagrams import searched, true_structure, wrong_structure
 from search.bench.baselines.grey_box import at_terminals, behind_filter
-from search.bench.scoring import Search
+from search.bench.scoring import Rows, Search
 
 #: Key of the row that is a search.
 SEARCH = "search"
@@ -19,12 +20,14 @@ SEARCH = "search"
 
 @dataclass(frozen=True)
 class Effort:
-    """How the search is made: in `folder`/KEY, with `budget` evaluations by `workers`; by `search`, or its stand-in in tests."""
+    """How the search is made: in `folder`/KEY, with `budget` evaluations by `workers`; by `search`, or its stand-in in tests.
+    `ledger` : of searches that need not be made again."""
 
     search: Search
     folder: Path
     budget: int
     workers: int
+    ledger: Rows = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,9 @@ def _behind_filter(case: Case, effort: Effort) -> Answer:
 
 def _searched(case: Case, effort: Effort) -> Answer:
     folder = effort.folder / row_key(case, SEARCH, effort.budget)
-    return searched(case, folder, search=effort.search, budget=effort.budget, workers=effort.workers)
+    return searched(
+        case, folder, search=effort.search, budget=effort.budget, workers=effort.workers, ledger=effort.ledger
+    )
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -74,6 +79,12 @@ def row_key(case: Case, method: str, budget: int) -> str:
     """Names a row in the ledger; the search's budget is part of it."""
     data = case.trial(budget).data.replace(" ", "")
     return f"{case.inverter}-{data}-{method}" + (f"-{budget}" if method == SEARCH else "")
+
+
+def placed(cases: Sequence[Case], rows: Rows, budget: int) -> Mapping[tuple[Case, str], Mapping[str, Any]]:
+    """The rows of a ledger that belong to these cases and methods, by both."""
+    keys = {(case, name): row_key(case, name, budget) for case in cases for name in METHODS}
+    return {place: rows[key] for place, key in keys.items() if key in rows}
 
 
 def measured(case: Case, method: str, effort: Effort) -> Row:

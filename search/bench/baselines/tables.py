@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ibrid.markdown import markdown_table
 from search.bench.baselines.answer import Row
 from search.bench.baselines.case import Case
 from search.bench.baselines.methods import METHODS
@@ -102,12 +103,12 @@ def page(cases: Sequence[Case], rows: Mapping[tuple[Case, str], Mapping[str, Any
 
 
 def _table(case: Case, rows: Mapping[tuple[Case, str], Mapping[str, Any]]) -> str:
-    lines = [HEADER, ("---",) * len(HEADER)]
+    lines: list[tuple[str, ...]] = []
     for name, method in METHODS.items():
         row = rows.get((case, name))
         blank = (method.title, *["-"] * (len(HEADER) - 2), NOT_YET)
         lines.append(blank if row is None else cells_of(dict(row)))
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return markdown_table(HEADER, lines)
 
 
 def _aligned(cells: Sequence[str]) -> str:

@@ -4,13 +4,13 @@ B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052. Poles by
 squares once more, so that known noise counts as it does for the other methods.
 """
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.fit.vector_fitting import relocated_poles
 from ibrid.measurement.sweep import PointSweep
 from search.bench.baselines.weighing import information, scales, stacked
 
@@ -47,7 +47,7 @@ def vector_fit(point: PointSweep, *, highest: int | None = None) -> RationalMode
     """The rational model of the order that the Bayesian information criterion chooses.
 
     highest : order at most; None: the coefficients may be three quarters of the measured numbers.
-    Raises IbridError when scikit-rf is missing or there are too few frequencies for a single pole.
+    Raises IbridError when scikit-rf is missing, there are too few frequencies for a single pole, or it finds none.
     """
     affordable = int((SHARE * 8 * len(point.frequency) - 4) / 5)
     highest = affordable if highest is None else min(highest, affordable)
@@ -62,30 +62,17 @@ def vector_fit(point: PointSweep, *, highest: int | None = None) -> RationalMode
         return information(stacked(error), model.parameters, known)
 
     relocated = (poles for order in range(1, highest + 1) for poles in _relocated(point, order))
-    return min((_with_residues(poles, point, scale) for poles in relocated), key=merit)
+    models = [_with_residues(poles, point, scale) for poles in relocated]
+    if not models:
+        raise IbridError(f"vector fitting found no poles in the data of {point.op.name}; check them with: ibrid inspect")
+    return min(models, key=merit)
 
 
 def _relocated(point: PointSweep, order: int) -> Iterator[np.ndarray]:
-    """Poles from starting poles spaced linearly and logarithmically."""
-    try:
-        from skrf import Frequency, Network
-        from skrf.vectorFitting import VectorFitting
-    except ImportError:
-        raise IbridError("vector fitting needs scikit-rf; install it with: pip install 'ibrid[vectorfit]'") from None
-    network = Network(frequency=Frequency.from_f(point.frequency, unit="Hz"), y=point.admittance, z0=1.0)
+    """Poles from starting poles spaced linearly and logarithmically; the criterion judges what came out."""
     for spacing in ("lin", "log"):
-        fit = VectorFitting(network)
-        with warnings.catch_warnings():  # of orders that do not converge; the criterion judges what came out
-            warnings.simplefilter("ignore")
-            fit.vector_fit(
-                n_poles_real=order % 2,
-                n_poles_cmplx=order // 2,
-                init_pole_spacing=spacing,
-                parameter_type="y",
-                enforce_dc=False,
-            )
-        poles = np.asarray(fit.poles, dtype=complex)
-        if np.isfinite(poles).all():
+        poles = relocated_poles(point, order % 2, order // 2, spacing=spacing, enforce_dc=False)
+        if poles.size:
             yield poles
 
 

@@ -18,6 +18,7 @@ from ibrid.writing import require_place, write_whole
 from search.bench.reference.rows import INVERTERS, TASKS, Effort, FindGap, Task, measured, tasks
 from search.bench.reference.tables import heading, line, page
 from search.bench.scoring import Search
+from search.bench.trials import BUDGETS
 from search.running import run
 
 
@@ -35,9 +36,13 @@ def _parser() -> argparse.ArgumentParser:
         "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
     )
     parser.add_argument("--only", action="append", default=[], metavar="KIND", help=f"of rows: {', '.join(TASKS)}")
-    parser.add_argument("--budget", type=count, default=500, help="evaluations of each search (500)")
+    budget = BUDGETS["inverters"]
+    parser.add_argument("--budget", type=count, default=budget, help=f"evaluations of each search ({budget})")
+    parser.add_argument(
+        "--searches", type=Path, default=None, help="folder of bench-search whose searches are not made again"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/bench-inverters"), help="folder of the results")
-    parser.add_argument("--page", type=Path, default=Path("docs/inverters_results.md"), help="where the page goes")
+    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/inverters_results.md)")
     return parser
 
 
@@ -49,16 +54,19 @@ def _benchmark(options: argparse.Namespace, search: Search, find_gap: FindGap) -
         for name in asked:
             if name not in known:
                 raise IbridError(f"there is no {what} called {name}; {near(name, known)}")
-    require_place(options.page)
+    if options.page is not None:
+        require_place(options.page)
     ledger = Ledger(options.out)
-    effort = Effort(search, options.out / "runs", options.budget, find_gap)
+    made = {} if options.searches is None else Ledger(options.searches).rows
+    effort = Effort(search, options.out / "runs", options.budget, find_gap, made)
     failed = False
     for kind in (one for one in TASKS if not options.only or one in options.only):
         print(f"\n{heading(kind)}", flush=True)
         for task in tasks(options.inverter or INVERTERS, (kind,), options.budget):
             failed |= not _done(task, effort, ledger)
-    write_whole(options.page, page(list(tasks(INVERTERS, TASKS, options.budget)), ledger.rows))
-    print(f"\nwritten: {options.page}")
+    place = options.page or options.out / "inverters_results.md"
+    write_whole(place, page(list(tasks(INVERTERS, TASKS, options.budget)), ledger.rows))
+    print(f"\nwritten: {place}")
     return 1 if failed else 0
 
 

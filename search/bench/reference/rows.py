@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -21,8 +21,8 @@ from search.bench.baselines.recovered import recovered
 from search.bench.hidden import FREQUENCY, exact_model
 from search.bench.inverters import inverter, plant_of
 from search.bench.reference.hiding import HIDINGS, GapCase, Hiding, hidden_case, itself
-from search.bench.scoring import Search, perform
-from search.bench.trials import Trial
+from search.bench.scoring import Rows, Search, made_before
+from search.bench.trials import alone
 
 #: The reference inverters, grid-following first.
 INVERTERS = (
@@ -45,12 +45,13 @@ FindGap = Callable[..., Gap]
 @dataclass(frozen=True)
 class Effort:
     """How searches are made: in `folder`/KEY, with `budget` evaluations, in this process. `search`, `find_gap` : or what
-    stands for them in tests."""
+    stands for them in tests. `ledger` : of searches that need not be made again."""
 
     search: Search
     folder: Path
-    budget: int = 500
+    budget: int
     find_gap: FindGap = find_gap
+    ledger: Rows = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,8 @@ def tasks(inverters: Sequence[str], kinds: Sequence[str], budget: int) -> Iterat
 
 
 def measured(task: Task, effort: Effort) -> Row:
-    """The row, measured now; IbridError where there is none. `seconds` : of CPU time, so that other jobs do not count."""
+    """The row, measured now; IbridError where there is none. `seconds` : of CPU time, so that other jobs do not count; of a
+    search, of its run."""
     began = time.process_time()
     row = _MEASURE[task.task](task, effort)
     seconds = round(time.process_time() - began, 2)
@@ -160,9 +162,9 @@ def _answer(case: GapCase, effort: Effort) -> Gap:
 
 def _search(task: Task, effort: Effort) -> Row:
     """See `search.bench.scoring.score`."""
-    trial = Trial("inverters", task.inverter, "rules", 0, effort.budget)
-    row = perform(trial, effort.folder / task.key, search=effort.search, workers=1)
-    names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success")
+    trial = alone(task.inverter, effort.budget)
+    row = made_before(trial, effort.ledger, effort.folder / task.key, search=effort.search, workers=1)
+    names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success", "seconds")
     return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}
 
 

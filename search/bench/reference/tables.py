@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from ibrid.markdown import markdown_table
 from search.bench.reference.rows import Task
 
 Row = Mapping[str, Any]
@@ -23,7 +24,7 @@ HEADERS: Mapping[str, tuple[str, ...]] = {
         "found",
         "evaluations",
         "to 1e-3",
-        "CPU s",
+        "s",
     ),
 }
 _WIDTHS = {"inverter": 18, "hidden": 46, "verdict": 17, "named": 30, "alike": 30, "F1 modules / connections": 26}
@@ -63,7 +64,8 @@ where nothing is hidden; else named first, and nothing beside it.
         "The search",
         """From the naive diagram, proposer `rules`, seed 0, one run each; the answer is fitted anew. **Found**: NRMSE at most
 1e-3, stable, and F1 of modules and of connections against the truth at least 0.9. **To 1e-3**: evaluations until that
-error was reached.
+error was reached. **s**: seconds of the run, one core of a shared machine. More seeds, noise and other inverters:
+`docs/search_results.md`.
 """,
     ),
 }
@@ -95,14 +97,14 @@ def page(tasks: Sequence[Task], rows: Rows) -> str:
 
 def _table(kind: str, tasks: Sequence[Task], rows: Rows) -> str:
     header = HEADERS[kind]
-    lines = [header, ("---",) * len(header)]
+    lines: list[tuple[str, ...]] = []
     for task in tasks:
         known = (f"`{task.inverter}`", *([_hidden(task)] if kind == "gap" else []))
         if task.key in rows:
             lines.append((known[0], *cells_of(rows[task.key])[1:]))
         else:
             lines.append((*known, *["-"] * (len(header) - len(known) - 1), NOT_YET))
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return markdown_table(header, lines)
 
 
 def _hidden(task: Task) -> str:
