@@ -151,7 +151,7 @@ def scripted(
             replace(task(), sweep=data),
             store,
             evaluator or ScriptedEvaluator(),
-            proposers or ((Rules(), 1.0),),
+            proposers or ((Rules(looks=1), 1.0),),
             settings,
             Goal(budget, target),
             seed=seed,

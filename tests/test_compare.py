@@ -122,6 +122,14 @@ EQUIVALENT = {
         ('g.connect("plant.e", "plant.u_r")', 'g.connect("plant.e", "plant.u_r")\n'
          '    g.connect("sum.out", "scale.in_")\n    g.connect("scale.out", "current.in_")'),
     ),
+    "a PLL drawn as a PI and an integrator": (
+        ('g.add("SRF_PLL", "pll")', 'g.add("PI", "regulator")\n    g.add("Integrator", "angle")\n'
+         '    g.connect("regulator.out", "angle.in_")'),
+        ('"plant.e_q", "pll.e_q"', '"plant.e_q", "regulator.in_"'),
+        ('"pll.delta", "park_v.delta"', '"angle.out", "park_v.delta"'),
+        ('"pll.delta", "park_i.delta"', '"angle.out", "park_i.delta"'),
+        ('"pll.delta_omega", "plant.delta_omega"', '"regulator.out", "plant.delta_omega"'),
+    ),
     "names of parameters": (("power.kP", "k"), ("power.kI", "l")),
     "values of parameters": (('"LCL", "plant"', '"LCL", "plant", L_F=0.15'),),
 }  # fmt: skip

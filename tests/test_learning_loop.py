@@ -204,7 +204,7 @@ class Killed(Exception):
     pass
 
 
-@pytest.mark.parametrize("beside", [(), ((Rules(), 0.5),)], ids=["alone", "mixed"])
+@pytest.mark.parametrize("beside", [(), ((Rules(looks=1), 0.5),)], ids=["alone", "mixed"])
 def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, beside):
     options = {"budget": 40, "beside": beside, "settings": replace(PLAIN, pruning=0.15, final_pruning=0.1)}
     whole = ended(tmp_path / "whole", **options)

@@ -486,7 +486,7 @@ def test_a_spent_run_goes_on_with_a_higher_limit(path):
 
 
 def test_beside_proposers_that_cost_nothing_a_limit_does_not_end_the_run(path):
-    ending, _ = ended(path, proposers=((Paid(2), 0.5), (Rules(), 0.5)), settings=PLAIN, budget=20)
+    ending, _ = ended(path, proposers=((Paid(2), 0.5), (Rules(looks=1), 0.5)), settings=PLAIN, budget=20)
     assert ending == BUDGET
 
 
@@ -797,7 +797,7 @@ def test_scales_are_drawn_by_their_shares(path):
 
 
 def test_the_rules_improve_on_the_start(path):
-    _, loop = ended(path, proposers=((Rules(), 1.0),), budget=30)
+    _, loop = ended(path, proposers=((Rules(looks=1), 1.0),), budget=30)
     assert loop.best is not None
     assert loop.best.nrmse is not None
     assert loop.best.nrmse < (steps_of(path)[0].nrmse or 0.0)

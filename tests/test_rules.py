@@ -63,7 +63,7 @@ def hash_of(diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY) -> str:
 
 
 def proposed(diagram: ibrid.Diagram, seed: int, **changes) -> Proposal:
-    return Rules().propose(context_of(diagram, **changes), np.random.default_rng(seed))
+    return Rules(looks=1).propose(context_of(diagram, **changes), np.random.default_rng(seed))
 
 
 def after(proposal: Proposal, parent: ibrid.Diagram) -> ibrid.Diagram:
@@ -216,7 +216,7 @@ def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
         Family("missing", "module", ALIKE, weight, lambda _: iter([FILTERED]), first=True),
         Family("other", "module", ALIKE, 1.0, lambda _: iter([DELAYED])),
     )
-    context, rules = context_of(NAIVE), Rules(families)
+    context, rules = context_of(NAIVE), Rules(families, looks=1)
     notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
     expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + LATER)
     # a thousand draws: four standard deviations are 0.05
@@ -228,7 +228,7 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
         Family("missing", "module", ALIKE, 1.0, lambda _: iter([FILTERED]), first=True),
         Family("patient", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), any_time=True),
     )
-    context, rules = context_of(NAIVE), Rules(families)
+    context, rules = context_of(NAIVE), Rules(families, looks=1)
     notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
     assert notes.count("a delay") / 1000 == pytest.approx(0.5, abs=0.065)  # four standard deviations
 
@@ -242,7 +242,7 @@ def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse,
         Family("structure", "module", ALIKE, 1.0, lambda _: iter([DELAYED]), if_gross=4.0),
     )
     record = replace(record_of(ibrid.program_text(NAIVE)), nrmse=nrmse, noise_floor=noise)
-    context, rules = context_of(NAIVE, record=record), Rules(families)
+    context, rules = context_of(NAIVE, record=record), Rules(families, looks=1)
     notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
     expected = CURIOSITY / 2 + (1 - CURIOSITY) * weight / (weight + 1)
     assert notes.count("a delay") / 1000 == pytest.approx(expected, abs=0.05)
@@ -256,7 +256,9 @@ def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
     view = view_of(NAIVE, VOCABULARY)
     assert view is not None
     context = context_of(NAIVE, seen={hash_of(edited(view, FILTERED))}.__contains__)
-    assert {Rules(families).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {"a delay"}
+    assert {Rules(families, looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {
+        "a delay"
+    }
 
 
 @pytest.mark.parametrize("name", PARENTS)
@@ -391,7 +393,7 @@ def families_proposed(diagram: ibrid.Diagram, name: str, record, scale: str, num
     """How often each family of edits is proposed."""
     family_of = {move.note: family for family, move, _ in legal_moves(name)}
     context = context_of(diagram, record=record, scale=scale, seen={hash_of(diagram)}.__contains__)
-    notes = (Rules().propose(context, np.random.default_rng(seed)).note for seed in range(number))
+    notes = (Rules(looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(number))
     return Counter(family_of[note] for note in notes)
 
 

@@ -1,5 +1,7 @@
 """Where a fit begins: textbook ranges, and what the top of the band says about the grid side of an LCL filter."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from ibrid.fit.problem import Problem
@@ -93,3 +95,12 @@ class StartDrawer:
                 theta[:, index] = theta[:, self._inductance] * factor
         x = coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
         return np.clip(x, coordinates.x_low, coordinates.x_high)
+
+    def completed(self, rng: np.random.Generator, known: Sequence[Mapping[str, float]], number: int) -> np.ndarray:
+        """x (S, P) at known values, name -> value for each operating point; the numbers they lack are drawn, `number` times."""
+        coordinates = self.problem.coordinates
+        values = [known[one.point or 0].get(one.name) for one in self.problem.numbers]
+        given = np.array([value is not None for value in values], dtype=bool)
+        theta = coordinates.to_theta(self.draw(rng, 1 if given.all() else number, TEXTBOOK_DECADES[0], seeded=False))
+        theta[:, given] = np.array([value for value in values if value is not None])
+        return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))

@@ -107,13 +107,7 @@ class Search:
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
         """Descend from known values, name -> value for each operating point; the numbers they lack are drawn."""
         settings, problem = self.settings, self.problem
-        values = [warm[one.point or 0].get(one.name) for one in problem.numbers]
-        known = np.array([value is not None for value in values], dtype=bool)
-        x = self.drawer.draw(self.rng, 1 if known.all() else settings.warm, TEXTBOOK_DECADES[0], seeded=False)
-        theta = problem.coordinates.to_theta(x)
-        theta[:, known] = np.array([value for value in values if value is not None])
-        x = problem.coordinates.to_x(np.clip(theta, problem.coordinates.low, problem.coordinates.high))
-        batch = begin(problem, x, settings.minimised)
+        batch = begin(problem, self.drawer.completed(self.rng, warm, settings.warm), settings.minimised)
         if np.isfinite(batch.cost).any():
             self.finish(batch.best(settings.warm_kept).x, None)
 

@@ -2,7 +2,8 @@
 
 Signs, fixed gains, axis selection, packing and zero sources become the weight of a link. Blocks that do nothing go;
 blocks that are drawn twice become one; equal blocks on the two axes become one block on the dq pair; linear blocks in a
-row are put in one order; a free gain beside a block with a gain of its own goes into that.
+row are put in one order; a free gain beside a block with a gain of its own goes into that; a PI whose output, beside being
+used itself, is integrated becomes the PLL that it is.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from ibrid.structure.wiring import Wiring, split_port, wire
 #: Kinds whose free parameters scale their output as a whole.
 SCALABLE = ("Gain", "Gain_dq", "JMul", "PI", "PI_dq", "SRF_PLL")
 GAINS = ("Gain", "Gain_dq")
+PLL, INTEGRATOR = "SRF_PLL", "Integrator"
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class _Rewriter:
             for kind in vocabulary
             if kind.name.endswith("_dq") and any(other.name == kind.name.removesuffix("_dq") for other in vocabulary)
         }
+        self.knows_plls = any(kind.name == PLL for kind in vocabulary)
         self.blocks: dict[int, Block] = {}
         self.links: dict[Key, np.ndarray] = {}
         wiring = wire(diagram, vocabulary)
@@ -83,6 +86,7 @@ class _Rewriter:
         steps = (
             self._remove_idle,
             self._join_duplicates,
+            self._join_plls,
             self._split_axes,
             self._join_axes,
             self._drop_gains,
@@ -220,6 +224,42 @@ class _Rewriter:
             seen[law] = number
         return False
 
+    def _join_plls(self) -> bool:
+        """A frequency from a PI, and the angle as its integral, are the two outputs of a phase-locked loop."""
+        for angle, block in self.blocks.items() if self.knows_plls else ():
+            entering = self._into(angle)
+            if block.kind != INTEGRATOR or len(entering) != 1:
+                continue
+            ((regulator, output, _, _), weight), *_ = entering
+            leaving = self._out_of(regulator)
+            if self.blocks[regulator].kind == "PI" and len(leaving) > 1 and np.array_equal(weight, [[1.0]]):
+                self._join_pll(regulator, output, angle)
+                return True
+        return False
+
+    def _join_pll(self, regulator: int, frequency: str, angle: int) -> None:
+        first, second = self.blocks[regulator], self.blocks[angle]
+        (port,), (integral,) = first.inputs, second.outputs
+        into = self._into(regulator)
+        out = [(key, "delta_omega", weight) for key, weight in self._out_of(regulator) if key[2] != angle]
+        out += [(key, "delta", weight) for key, weight in self._out_of(angle)]
+        self._remove(angle)
+        self._remove(regulator)
+        self.blocks[regulator] = Block(
+            PLL,
+            first.names + second.names,
+            {"e_q": 1},
+            {"delta_omega": 1, "delta": 1},
+            tuple((f"{name}_pll", value) for name, value in first.parameters),
+        )
+        own = {(regulator, frequency): "delta_omega", (angle, integral): "delta"}
+        for key, weight in into:
+            source = own.get(key[:2])
+            self._add(regulator if source else key[0], source or key[1], regulator, "e_q", weight)
+        for key, output, weight in out:
+            if key[2:] != (regulator, port):  # a loop onto itself is among those that enter
+                self._add(regulator, output, key[2], key[3], weight)
+
     def _split_axes(self) -> bool:
         """A block on both axes of which one axis is idle, or whose neighbours are all scalar, is scalar itself."""
         for number, block in list(self.blocks.items()):
@@ -304,7 +344,7 @@ class _Rewriter:
             if key[0] != key[2]
             and len(out[key[0]]) == len(into[key[2]]) == 1
             and self.blocks[key[0]].siso
-            and (self.blocks[key[2]].siso or self.blocks[key[2]].kind == "SRF_PLL")
+            and (self.blocks[key[2]].siso or self.blocks[key[2]].kind == PLL)
         ]
 
     def _scales(self, number: int) -> bool:

@@ -17,6 +17,7 @@ from search.bench.trials import EXACT_MODE
 from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator, Job
 from search.evaluation.local import LocalEvaluator
+from search.proposers.rules import LOOKING
 from search.ranking import Entry
 from search.run_folder import ARCHIVE
 from search.settings import SearchSettings
@@ -28,7 +29,8 @@ PROMISING = 1e-3
 
 @dataclass(frozen=True)
 class Pace:
-    """A search on the clean benchmark. `fitting` : seconds of fits, of the workers on candidates and of the final choice."""
+    """A search on the clean benchmark. `fitting` : seconds of fits, of the workers on candidates, of the proposer on its first
+    looks, and of the final choice."""
 
     workers: int
     evaluations: int
@@ -60,7 +62,8 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         **EXACT_MODE,
     )
     with Store.open(folder / ARCHIVE, read_only=True) as store:
-        fitting = sum(step.seconds for step in store.steps()) + float(store.meta.get("refits", 0.0))
+        fitting = sum(step.seconds + step.usage.get(LOOKING, 0.0) for step in store.steps())
+        fitting += float(store.meta.get("refits", 0.0))
     return Pace(workers, run.evaluations, run.seconds, fitting)
 
 

@@ -122,7 +122,7 @@ def _group(steps: list[Step]) -> list[str]:
 
 
 def _usage(proposals: Iterable[Step]) -> str:
-    """What language models used, added up; "" where none was asked."""
+    """What proposers used, added up: tokens and money of language models, first looks of the rules; "" for nothing."""
     total: dict[str, float] = {}
     for step in proposals:
         for name, value in step.usage.items():
@@ -131,7 +131,7 @@ def _usage(proposals: Iterable[Step]) -> str:
     if not total:
         return ""
     rows = "".join(row(name.replace("_", " "), [cell(f"{value:,.6g}", numeric=True)]) for name, value in total.items())
-    return table("Usage", "What the language models used, all proposals together.", f"<tbody>{rows}</tbody>")
+    return table("Usage", "What the proposers used, all together.", f"<tbody>{rows}</tbody>")
 
 
 def speed(run: RunData) -> Mapping[str, str]:

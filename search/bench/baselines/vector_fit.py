@@ -64,7 +64,9 @@ def vector_fit(point: PointSweep, *, highest: int | None = None) -> RationalMode
     relocated = (poles for order in range(1, highest + 1) for poles in _relocated(point, order))
     models = [_with_residues(poles, point, scale) for poles in relocated]
     if not models:
-        raise IbridError(f"vector fitting found no poles in the data of {point.op.name}; check them with: ibrid inspect")
+        raise IbridError(
+            f"vector fitting found no poles in the data of {point.op.name}; check them with: ibrid inspect"
+        )
     return min(models, key=merit)
 
 
