@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "ibrid"
 #: Lowest first. `demo`, `bench` and `bench_gap` are programs on top, like the command line.
 LAYERS = (
     ("errors",),
-    ("signals", "writing", "ledger", "showing", "display"),
+    ("signals", "writing", "ledger", "markdown", "showing", "display"),
     ("telling",),
     ("measurement",),
     ("modules",),
