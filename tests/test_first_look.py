@@ -13,7 +13,7 @@ from search.edits import apply_edit
 from search.proposal import Context
 from search.proposers.first_look import PRICE, first_look
 from search.proposers.moves.family import Family, Move
-from search.proposers.rules import LOOKED_AT, Rules
+from search.proposers.rules import GROSS, LOOKED_AT, Rules
 
 TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 
@@ -80,3 +80,10 @@ def test_the_share_that_comes_as_it_is_drawn_has_no_looks(one_edit_away):
     assert len(looked) / number == pytest.approx(LOOKED_AT, abs=0.26)
     assert {one.note for one in looked} == {"a filter"}
     assert {one.note for one in proposals} == {"a filter", "a delay"}
+
+
+def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
+    record = replace(one_edit_away.parent.record, nrmse=1.1 * GROSS)
+    context = replace(one_edit_away, parent=replace(one_edit_away.parent, record=record))
+    proposals = [Rules().propose(context, np.random.default_rng(seed)) for seed in range(20)]
+    assert all(one.edit and "first_looks" not in one.usage for one in proposals)

@@ -43,8 +43,10 @@ class Rules:
     an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over. Of
     two devices behind one PCC one is edited at a time.
 
-    Every other proposal is the best of several edits, drawn as always, that a first look at the data tells apart; the rest
-    come as they are drawn, since the right edit may look no better at first than none. `looks` : how many; 1: no looks.
+    Once the error is no longer gross, every other proposal is the best of several edits, drawn as always, that a first look
+    at the data tells apart. Before that a wrong structure may gain more at once than the first part of the right one; and
+    the right edit may look no better at first than none, so that the rest come as they are drawn. `looks` : how many; 1: no
+    looks.
     """
 
     name = "rules"
@@ -63,7 +65,7 @@ class Rules:
         bands, gross = residual_bands(record), _gross(record)
         moves = _Moves(views)
         families = [one for one in self.families if not one.first or moves.of(one)]
-        number = self.looks if rng.random() < LOOKED_AT else 1
+        number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
         edits: list[_Edit] = []
         while families and len(edits) < number:
             family = _drawn(families, bands, context.scale, rng, gross=gross)
