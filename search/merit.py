@@ -104,6 +104,12 @@ def _least(odd: Oddities) -> float:
     return DOUBTFUL if odd.absurd else EXACT
 
 
+def information_price(numbers: int, alone: int) -> float:
+    """What a free number of one operating point must gain in ln(error) by the Bayesian information criterion, `alone` of them
+    having their own: ln(n) / 2n for each of n measured real numbers."""
+    return log(numbers) * alone / (2 * numbers)
+
+
 #: Price of a free number when the noise is not known: it breaks ties.
 TIE = 1e-3
 
@@ -112,5 +118,5 @@ def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criter
     """The criterion for the operating points that are fitted."""
     floor = noise_floor(sweep)
     alone = len(sweep.points) if parameters == "per-op" else 1
-    price = log(floor.numbers) * alone / (2 * floor.numbers) if floor.known else TIE
+    price = information_price(floor.numbers, alone) if floor.known else TIE
     return Criterion(floor, price, alone, settings)

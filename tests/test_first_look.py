@@ -8,6 +8,7 @@ import pytest
 from scripted_search import context_of, task
 
 import ibrid
+from ibrid.measurement.noise import add_noise
 from ibrid.structure.drafting import Draft
 from search.edits import apply_edit
 from search.proposal import Context
@@ -87,3 +88,13 @@ def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
     context = replace(one_edit_away, parent=replace(one_edit_away.parent, record=record))
     proposals = [Rules().propose(context, np.random.default_rng(seed)) for seed in range(20)]
     assert all(one.edit and "first_looks" not in one.usage for one in proposals)
+
+
+def test_with_known_noise_a_free_number_must_gain_what_information_asks():
+    exact = task().sweep
+    noisy = add_noise(exact, 40.0, rng=np.random.default_rng(0))
+    invisible = Draft(TRUTH, task().kinds)
+    invisible.bind("plant", L_F=0.15)  # with the scale of the inner loop
+    for sweep, price in ((exact, PRICE), (noisy, log(8 * 32) / (2 * 8 * 32))):
+        context = context_of(TRUTH, record=ibrid.evaluate(TRUTH, sweep), task=replace(task(), sweep=sweep))
+        assert look(TRUTH, context) - look(invisible.diagram(), context) == pytest.approx(price, rel=0.02)

@@ -16,7 +16,7 @@ from ibrid.fit.problem import Problem
 from ibrid.fit.starts import StartDrawer
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import Wiring, wire
-from search.merit import EXACT
+from search.merit import EXACT, information_price
 from search.proposal import Context
 from search.settings import SearchSettings
 
@@ -24,12 +24,14 @@ from search.settings import SearchSettings
 DRAWS, KEPT, STEPS = 16, 3, 24
 #: Seconds after which a look is given up; it takes some hundredths.
 LIMIT = 10.0
-#: What a free number must gain in ln(error), as where parents are ranked.
+#: What a free number must gain in ln(error) where the noise is not known, as where parents are ranked.
 PRICE = SearchSettings().parsimony
 
 
 def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> float:
-    """ln(error) after the look, plus `PRICE` for every free number of an operating point; infinite where there is no response.
+    """ln(error) after the look, plus a price for every free number of an operating point; infinite where there is no response.
+
+    The price is that of the Bayesian information criterion where the noise is known, else `PRICE`.
 
     Whatever the code of a user's own kind raises makes the edit look worthless; its evaluation would say why.
     """
@@ -47,7 +49,12 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
             error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
     except (Exception, SystemExit):
         return inf
-    return log(max(error, EXACT)) + PRICE * problems[0].size if np.isfinite(error) else inf
+    if not np.isfinite(error):
+        return inf
+    known = objective_for(points) == "sigma"
+    numbers = 8 * sum(len(point.frequency) for point in points)
+    price = information_price(numbers, len(groups)) if known else PRICE
+    return log(max(error, EXACT)) + price * problems[0].size
 
 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:

@@ -41,7 +41,7 @@ NO_STEP = 1e-30
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
-        "rules": Arm("rules of thumb", "rules"),
+        "rules": Arm("rules of thumb and a first look at the data", "rules"),
         "frozen": Arm("the policy as it ships", "policy"),
         "learning": Arm("the policy, trained on the rewards of the run", "policy", learns=True),
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
