@@ -64,7 +64,7 @@ class Loop:
         self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, seed
         self.appraisal = Appraisal(store, criterion, task.kinds)
         self.requirements, self.watch = requirements, watch
-        self.pruning, self.tidying = Pruning(), Pruning(pairs=True)
+        self.pruning, self.tidying = Pruning(), Pruning(thorough=True)
         self.learner = next((one for one, _ in self.proposers if isinstance(one, Learner)), None)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
         self.archive = Archive(settings)

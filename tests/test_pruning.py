@@ -10,6 +10,7 @@ import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
+from ibrid.structure.compare import compare
 from ibrid.structure.drafting import Draft
 from search.edits import apply_edit
 from search.proposal import Proposal
@@ -65,13 +66,13 @@ def open_to(*names: str) -> Record:
     return replace(record, intervals=dict.fromkeys(record.parameters, intervals), at_bound=())
 
 
-@pytest.mark.parametrize("pairs", [False, True], ids=["one thing", "pairs too"])
+@pytest.mark.parametrize("thorough", [False, True], ids=["one thing", "thorough"])
 @pytest.mark.parametrize("name", NAMES)
-def test_what_comes_out_is_legal_new_and_smaller(name, pairs):
+def test_what_comes_out_is_legal_new_and_smaller(name, thorough):
     parent = ibrid.textbook(name)
     seen = {hash_of(parent)}
     for seed in range(8):
-        proposal = pruned(parent, seed, pairs=pairs, seen=seen)
+        proposal = pruned(parent, seed, thorough=thorough, seen=seen)
         found = after(proposal, parent)
         seen.add(hash_of(found))
         assert ibrid.violations(found) == ()
@@ -144,17 +145,17 @@ def test_of_two_blocks_with_the_same_parameters_both_can_go_at_once():
 
 
 def test_pairs_come_when_every_single_thing_was_tried():
-    def everything(pairs: bool) -> list[ibrid.Diagram]:
+    def everything(thorough: bool) -> list[ibrid.Diagram]:
         seen, found = {hash_of(crowded())}, []
         for seed in range(300):
-            proposal = pruned(crowded(), seed, open_to("current_filter", "notch"), pairs=pairs, seen=seen)
+            proposal = pruned(crowded(), seed, open_to("current_filter", "notch"), thorough=thorough, seen=seen)
             if proposal.failure:
                 return found
             found.append(after(proposal, crowded()))
             seen.add(hash_of(found[-1]))
         raise AssertionError("pruning does not end")
 
-    single, both = everything(pairs=False), everything(pairs=True)
+    single, both = everything(thorough=False), everything(thorough=True)
     assert {hash_of(one) for one in single} == {hash_of(one) for one in both[: len(single)]}
     plain = hash_of(ibrid.textbook("gfl_exact"))
     assert plain not in {hash_of(one) for one in single}
@@ -162,7 +163,7 @@ def test_pairs_come_when_every_single_thing_was_tried():
 
 
 def test_nothing_left_is_a_sentence():
-    proposal = Pruning(pairs=True).propose(context_of(crowded(), seen=lambda _: True), np.random.default_rng(0))
+    proposal = Pruning(thorough=True).propose(context_of(crowded(), seen=lambda _: True), np.random.default_rng(0))
     assert proposal.edit == ""
     assert "has been tried" in proposal.failure
 
@@ -170,3 +171,42 @@ def test_nothing_left_is_a_sentence():
 def test_the_same_random_numbers_take_away_the_same():
     assert pruned(crowded(), 3) == pruned(crowded(), 3)
     assert len({pruned(crowded(), seed).edit for seed in range(12)}) > 1
+
+
+def with_gain(k: float, interval: tuple[float, float] | None = None) -> tuple[ibrid.Diagram, Record]:
+    """The converter current controlled as grid current plus k times the capacitor current, which is the same for k = 1."""
+    draft = Draft(ibrid.textbook("gfl_exact"), VOCABULARY)
+    (target,) = [one for one in draft.targets("plant.i_ti") if one.startswith("minus")]
+    draft.disconnect("plant.i_ti", target)
+    draft.connect("plant.i_g", target)
+    draft.insert("plant.i_C", [target], "Gain_dq", "share")
+    diagram = draft.diagram()
+    record = record_of(ibrid.program_text(diagram))
+    values = {op: {**record.parameters[op], "share.k": k} for op in record.parameters}
+    return diagram, replace(record, parameters=values, intervals={key: {"share.k": interval} for key in values})
+
+
+@pytest.mark.parametrize(("k", "interval"), [(1.0, None), (0.99, None), (1.2, (0.9, 1.5))])
+def test_a_gain_that_was_fitted_to_one_is_a_wire(k, interval):
+    diagram, record = with_gain(k, interval)
+    proposal = pruned(diagram, 0, record, thorough=True)
+    assert proposal.note == "share is 1, a wire"
+    assert compare(after(proposal, diagram), ibrid.textbook("gfl_exact")).same
+
+
+def test_a_gain_that_was_fitted_to_minus_one_is_a_sign():
+    diagram, record = with_gain(-1.0)
+    proposal = pruned(diagram, 0, record, thorough=True)
+    assert proposal.note == "share is -1, a sign"
+    found = after(proposal, diagram)
+    assert [one.kind for one in found.instances if one.name == "minus_share"] == ["Negate_dq"]
+    assert free_numbers(found) == free_numbers(diagram) - 1
+    assert ibrid.violations(found) == ()
+
+
+@pytest.mark.parametrize(
+    ("k", "interval", "thorough"), [(1.2, None, True), (1.2, (1.1, 1.3), True), (1.0, None, False)]
+)
+def test_any_other_gain_is_left_alone_and_so_is_every_gain_before_the_end(k, interval, thorough):
+    diagram, record = with_gain(k, interval)
+    assert "a wire" not in pruned(diagram, 0, record, thorough=thorough).note
