@@ -21,7 +21,7 @@ from search.bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden
 from search.bench.reference.rows import INVERTERS, TASKS, Effort, Task, measured, tasks
 from search.bench.reference.tables import NOT_YET, page
 from search.bench.scoring import perform
-from search.bench.trials import BUDGETS, alone
+from search.bench.trials import BUDGETS, rules_trial
 
 NAMED = [pytest.param(one, id=f"{one.inverter}: {one.words}") for one in HIDINGS]
 
@@ -250,7 +250,7 @@ def test_the_page_in_the_docs_is_that_of_the_shipped_results():
 def test_a_search_that_was_made_before_is_read_and_not_made_again(tmp_path):
     searched: list = []
     options = ["--inverter", "gfl_l_filter", "--only", "search", "--out", str(tmp_path / "out")]
-    trial = alone("gfl_l_filter", BUDGETS["inverters"])
+    trial = rules_trial("gfl_l_filter", BUDGETS["inverters"])
     Ledger(tmp_path / "made").add(perform(trial, tmp_path / "run", search=finding([]), workers=1))
     assert main([*options, "--searches", str(tmp_path / "made")], search=finding(searched)) == 0
     assert searched == []

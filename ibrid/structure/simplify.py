@@ -226,11 +226,13 @@ class _Rewriter:
 
     def _join_plls(self) -> bool:
         """A frequency from a PI, and the angle as its integral, are the two outputs of a phase-locked loop."""
-        for angle, block in self.blocks.items() if self.knows_plls else ():
+        if not self.knows_plls:
+            return False
+        for angle, block in self.blocks.items():
             entering = self._into(angle)
             if block.kind != INTEGRATOR or len(entering) != 1:
                 continue
-            ((regulator, output, _, _), weight), *_ = entering
+            ((regulator, output, _, _), weight) = entering[0]
             leaving = self._out_of(regulator)
             if self.blocks[regulator].kind == "PI" and len(leaving) > 1 and np.array_equal(weight, [[1.0]]):
                 self._join_pll(regulator, output, angle)

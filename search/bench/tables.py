@@ -21,7 +21,7 @@ def seed_line(row: Row) -> str:
         str(row["evaluations"]),
         "-" if row["first"] is None else str(row["first"]),
         f"{row['seconds']:.1f}",
-        _verdict(row["success"]),
+        verdict_words(row["success"]),
     )
     return _line(f"{_name(row)} {row['seed']}", cells)
 
@@ -54,17 +54,30 @@ def _group_line(rows: Sequence[Row]) -> str:
     known = [row["success"] for row in rows if row["success"] is not None]
     reached = [row["first"] for row in rows if row["first"] is not None]
     cells = (
-        *(_number(_median(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
-        _pair(_median(rows, "modules_f1"), _median(rows, "connections_f1")),
-        f"{_median(rows, 'evaluations'):.0f}",
+        *(_number(median_of(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
+        _pair(median_of(rows, "modules_f1"), median_of(rows, "connections_f1")),
+        f"{median_of(rows, 'evaluations'):.0f}",
         f"{median(reached):.0f}" if len(reached) > len(rows) / 2 else "-",
-        f"{_median(rows, 'seconds'):.1f}",
+        f"{median_of(rows, 'seconds'):.1f}",
         f"{sum(known)} of {len(known)}" if known else "-",
     )
     return _line(_name(rows[0]), cells)
 
 
-def _median(rows: Sequence[Row], name: str) -> float | None:
+def error_words(value: float | None) -> str:
+    """An NRMSE as the pages show it."""
+    if value is None:
+        return "-"
+    return f"{value:.1e}" if value < 1e-3 else f"{value:.4f}"
+
+
+def verdict_words(success: bool | None) -> str:
+    """yes, no, or "-" where there is no verdict."""
+    return {None: "-", True: "yes", False: "no"}[success]
+
+
+def median_of(rows: Sequence[Row], name: str) -> float | None:
+    """Median of a column over the rows that have it; None for none."""
     found = [row[name] for row in rows if row[name] is not None]
     return median(found) if found else None
 
@@ -83,7 +96,3 @@ def _number(value: float | None) -> str:
 
 def _pair(first: float | None, second: float | None) -> str:
     return "-" if first is None or second is None else f"{first:.2f}/{second:.2f}"
-
-
-def _verdict(success: bool | None) -> str:
-    return {None: "-", True: "yes", False: "no"}[success]

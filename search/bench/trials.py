@@ -62,9 +62,9 @@ class Trial:
         return textbook("gfl_pll_filter") if self.table == "paper" else hidden.truth
 
 
-def alone(inverter: str, budget: int, noise_db: float | None = None) -> Trial:
-    """The search of an inverter by rules, seed 0, as the tables of the benchmark have it."""
-    return Trial(TABLES[1] if inverter == BENCHMARK else TABLES[2], inverter, PROPOSERS[0], 0, budget, noise_db)
+def rules_trial(inverter: str, budget: int, noise_db: float | None = None) -> Trial:
+    """The search of an inverter by rules, seed 0, exact equilibrium, under the name that it has in the tables."""
+    return Trial("structure" if inverter == BENCHMARK else "inverters", inverter, "rules", 0, budget, noise_db)
 
 
 def trials(

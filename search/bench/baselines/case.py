@@ -15,7 +15,7 @@ from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 from search.bench.hidden import FREQUENCY, HALF_LOAD, Hidden
 from search.bench.inverters import inverter, plant_of
-from search.bench.trials import Trial, alone
+from search.bench.trials import Trial, rules_trial
 
 #: The benchmark, a published set behind an L filter, a random draw; each with a filter before the PLL.
 INVERTERS = ("paper_like", "published_kuleuven_600mva", "random_00")
@@ -51,7 +51,7 @@ class Case:
 
     def trial(self, budget: int) -> Trial:
         """The search to make, and the options of every fit of a diagram."""
-        return alone(self.inverter, budget, self.noise_db)
+        return rules_trial(self.inverter, budget, self.noise_db)
 
     @cached_property
     def clean(self) -> Hidden:

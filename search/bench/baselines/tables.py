@@ -7,6 +7,7 @@ from ibrid.markdown import markdown_table
 from search.bench.baselines.answer import Row
 from search.bench.baselines.case import Case
 from search.bench.baselines.methods import METHODS
+from search.bench.tables import error_words
 
 HEADER = (
     "method",
@@ -87,7 +88,7 @@ def cells_of(row: Row) -> tuple[str, ...]:
     right = "none" if row["recovered"] is None else f"{row['recovered']} of {row['of']}"
     return (
         METHODS[row["method"]].title,
-        *(_error(row[name]) for name in ("fitted", "true", "held_out")),
+        *(error_words(row[name]) for name in ("fitted", "true", "held_out")),
         str(row["parameters"]),
         row["order"],
         right,
@@ -114,7 +115,3 @@ def _table(case: Case, rows: Mapping[tuple[Case, str], Mapping[str, Any]]) -> st
 def _aligned(cells: Sequence[str]) -> str:
     first, *rest = zip(cells, _WIDTHS, strict=True)
     return f"{first[0]:{first[1]}}" + " ".join(f"{cell:>{width}}" for cell, width in rest)
-
-
-def _error(value: float) -> str:
-    return f"{value:.1e}" if value < 1e-3 else f"{value:.4f}"

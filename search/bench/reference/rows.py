@@ -22,7 +22,7 @@ from search.bench.hidden import FREQUENCY, exact_model
 from search.bench.inverters import inverter, plant_of
 from search.bench.reference.hiding import HIDINGS, GapCase, Hiding, hidden_case, itself
 from search.bench.scoring import Rows, Search, made_before
-from search.bench.trials import alone
+from search.bench.trials import rules_trial
 
 #: The reference inverters, grid-following first.
 INVERTERS = (
@@ -162,7 +162,7 @@ def _answer(case: GapCase, effort: Effort) -> Gap:
 
 def _search(task: Task, effort: Effort) -> Row:
     """See `search.bench.scoring.score`."""
-    trial = alone(task.inverter, effort.budget)
+    trial = rules_trial(task.inverter, effort.budget)
     row = made_before(trial, effort.ledger, effort.folder / task.key, search=effort.search, workers=1)
     names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success", "seconds")
     return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}

@@ -6,6 +6,7 @@ from typing import Any
 
 from ibrid.markdown import markdown_table
 from search.bench.reference.rows import Task
+from search.bench.tables import error_words, verdict_words
 
 Row = Mapping[str, Any]
 #: By the keys of their tasks.
@@ -155,20 +156,20 @@ def _sweep_cells(row: Row) -> tuple[str, ...]:
 
 
 def _fit_cells(row: Row) -> tuple[str, ...]:
-    return _error(row["nrmse"]), _error(row["holdout"]), f"{row['recovered']} of {row['of']}"
+    return error_words(row["nrmse"]), error_words(row["holdout"]), f"{row['recovered']} of {row['of']}"
 
 
 def _gap_cells(row: Row) -> tuple[str, ...]:
-    errors = (_error(row[name]) for name in ("before", "after", "holdout"))
+    errors = (error_words(row[name]) for name in ("before", "after", "holdout"))
     named, alike = (_ids(row[name]) for name in ("named", "alike"))
-    return row["words"], row["verdict"], named, alike, _yes(row["right"]), *errors
+    return row["words"], row["verdict"], named, alike, verdict_words(row["right"]), *errors
 
 
 def _search_cells(row: Row) -> tuple[str, ...]:
     overlap = f"{row['modules_f1']:.2f} / {row['connections_f1']:.2f}"
     first = "-" if row["first"] is None else str(row["first"])
-    errors = _error(row["answer_nrmse"]), _error(row["holdout"])
-    return *errors, overlap, _yes(row["success"]), str(row["evaluations"]), first
+    errors = error_words(row["answer_nrmse"]), error_words(row["holdout"])
+    return *errors, overlap, verdict_words(row["success"]), str(row["evaluations"]), first
 
 
 _SENTENCES: Mapping[str, Callable[[Sequence[Row]], str]] = {
@@ -192,13 +193,3 @@ def _aligned(header: Sequence[str], cells: Sequence[str]) -> str:
 
 def _ids(names: Sequence[str]) -> str:
     return ", ".join(f"`{name}`" for name in names) or "-"
-
-
-def _yes(value: bool | None) -> str:
-    return "-" if value is None else "yes" if value else "no"
-
-
-def _error(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.1e}" if value < 1e-3 else f"{value:.4f}"
