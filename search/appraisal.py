@@ -12,6 +12,8 @@ from search.store import Store
 
 #: Records that are kept at hand.
 RECORDS = 256
+#: Decimals to which two candidates are worth the same: two drawings of one thing, fitted, agree to more.
+DECIMALS = 6
 
 
 class Appraisal:
@@ -51,9 +53,9 @@ class Appraisal:
         return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
 
     def rank(self, step: Step) -> tuple[float, int, int]:
-        """Of eligible steps the least is the best."""
+        """Of eligible steps the least is the best; of two that are worth the same the one with fewer states."""
         value = self.criterion.value(self.error(step.number), int(step.free or 0), self.oddities(step))
-        return value, step.order or 0, step.number
+        return round(value, DECIMALS), step.order or 0, step.number
 
     def entry(self, step: Step) -> Entry:
         """The step as the archive keeps it."""

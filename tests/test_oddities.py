@@ -91,3 +91,17 @@ def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
     assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
     assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(7e-4, 12)  # a sound structure is the answer
     assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(0.2, 13)  # where nothing fits, the error decides
+
+
+@pytest.mark.parametrize(("gain", "better"), [(1e-9, "fewer states"), (1e-3, "less error")])
+def test_of_two_that_fit_the_same_the_one_with_fewer_states_is_better(tmp_path, gain, better):
+    diagram, record = record_with("gfl_pll_filter_exact")
+    record = replace(record, misfit=None, free_parameters=13)
+    candidates = {"fewer states": (5e-4, 13), "less error": (5e-4 * (1 - gain), 14)}
+    with Store.create(tmp_path / "archive.sqlite", {}) as store:
+        for number, (nrmse, order) in enumerate(candidates.values()):
+            store.propose(Step(number, program=program_text(diagram), hash=f"h{number}"))
+            store.conclude(number, status=Status.OK, record=replace(record, nrmse=nrmse, order=order))
+        appraisal = Appraisal(store, CRITERION, VOCABULARY)
+        best = min(range(2), key=lambda number: appraisal.rank(store.step(number)))
+    assert list(candidates)[best] == better

@@ -210,3 +210,40 @@ def test_a_gain_that_was_fitted_to_minus_one_is_a_sign():
 def test_any_other_gain_is_left_alone_and_so_is_every_gain_before_the_end(k, interval, thorough):
     diagram, record = with_gain(k, interval)
     assert "a wire" not in pruned(diagram, 0, record, thorough=thorough).note
+
+
+def roundabout() -> ibrid.Diagram:
+    """The PLL behind its filter drawn as a frequency meter whose frame turns with its own output, and an integrator."""
+    draft = Draft(ibrid.textbook("gfl_pll_filter_exact"), VOCABULARY)
+    (pll,) = draft.named("SRF_PLL")
+    (scalar,) = (one.split(".")[0] for one in draft.sources(f"{pll}.e_q"))
+    meter, angle, low_pass = (
+        draft.add(kind, stem)
+        for kind, stem in (("PLL_frequency", "meter"), ("Integrator", "angle"), ("LPF1_dq", "filter"))
+    )
+    draft.chain("plant.e", f"{low_pass}.in_", f"{low_pass}.out", f"{meter}.v")
+    draft.chain(f"{meter}.delta_omega_pll", f"{angle}.in_", f"{meter}.delta_omega_pll", f"{meter}.delta_omega")
+    for target in draft.targets(f"{pll}.delta_omega"):
+        draft.connect(f"{meter}.delta_omega_pll", target)
+    for target in draft.targets(f"{pll}.delta"):
+        draft.connect(f"{angle}.out", target)
+    draft.remove(pll)
+    draft.remove(scalar)
+    return draft.diagram()
+
+
+def test_a_frequency_meter_that_turns_its_own_frame_is_a_pll():
+    diagram, sweep = roundabout(), task().sweep
+    assert not compare(diagram, ibrid.textbook("gfl_pll_filter_exact")).same
+    assert ibrid.evaluate(diagram, sweep).nrmse == pytest.approx(0.0, abs=1e-9)  # of data that have the PLL
+    proposal = pruned(diagram, 0, record_of(ibrid.program_text(diagram)), thorough=True)
+    assert proposal.note == "meter turns its own frame, a PLL"
+    assert compare(after(proposal, diagram), ibrid.textbook("gfl_pll_filter_exact")).same
+
+
+def test_one_that_watches_another_frame_is_none():
+    draft = Draft(roundabout(), VOCABULARY)
+    draft.disconnect("meter.delta_omega_pll", "meter.delta_omega")
+    draft.connect("no_frequency.out", "meter.delta_omega")
+    draft.add("ConstZero", "no_frequency")
+    assert "a PLL" not in pruned(draft.diagram(), 0, thorough=True).note

@@ -16,9 +16,8 @@ from search.proposers.moves.blocks import removals, twin_removals
 from search.proposers.moves.control_loops import loop_removals
 from search.proposers.moves.family import Move, View, view_of
 from search.proposers.moves.wiring import cut_wires, shared_parameters
+from search.proposers.plain_forms import plain_forms
 
-#: A gain this near to 1 or -1 is a wire.
-UNITY = 0.02
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
 #: Kinds that are easily put in and fit anything.
@@ -27,7 +26,7 @@ DOUBTFUL = ("LPF1", "LPF1_dq", "Notch", "Pade1", "Pade1_dq", "Delay", "Gain", "G
 
 class Pruning:
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
-    usual controller, first. `thorough` : before all that gains that were fitted to 1 or -1 become wires, and in the end two
+    usual controller, first. `thorough` : before all that what is drawn in a roundabout way is drawn plainly, and in the end two
     things go at once."""
 
     name = "pruning"
@@ -54,7 +53,7 @@ class Pruning:
         several = [move for move in ranked if doubt(move) > 0 or move.note.startswith("no ")][
             : self.thorough * MOST_DOUBTFUL
         ]
-        plain = plain_wires(view, record) if self.thorough else ()
+        plain = plain_forms(view, record) if self.thorough else ()
         for move in chain(plain, ranked, starmap(both_moves, combinations(several, 2))):
             found = edited(view, move)
             if new_structure(found, context):
@@ -65,33 +64,6 @@ class Pruning:
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
     return chain(removals(view), twin_removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
-
-
-def plain_wires(view: View, record: Record) -> Iterator[Move]:
-    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign."""
-    for name in view.draft.named("Gain", "Gain_dq"):
-        shared = view.draft.instances[name].bindings.get("k")
-        sign = _unit(shared if isinstance(shared, str) else f"{name}.k", record)
-        if sign > 0:
-            yield Move(f"{name} is 1, a wire", lambda draft, name=name: draft.bypass(name))
-        elif sign < 0:
-            yield Move(f"{name} is -1, a sign", lambda draft, name=name: _negate(draft, name))
-
-
-def _negate(draft: Draft, name: str) -> None:
-    draft.replace(name, draft.instances[name].kind.replace("Gain", "Negate"), f"minus_{name}")
-
-
-def _unit(parameter: str, record: Record) -> int:
-    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or its interval; else 0."""
-
-    def near(op: str, sign: int) -> bool:
-        value, interval = record.parameters[op].get(parameter), record.intervals.get(op, {}).get(parameter)
-        if value is None:
-            return False
-        return abs(value - sign) <= UNITY or (interval is not None and interval[0] <= sign <= interval[1])
-
-    return next((sign for sign in (1, -1) if record.parameters and all(near(op, sign) for op in record.parameters)), 0)
 
 
 def both_moves(one: Move, other: Move) -> Move:
