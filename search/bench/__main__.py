@@ -19,7 +19,7 @@ from search.bench.page import page
 from search.bench.scoring import Search, perform
 from search.bench.speed_table import speed_lines
 from search.bench.tables import heading, seed_line, summary
-from search.bench.trials import BUDGETS, PROPOSERS, TABLES, Trial, trials
+from search.bench.trials import BUDGETS, NOISY_BUDGET, PROPOSERS, TABLES, Trial, trials
 from search.running import run
 
 #: Seeds and budget of --quick: an hour less, nothing to quote.
@@ -39,7 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m search.bench", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seeds", type=count, default=None, help="searches of each kind (10)")
     parser.add_argument("--first", type=natural, default=0, metavar="SEED", help="seed of the first of them (0)")
-    budgets = ", ".join(f"{table} {budget}" for table, budget in BUDGETS.items())
+    budgets = ", ".join(f"{table} {budget}" for table, budget in BUDGETS.items()) + f"; noisy data {NOISY_BUDGET}"
     parser.add_argument("--budget", type=count, default=None, help=f"evaluations of each search ({budgets})")
     parser.add_argument(
         "--only",
