@@ -1,5 +1,7 @@
 """What the fitted steps of a run are worth: their records, errors and oddities, and by that their order."""
 
+from math import inf
+
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
 from search.merit import Criterion
@@ -55,7 +57,7 @@ class Appraisal:
     def rank(self, step: Step) -> tuple[float, int, int]:
         """Of eligible steps the least is the best; of two that are worth the same the one with fewer states."""
         value = self.criterion.value(self.error(step.number), int(step.free or 0), self.oddities(step))
-        return round(value, DECIMALS), step.order or 0, step.number
+        return round(value, DECIMALS), int(step.order or 0), step.number
 
     def entry(self, step: Step) -> Entry:
         """The step as the archive keeps it."""
@@ -66,7 +68,7 @@ class Appraisal:
             parent=step.parent,
             island=step.island,
             reward=self.criterion.merit(error, free, odd),
-            nrmse=float(step.nrmse or 0.0),
+            nrmse=inf if step.nrmse is None else step.nrmse,
             order=int(step.order or 0),
             free=free,
             stable=bool(step.stable),

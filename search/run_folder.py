@@ -65,7 +65,8 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
 def require_run(folder: Path) -> None:
     """Raise IbridError unless the folder holds a run to go on with, also one that ended before its first step."""
     if not any((folder / name).exists() for name in (ARCHIVE, RUN_TOML)):
-        what = "holds no run" if folder.is_dir() else "there is no such folder, and so no run"
+        missing = "is not a folder" if folder.exists() else "there is no such folder"
+        what = "holds no run" if folder.is_dir() else f"{missing}, and so no run"
         raise IbridError(f"{folder}: {what} to go on with; name the folder of one, or leave --resume out to begin")
 
 

@@ -194,8 +194,9 @@ def test_a_gain_that_was_fitted_to_one_is_a_wire(k, interval):
     assert compare(after(proposal, diagram), ibrid.textbook("gfl_exact")).same
 
 
-def test_a_gain_that_was_fitted_to_minus_one_is_a_sign():
-    diagram, record = with_gain(-1.0)
+@pytest.mark.parametrize("interval", [None, (-3.0, 1.5)])
+def test_a_gain_that_was_fitted_to_minus_one_is_a_sign(interval):
+    diagram, record = with_gain(-1.0, interval)
     proposal = pruned(diagram, 0, record, thorough=True)
     assert proposal.note == "share is -1, a sign"
     found = after(proposal, diagram)
@@ -205,11 +206,12 @@ def test_a_gain_that_was_fitted_to_minus_one_is_a_sign():
 
 
 @pytest.mark.parametrize(
-    ("k", "interval", "thorough"), [(1.2, None, True), (1.2, (1.1, 1.3), True), (1.0, None, False)]
+    ("k", "interval", "thorough"),
+    [(1.2, None, True), (1.2, (1.1, 1.3), True), (-0.5, (-3.0, 1.5), True), (1.0, None, False)],
 )
 def test_any_other_gain_is_left_alone_and_so_is_every_gain_before_the_end(k, interval, thorough):
     diagram, record = with_gain(k, interval)
-    assert "a wire" not in pruned(diagram, 0, record, thorough=thorough).note
+    assert not {"a wire", "a sign"} & set(pruned(diagram, 0, record, thorough=thorough).note.split(", "))
 
 
 def roundabout() -> ibrid.Diagram:

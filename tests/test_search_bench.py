@@ -240,9 +240,9 @@ def test_the_summary_gives_medians_and_counts_of_each_group():
     lines = summary([row, worse, {**row, "proposer": "random"}])
     assert len(lines) == 2
     assert lines[0].split()[4:] == [
-        *("2.00e-03", "2.00e-03", "0.00e+00", "-", "1.00/0.50", "10"),
+        *("3.00e-03", "2.00e-03", "0.00e+00", "-", "1.00/0.50", "10"),
         "-",  # unknown: half of the seeds never got to the limit
-        *("3.0", "1", "of", "2"),
+        *("4.0", "1", "of", "2"),
     ]
     assert lines[1].split()[-4:] == ["2.0", "1", "of", "1"]
     assert len(seed_line(row)) == len(heading())
@@ -254,17 +254,17 @@ def test_the_page_shows_every_search_in_words_of_its_group_and_what_is_missing()
         "answer_nrmse": 2e-9, "truth_nrmse": 1e-15, "holdout": 3e-9, "modules_f1": 1.0, "connections_f1": 1.0, "workers": 1,
         "evaluations": 250, "first": 120, "seconds": 90.0, "success": True, "seed": 11, "free_parameters": 13,
     }  # fmt: skip
-    lost = {**row, "seed": 10, "answer_nrmse": 0.01, "first": None, "success": False, "modules_f1": 0.5}
+    lost = {**row, "seed": 10, "nrmse": 0.01, "first": None, "success": False, "modules_f1": 0.5}
     nobody_knows = dict.fromkeys(("success", "modules_f1", "connections_f1", "truth_nrmse"))
     alone = {**row, "seed": 13, "table": "hardware", "inverter": "gti_pq", **nobody_knows}
     text = page({str(number): one for number, one in enumerate([row, {**row, "seed": 13}, lost, alone])})
     sections = {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
     lines = [line for line in sections["paper_like, clean"].splitlines() if line.startswith("| `")]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    assert cells[0][3:7] == ["10 to 11, 13", "2 of 3", "2 of 3", "2.0e-09 (2.0e-09 to 0.0100)"]
-    assert cells[0][7:] == ["1.00 / 1.00", "120", "90"]
-    assert [(one[3], one[4], one[-1]) for one in cells[1:]] == [
-        *[("10", "0.0100", "no"), ("11", "2.0e-09", "yes"), ("13", "2.0e-09", "yes")]
+    assert cells[0][4:8] == ["10 to 11, 13", "2 of 3", "2 of 3", "1.0e-09 (1.0e-09 to 0.0100)"]
+    assert cells[0][8:] == ["1.00 / 1.00", "120", "90"]
+    assert [(one[4], one[5], one[6], one[-1]) for one in cells[1:]] == [
+        *[("10", "0.0100", "2.0e-09", "no"), ("11", "1.0e-09", "2.0e-09", "yes"), ("13", "1.0e-09", "2.0e-09", "yes")]
     ]
     assert sections["Measured hardware"].count("| `gti_pq`") == 1  # one search has no medians
     assert text.count("Not measured yet.") == 5

@@ -1,10 +1,14 @@
-"""Where a question leaves what was measured, or the model does: operating points, frequencies, a bad fit, in sentences."""
+"""Where a question leaves what was measured, or the model does: operating points, frequencies, a bad fit, an unstable model,
+in sentences."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from ibrid.analysis.linear_model import LinearModel
+from ibrid.analysis.modes import STABLE_BELOW
 from ibrid.evaluation.record import Record
+from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint
 
 #: NRMSE from which on a model misses its measurement, and the multiple of the noise up to which it does not.
@@ -48,6 +52,26 @@ def bad_fit(record: Record) -> Iterator[str]:
         yield (
             f"the model misses its own measurement (NRMSE {error:.2g}): something is missing in the diagram, which no band holds"
         )
+
+
+def unstable(model: LinearModel) -> Iterator[str]:
+    """A sentence when the model has an unstable pole on an ideal grid."""
+    worst = max(np.linalg.eigvals(model.A), key=lambda pole: pole.real, default=None)
+    if worst is not None and worst.real >= STABLE_BELOW:
+        yield (
+            f"the model is unstable at {model.op} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
+            f"{hertz(abs(worst.imag) / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a "
+            "stiff grid would show; ibrid stability tells which grids make it stable"
+        )
+
+
+def doubts(record: Record, model: LinearModel, frequency: np.ndarray | None = None) -> Iterator[str]:
+    """All of these sentences for a model of the record, and the frequencies (K,), Hz, at which it is asked."""
+    yield from unstable(model)
+    yield from bad_fit(record)
+    yield from beyond_points(record, OperatingPoint(model.op, model.p, model.q, model.v))
+    if frequency is not None:
+        yield from beyond_frequencies(record, frequency)
 
 
 def measured_frequencies(record: Record) -> tuple[float, float]:

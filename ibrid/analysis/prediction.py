@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
-from ibrid.analysis.measured_range import bad_fit, beyond_frequencies, beyond_points
+from ibrid.analysis.measured_range import doubts
 from ibrid.analysis.modes import QUANTILE, Mode, modes
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.analysis.uncertainty import Uncertainty, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
-from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import shown
 
@@ -130,7 +129,7 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
         sure = uncertainty(whole, parametric)
         angle = float(record.settings.get("frame_angle", 0.0))
-        warnings = [*bad_fit(record), *beyond_points(record, point), *beyond_frequencies(record, frequency)]
+        warnings = list(doubts(record, model, frequency))
         deviation, slopes = None, None
         if sure is not None:
             moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)
@@ -141,8 +140,6 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
             warnings.append("the record holds no covariance, so that no band can be given")
         found = modes(model.A, model.states, slopes)
         admittance = _turned(parametric.admittance(frequency), angle)
-    if not all(one.stable for one in found):
-        warnings.insert(0, _unstable(point, found))
     return Prediction(point, frequency, admittance, deviation, model, found, angle, tuple(warnings))
 
 
@@ -188,12 +185,3 @@ def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray
         f"the data do not see {', '.join(names)} well enough, and the prediction depends on "
         f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the parameters"
     ]
-
-
-def _unstable(op: OperatingPoint, found: Sequence[Mode]) -> str:
-    worst = found[0].pole
-    return (
-        f"the model is unstable at {op.name} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
-        f"{hertz(abs(worst.imag) / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a stiff "
-        "grid would show; ibrid stability tells which grids make it stable"
-    )

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentTypeError
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -120,9 +121,10 @@ def _require_file(text: str, names: Iterable[str], wanted: str, error: type[Ibri
         beside = [entry.name for entry in path.parent.iterdir()]
     except (OSError, ValueError):
         beside = []
+    similar = get_close_matches(text, beside, n=3)  # the other files of the folder are none of these
     if path.name != text:  # a path: only its neighbours are meant
         raise error(f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}")
-    raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *beside])}")
+    raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *similar])}")
 
 
 def _near_files(path: Path, beside: list[str]) -> str:

@@ -44,6 +44,7 @@ def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
     require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
 
+    from ibrid.analysis.measured_range import doubts
     from ibrid.evaluation.record import read_record
     from ibrid.export.formats import export
     from ibrid.plants.sweeping import frequency_grid
@@ -59,6 +60,8 @@ def run_export(arguments: Namespace) -> int:
         nonlinear=arguments.nonlinear,
     )
     print(f"{arguments.out}: {len(model.states)} states at {model.op}{', nonlinear' if arguments.nonlinear else ''}")
+    for doubt in doubts(record, model, frequency):
+        complain(doubt)
     return 0
 
 

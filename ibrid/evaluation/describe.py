@@ -119,7 +119,7 @@ class _Description:
             twins=tuple(
                 self._ordered(one.problem.values_at(twin, 0)) for one in self.fitted for twin in one.solution.twins
             ),
-            warnings=base.warnings + self._solver_warnings() + self._data_warnings(mean),
+            warnings=base.warnings + self._count_warnings() + self._solver_warnings() + self._data_warnings(mean),
             starts=self._starts(),
             covariance=self._covariance(),
             noise_floor=noise_floor(plan.fitted.points),
@@ -215,6 +215,18 @@ class _Description:
             if one.solution.waves:
                 sentences.append(where + _support_sentence(one.solution, answer))
         return tuple(sentences)
+
+    def _count_warnings(self) -> tuple[str, ...]:
+        """Where as many numbers are free as were measured, so that a good fit says nothing."""
+        counts = [
+            (len(one.labels), 8 * sum(len(point.frequency) for point in one.problem.points)) for one in self.fitted
+        ]
+        return tuple(
+            f"{free} free numbers were fitted to {measured} measured ones at {', '.join(one.names)}: a good fit says nothing "
+            "then; measure at more frequencies or operating points"
+            for one, (free, measured) in zip(self.fitted, counts, strict=True)
+            if free >= measured
+        )
 
     def _solver_warnings(self) -> tuple[str, ...]:
         """Where Ipopt ended without saying that it had converged."""

@@ -1,7 +1,8 @@
 """Results of searches as lines: one for each seed when it is there, one for each group of seeds at the end."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from statistics import median
+from math import inf
+from statistics import median_high
 from typing import Any
 
 Row = Mapping[str, Any]
@@ -52,12 +53,11 @@ def groups(rows: Iterable[Row]) -> list[list[Row]]:
 
 def _group_line(rows: Sequence[Row]) -> str:
     known = [row["success"] for row in rows if row["success"] is not None]
-    reached = [row["first"] for row in rows if row["first"] is not None]
     cells = (
         *(_number(median_of(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
         _pair(median_of(rows, "modules_f1"), median_of(rows, "connections_f1")),
         f"{median_of(rows, 'evaluations'):.0f}",
-        f"{median(reached):.0f}" if len(reached) > len(rows) / 2 else "-",
+        median_to_limit(rows),
         f"{median_of(rows, 'seconds'):.1f}",
         f"{sum(known)} of {len(known)}" if known else "-",
     )
@@ -77,9 +77,15 @@ def verdict_words(success: bool | None) -> str:
 
 
 def median_of(rows: Sequence[Row], name: str) -> float | None:
-    """Median of a column over the rows that have it; None for none."""
+    """Median of a column over the rows that have it, of two in the middle the upper one; None for none."""
     found = [row[name] for row in rows if row[name] is not None]
-    return median(found) if found else None
+    return median_high(found) if found else None
+
+
+def median_to_limit(rows: Sequence[Row]) -> str:
+    """Median of the evaluations until the error was reached; "-" where half of the searches never got there."""
+    found = median_high(inf if row["first"] is None else row["first"] for row in rows)
+    return "-" if found == inf else str(found)
 
 
 def _name(row: Row) -> str:

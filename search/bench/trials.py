@@ -1,6 +1,6 @@
 """The searches that the benchmark makes: which inverter, which data, which rules, which proposer, which seed."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,13 +64,13 @@ class Trial:
         return textbook("gfl_pll_filter") if self.table == "paper" else hidden.truth
 
 
-def rules_trial(inverter: str, budget: int, noise_db: float | None = None) -> Trial:
+def rules_trial(name: str, budget: int, noise_db: float | None = None) -> Trial:
     """The search of an inverter by rules, seed 0, exact equilibrium, under the name that it has in the tables."""
-    return Trial("structure" if inverter == BENCHMARK else "inverters", inverter, "rules", 0, budget, noise_db)
+    return Trial("structure" if name == BENCHMARK else "inverters", name, "rules", 0, budget, noise_db)
 
 
 def trials(
-    seeds: Iterable[int],
+    seeds: Sequence[int],
     budget: int | None = None,
     *,
     only: Sequence[str] = (),

@@ -36,13 +36,16 @@ def _negate(draft: Draft, name: str) -> None:
 
 
 def _unit(parameter: str, record: Record) -> int:
-    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or its interval; else 0."""
+    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or an interval that tells
+    its sign; else 0."""
 
     def near(op: str, sign: int) -> bool:
         value, interval = record.parameters[op].get(parameter), record.intervals.get(op, {}).get(parameter)
         if value is None:
             return False
-        return abs(value - sign) <= UNITY or (interval is not None and interval[0] <= sign <= interval[1])
+        if abs(value - sign) <= UNITY:
+            return True
+        return interval is not None and interval[0] * interval[1] > 0 and interval[0] <= sign <= interval[1]
 
     return next((sign for sign in (1, -1) if record.parameters and all(near(op, sign) for op in record.parameters)), 0)
 
@@ -63,7 +66,7 @@ def _plls(view: View) -> Iterator[Move]:
 
 
 def _as_pll(draft: Draft, *, plant: str, meter: str, angle: str) -> None:
-    pll = draft.add("SRF_PLL", "pll")
+    pll = draft.add("SRF_PLL", "pll", **draft.instances[meter].bindings)
     for source in draft.sources(f"{meter}.v"):
         q_axis = f"{plant}.e_q" if source == f"{plant}.e" else after(draft, source, "SliceQ", "q_axis")
         draft.connect(q_axis, f"{pll}.e_q")

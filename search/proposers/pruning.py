@@ -1,4 +1,4 @@
-"""What does not pay goes: proposals that take one thing away from a candidate, and nothing else."""
+"""What does not pay goes: proposals that take something away from a candidate or draw it more plainly, and add nothing."""
 
 import re
 from collections.abc import Iterator
@@ -50,11 +50,9 @@ class Pruning:
             return sum(bool(words & names) for names in doubtful)
 
         ranked = sorted((moves[index] for index in rng.permutation(len(moves))), key=doubt, reverse=True)
-        several = [move for move in ranked if doubt(move) > 0 or move.note.startswith("no ")][
-            : self.thorough * MOST_DOUBTFUL
-        ]
-        plain = plain_forms(view, record) if self.thorough else ()
-        for move in chain(plain, ranked, starmap(both_moves, combinations(several, 2))):
+        doubted = [move for move in ranked if doubt(move) > 0 or move.note.startswith("no ")][:MOST_DOUBTFUL]
+        pairs = starmap(both_moves, combinations(doubted, 2))
+        for move in chain(plain_forms(view, record), ranked, pairs) if self.thorough else ranked:
             found = edited(view, move)
             if new_structure(found, context):
                 return proposal_of(view, move, found)

@@ -29,7 +29,7 @@ def searched(case: Case, folder: Path, *, search: Search, budget: int, workers: 
     row = made_before(case.trial(budget), ledger, folder, search=search, workers=workers)
     program = parse_program(row["answer_program"], "the answer")
     overlap = f"F1 {row['modules_f1']:.2f}/{row['connections_f1']:.2f}"
-    return _answer(case, program, f"a block diagram, found ({overlap})", row["seconds"])
+    return _answer(case, program, f"a block diagram from the data alone ({overlap})", row["seconds"])
 
 
 def _answer(case: Case, diagram: Diagram, reader: str, seconds: float | None = None) -> Answer:

@@ -107,6 +107,10 @@ class Family:
     any_time: bool = False
     if_gross: float | None = None
 
+    def __post_init__(self) -> None:
+        if min(self.weight, self.weight if self.if_gross is None else self.if_gross) <= 0:
+            raise ValueError(f"the family {self.name!r} must have a positive weight; leave it out instead")
+
     def readiness(self, *, gross: bool) -> float:
         """The weight for a parent whose error is gross, or not."""
         return self.if_gross if gross and self.if_gross is not None else self.weight
