@@ -72,6 +72,7 @@ def test_the_true_program_scores_full_marks():
 def test_the_naive_program_scores_what_it_is_worth():
     row = row_of(trial(), NAIVE)
     assert row["success"] is False
+    assert row["bic_over_truth"] is None  # clean data have no likelihood
     assert row["answer_nrmse"] > 0.5
     assert row["holdout"] > 0.5
     assert row["modules_f1"] < 0.5
@@ -109,7 +110,9 @@ def test_noise_asks_for_no_less_than_the_refitted_truth_and_has_the_trials_seed(
     assert row["noise_floor"] == pytest.approx(0.01, rel=0.01)
     assert 0.005 < row["answer_nrmse"] < 0.012
     assert row["holdout"] < row["answer_nrmse"]  # the held-out point is clean
-    assert row_of(noisy, NAIVE)["success"] is False
+    assert row["bic_over_truth"] == 0.0
+    naive = row_of(noisy, NAIVE)
+    assert (naive["success"], naive["bic_over_truth"] > 1000) == (False, True)
     other = replace(noisy, seed=3)
     sweeps = [one.hidden().sweep.points[0].admittance for one in (noisy, noisy, other)]
     np.testing.assert_array_equal(sweeps[0], sweeps[1])

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from math import log
 from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
 from ibrid.structure.compare import compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
@@ -80,13 +82,14 @@ def score(trial: Trial, hidden: Hidden, run: Answer) -> Row:
 
     `nrmse` : lowest of a stable candidate in the search. `answer_nrmse`, `holdout` : of the program that the search
     answers with, fitted anew and predicted at the operating point that it never saw. `truth_nrmse` : of the true
-    diagram fitted to the same data. `first` : evaluation at which the error that the table asks for was reached.
-    `success` : see `succeeded`; None where there is no truth.
+    diagram fitted to the same data, `bic_over_truth` : see `bic_over`. `first` : evaluation at which the error that the
+    table asks for was reached. `success` : see `succeeded`; None where there is no truth.
     """
     if run.best is None:
         raise IbridError(f"{trial.key}: the search found no valid candidate")
     found, truth = parse_program(run.answer_program, "the answer"), trial.truth(hidden)
     answer = fitted(trial, hidden, found)
+    reference = None if truth is None else fitted(trial, hidden, truth)
     overlap = None if truth is None else compare(found, truth)
     row: Row = {
         "nrmse": run.best.nrmse,
@@ -94,7 +97,8 @@ def score(trial: Trial, hidden: Hidden, run: Answer) -> Row:
         "seconds": round(run.seconds, 3),
         "answer_nrmse": answer.nrmse,
         "answer_stable": bool(answer.stable) and all(answer.stable.values()),
-        "truth_nrmse": None if truth is None else fitted(trial, hidden, truth).nrmse,
+        "truth_nrmse": None if reference is None else reference.nrmse,
+        "bic_over_truth": None if reference is None else bic_over(answer, reference, hidden.sweep),
         "noise_floor": answer.noise_floor,
         "holdout": max(answer.holdout.values(), default=None),
         "modules_f1": None if overlap is None else overlap.modules.f1,
@@ -115,6 +119,16 @@ def fitted(trial: Trial, hidden: Hidden, diagram: Diagram) -> Record:
         return evaluate(diagram, hidden.sweep, seed=CHECKING_SEED, **trial.mode)
     together = replace(hidden.sweep, points=(*hidden.sweep.points, *held.points))
     return evaluate(diagram, together, seed=CHECKING_SEED, holdout_op=held.names, **trial.mode)
+
+
+def bic_over(record: Record, other: Record, sweep: Sweep) -> float | None:
+    """Bayesian information criterion, chi2 + free numbers x ln(measured ones), of a fit less that of another to the same
+    data; negative: the data prefer the first. None where their noise is not known."""
+    if record.misfit is None or other.misfit is None:
+        return None
+    measured = 8 * sum(len(point.frequency) for point in sweep.points)
+    chi2 = measured * (record.misfit**2 - other.misfit**2)
+    return chi2 + (record.free_parameters - other.free_parameters) * log(measured)
 
 
 def first_at(trajectory: Sequence[tuple[int, float | None, float | None]], limit: float) -> int | None:
