@@ -162,6 +162,16 @@ def test_pairs_come_when_every_single_thing_was_tried():
     assert plain in {hash_of(one) for one in both}
 
 
+def test_each_of_two_devices_can_lose_something():
+    parent = ibrid.textbook("parallel_gfl_gfm")
+    notes, seen = [], {hash_of(parent)}
+    while not (proposal := pruned(parent, len(seen), seen=seen)).failure:
+        seen.add(hash_of(after(proposal, parent)))
+        notes.append(proposal.note)
+    for plant in ("gfl_plant", "gfm_plant"):
+        assert sum(note.endswith(f"in the device of {plant}") for note in notes) > 5
+
+
 def test_nothing_left_is_a_sentence():
     proposal = Pruning(thorough=True).propose(context_of(crowded(), seen=lambda _: True), np.random.default_rng(0))
     assert proposal.edit == ""

@@ -1,9 +1,9 @@
 """What does not pay goes: proposals that take something away from a candidate or draw it more plainly, and add nothing."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from itertools import chain, combinations, starmap
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
 from search.proposers.moves.blocks import removals, twin_removals
 from search.proposers.moves.control_loops import loop_removals
-from search.proposers.moves.family import Move, View, view_of
+from search.proposers.moves.family import Move, View, views_of
 from search.proposers.moves.wiring import cut_wires, shared_parameters
 from search.proposers.plain_forms import plain_forms
 
@@ -38,21 +38,20 @@ class Pruning:
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
-        view = view_of(context.parent.diagram, context.task.kinds)
-        if view is None:
-            return Proposal("", failure="the pruning knows diagrams with exactly one LCL or LFilter")
+        views = views_of(context.parent.diagram, context.task.kinds)
+        if not views:
+            return Proposal("", failure="the pruning knows diagrams with an LCL or LFilter; add one")
         record = context.parent.record
-        doubtful = (unseen_modules(record), unrecognised_modules(view))
-        moves = list(removal_moves(view))
+        unseen = unseen_modules(record)
+        edits = [(view, move) for view in views for move in removal_moves(view)]
 
-        def doubt(move: Move) -> int:
+        def doubt(edit: tuple[View, Move]) -> int:
+            view, move = edit
             words = set(re.findall(r"\w+", move.note))
-            return sum(bool(words & names) for names in doubtful)
+            return bool(words & unseen) + bool(words & unrecognised_modules(view))
 
-        ranked = sorted((moves[index] for index in rng.permutation(len(moves))), key=doubt, reverse=True)
-        doubted = [move for move in ranked if doubt(move) > 0 or move.note.startswith("no ")][:MOST_DOUBTFUL]
-        pairs = starmap(both_moves, combinations(doubted, 2))
-        for move in chain(plain_forms(view, record), ranked, pairs) if self.thorough else ranked:
+        ranked = sorted((edits[index] for index in rng.permutation(len(edits))), key=doubt, reverse=True)
+        for view, move in chain(_plain(views, record), ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
             found = edited(view, move)
             if new_structure(found, context):
                 return proposal_of(view, move, found)
@@ -62,6 +61,18 @@ class Pruning:
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
     return chain(removals(view), twin_removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
+
+
+def _plain(views: Sequence[View], record: Record) -> Iterator[tuple[View, Move]]:
+    return ((view, move) for view in views for move in plain_forms(view, record))
+
+
+def _pairs(
+    ranked: Sequence[tuple[View, Move]], doubt: Callable[[tuple[View, Move]], int]
+) -> Iterator[tuple[View, Move]]:
+    """Two removals of what is doubtful in one device at once, the most doubtful first."""
+    doubted = [edit for edit in ranked if doubt(edit) > 0 or edit[1].note.startswith("no ")][:MOST_DOUBTFUL]
+    return ((view, both_moves(one, other)) for (view, one), (same, other) in combinations(doubted, 2) if same is view)
 
 
 def both_moves(one: Move, other: Move) -> Move:
