@@ -276,6 +276,7 @@ WRONG = [
     (["modules", "PI", "LCL"], "LCL"),
     (["check"], "PROGRAM"),
     (["check", "gfll"], "did you mean gfl"),
+    (["evaluate", "zzzz", "paper_like"], "there are 15, for instance gfl"),
     (["check", "FOLDER"], "cannot be read"),
     (["check", "FOLDER/no.py"], "found nothing there"),
     (["check", "FOLDER/none/no.py"], "there is no folder"),

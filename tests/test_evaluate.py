@@ -5,6 +5,7 @@ import itertools
 import math
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,18 @@ def test_errors_by_point_band_and_entry_follow_their_formulas(name):
     assert record.nrmse_by_entry == pytest.approx({key: np.mean(values) for key, values in entries.items()})
     assert record.share_by_band == pytest.approx({key: np.mean(values) for key, values in shares.items()})
     assert sum(record.share_by_band.values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("frequencies", "told"), [(1, True), (2, False)])
+def test_as_many_free_numbers_as_measured_ones_are_told(frequencies, told):
+    points = tuple(
+        replace(one, frequency=one.frequency[:frequencies], admittance=one.admittance[:frequencies])
+        for one in benchmark().points[:1]
+    )
+    diagram = ibrid.textbook("gfl_pll_filter_exact")
+    record = ibrid.evaluate(diagram, replace(benchmark(), points=points), restarts=0)
+    sentence = "13 free numbers were fitted to 8 measured ones at p=1,q=0.3"
+    assert any(one.startswith(sentence) for one in record.warnings) is told
 
 
 def part_errors(frequencies: list[list[float]], seed: int = 0):

@@ -243,6 +243,20 @@ def test_frequencies_are_chosen_on_the_command_line(record: ibrid.Record, tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
 
 
+def test_an_export_says_what_a_prediction_would_warn_of(
+    record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    record.write(tmp_path / "fit.json")
+    words = ["export", str(tmp_path / "fit.json"), "--format", "csv", "--out", str(tmp_path / "y.csv")]
+    assert cli.main([*words, "--op", OP, "--freq", "10:1000:5"]) == 0
+    assert capsys.readouterr().err == ""
+    assert cli.main([*words, "--op", "p=9,q=9", "--freq", "1:1e6:5"]) == 0
+    told = capsys.readouterr().err
+    for words_of in ("is unstable at p=9,q=9", "outside the measured range", "5 to 5000 Hz measured"):
+        assert words_of in told
+    assert (tmp_path / "y.csv").exists()
+
+
 def test_a_damaged_record_is_refused_in_a_sentence(record: ibrid.Record):
     with pytest.raises(IbridError, match="incomplete or damaged"):
         linear_model(replace(record, settings={}), OP)

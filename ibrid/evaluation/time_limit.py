@@ -10,7 +10,7 @@ from contextlib import contextmanager
 LONGEST = 1e8
 #: The alarm comes back after so many seconds, where compiled code has swallowed the first.
 AGAIN = 0.1
-#: No alarm rings earlier (s): it must not ring before the block has begun. Shorter limits hold between the fit's steps.
+#: No alarm rings earlier (s): it must not ring before the block has begun. Shorter limits hold at the end of the block.
 LEAST = 0.05
 
 
@@ -57,5 +57,5 @@ def time_limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
         if outer > 0:  # an alarm of the caller goes on, or rings now
             signal.setitimer(signal.ITIMER_REAL, max(outer - (time.monotonic() - began), 1e-6), interval)
-    if over:
+    if over or time.monotonic() - began > seconds:  # a limit below `LEAST` has no alarm of its own
         raise TimeoutError(f"stopped after {seconds:g} s")
