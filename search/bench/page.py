@@ -165,7 +165,9 @@ def _seeds(seeds: Sequence[int]) -> str:
 
 
 def _signed(value: float | None) -> str:
-    return "-" if value is None else f"{value:+.1f}"
+    if value is None:
+        return "-"
+    return f"{value:+.1f}" if abs(value) < 1e4 else f"{value:+.1e}"
 
 
 def _pair(first: float | None, second: float | None) -> str:
