@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweep import Sweep, measured_numbers
 from search.oddities import SOUND, Oddities
 from search.settings import SearchSettings
 
@@ -60,7 +60,7 @@ def noise_floor(sweep: Sweep) -> Floor:
 
     sigma as given or from repeats; smoothness gives only an upper bound, which must not end a search.
     """
-    numbers, levels = 8 * sum(len(point.frequency) for point in sweep.points), []
+    numbers, levels = measured_numbers(sweep.points), []
     for point in sweep.points:
         noise = estimate_point(point)
         if noise.relative is None or noise.source not in ("sigma", "repeats"):

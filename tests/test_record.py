@@ -139,7 +139,7 @@ def broken(**changes) -> dict:
     ("changes", "words"),
     [
         ({"schema": "ibrid.gap/1"}, r"has the schema 'ibrid\.record/1', found 'ibrid\.gap/1'"),
-        ({"schema": None}, "found 'none'"),
+        ({"schema": None}, "found none"),
         ({"program": None}, "no outcome or no program"),
         ({"outcome": None}, "no outcome or no program"),
         ({"nrmse": "small"}, "nrmse has the wrong type"),

@@ -14,9 +14,9 @@ from ibrid.analysis.device_in_grid import DeviceInGrid
 from ibrid.analysis.grid import MeasuredGrid, SeriesRL, of_ratio
 from ibrid.analysis.grid_case import GridCase
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
-from ibrid.analysis.measured_range import bad_fit, beyond_points, measured_frequencies
 from ibrid.analysis.modes import Mode
 from ibrid.analysis.stability_words import case_warnings, sentence, unstable_warning
+from ibrid.analysis.validity import bad_fit, beyond_points, measured_frequencies
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.noise_estimate import PointNoise

@@ -121,9 +121,9 @@ def _require_file(text: str, names: Iterable[str], wanted: str, error: type[Ibri
         beside = [entry.name for entry in path.parent.iterdir()]
     except (OSError, ValueError):
         beside = []
-    similar = get_close_matches(text, beside, n=3)  # the other files of the folder are none of these
     if path.name != text:  # a path: only its neighbours are meant
         raise error(f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}")
+    similar = get_close_matches(text, beside)  # what else lies in the folder is no program, or no sweep
     raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *similar])}")
 
 

@@ -44,7 +44,7 @@ def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
     require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
 
-    from ibrid.analysis.measured_range import doubts
+    from ibrid.analysis.validity import doubts
     from ibrid.evaluation.record import read_record
     from ibrid.export.formats import export
     from ibrid.plants.sweeping import frequency_grid

@@ -19,7 +19,7 @@ from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.plausibility import implausible_numbers
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.modules.delay import pade_limit
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
@@ -218,9 +218,7 @@ class _Description:
 
     def _count_warnings(self) -> tuple[str, ...]:
         """Where as many numbers are free as were measured, so that a good fit says nothing."""
-        counts = [
-            (len(one.labels), 8 * sum(len(point.frequency) for point in one.problem.points)) for one in self.fitted
-        ]
+        counts = [(one.problem.size, measured_numbers(one.problem.points)) for one in self.fitted]
         return tuple(
             f"{free} free numbers were fitted to {measured} measured ones at {', '.join(one.names)}: a good fit says nothing "
             "then; measure at more frequencies or operating points"

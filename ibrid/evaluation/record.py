@@ -93,7 +93,7 @@ class Record:
     def from_json(cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> "Record":
         """Rebuild a record; IbridError when `data` is not one."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-            found = repr(data.get("schema", "none")) if isinstance(data, Mapping) else f"a {type(data).__name__}"
+            found = repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
             raise IbridError(f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate --json")
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
         values = {name: value for name, value in data.items() if name in names}

@@ -19,6 +19,7 @@ from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
+from ibrid.measurement.sweep import measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
@@ -41,7 +42,7 @@ class Penalised:
     def __init__(self, problem: Problem, prior: Prior) -> None:
         self.problem = problem
         self.beliefs = Beliefs([one.parameter for one in problem.numbers], prior)
-        self.numbers = 8 * sum(len(point.frequency) for point in problem.points)
+        self.numbers = measured_numbers(problem.points)
 
     @property
     def coordinates(self) -> Coordinates:
@@ -91,7 +92,7 @@ class Refit:
     @property
     def numbers(self) -> int:
         """Measured real numbers."""
-        return 8 * sum(len(point.frequency) for point in self.problem.points)
+        return measured_numbers(self.problem.points)
 
     @property
     def dof(self) -> float:

@@ -224,6 +224,11 @@ class Sweep:
         return shown(self, "notebook", "sweep_html")
 
 
+def measured_numbers(points: Iterable[PointSweep]) -> int:
+    """Real numbers in the data of some operating points: the real and imaginary parts of four entries at each frequency."""
+    return sum(8 * len(point.frequency) for point in points)
+
+
 def _listed(names: Iterable[str]) -> list[str]:
     """A single name given as a string means that name, not its letters."""
     return [names] if isinstance(names, str) else list(names)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweep import Sweep, measured_numbers
 from ibrid.structure.compare import compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
@@ -126,7 +126,7 @@ def bic_over(record: Record, other: Record, sweep: Sweep) -> float | None:
     data; negative: the data prefer the first. None where their noise is not known."""
     if record.misfit is None or other.misfit is None:
         return None
-    measured = 8 * sum(len(point.frequency) for point in sweep.points)
+    measured = measured_numbers(sweep.points)
     chi2 = measured * (record.misfit**2 - other.misfit**2)
     return chi2 + (record.free_parameters - other.free_parameters) * log(measured)
 

@@ -14,6 +14,7 @@ from ibrid.fit.gauss_newton import begin, descend
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import StartDrawer
+from ibrid.measurement.sweep import measured_numbers
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import Wiring, wire
 from search.merit import EXACT, information_price
@@ -52,8 +53,7 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     if not np.isfinite(error):
         return inf
     known = objective_for(points) == "sigma"
-    numbers = 8 * sum(len(point.frequency) for point in points)
-    price = information_price(numbers, len(groups)) if known else PRICE
+    price = information_price(measured_numbers(points), len(groups)) if known else PRICE
     return log(max(error, EXACT)) + price * problems[0].size
 
 

@@ -26,8 +26,8 @@ DOUBTFUL = ("LPF1", "LPF1_dq", "Notch", "Pade1", "Pade1_dq", "Delay", "Gain", "G
 
 class Pruning:
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
-    usual controller, first. `thorough` : before all that what is drawn in a roundabout way is drawn plainly, and in the end two
-    things go at once."""
+    usual controller, first. `thorough` : what is drawn in a roundabout way is drawn plainly before that, and two things go at
+    once after it."""
 
     name = "pruning"
     attempts = 1

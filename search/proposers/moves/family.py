@@ -108,7 +108,7 @@ class Family:
     if_gross: float | None = None
 
     def __post_init__(self) -> None:
-        if min(self.weight, self.weight if self.if_gross is None else self.if_gross) <= 0:
+        if self.weight <= 0 or (self.if_gross is not None and self.if_gross <= 0):
             raise ValueError(f"the family {self.name!r} must have a positive weight; leave it out instead")
 
     def readiness(self, *, gross: bool) -> float:

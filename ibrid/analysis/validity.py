@@ -1,5 +1,4 @@
-"""Where a question leaves what was measured, or the model does: operating points, frequencies, a bad fit, an unstable model,
-in sentences."""
+"""How far an answer of a model holds: a bad fit, an unstable model, points and frequencies that were not measured."""
 
 from collections.abc import Iterator
 
