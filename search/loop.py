@@ -30,7 +30,8 @@ from search.store import Store
 from search.trajectory import eligible
 
 #: Sentences about how a search ended.
-BUDGET, TARGET, FLOOR = "the budget is spent", "the target is reached", "the noise floor is reached"
+BUDGET, TARGET = "the budget is spent", "the target is reached"
+FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
 SPENT = "the limits of the language models are spent"
 
@@ -135,7 +136,7 @@ class Loop:
 
     @property
     def _reached(self) -> str | None:
-        """TARGET or FLOOR when the best step is good enough, SPENT when nobody can be asked any more."""
+        """TARGET, FLOOR or EXACT_FIT when the best step is good enough, SPENT when nobody can be asked any more."""
         if self.best is None or self.best.nrmse is None:
             return None
         if self._spent:
@@ -144,8 +145,9 @@ class Loop:
             return TARGET
         if not self._at_floor or self.appraisal.oddities(self.best).total:
             return None
-        waited = len(self.steps) - self.best.number
-        return FLOOR if not self.appraisal.criterion.floor.known or waited >= self.settings.settled else None
+        if not self.appraisal.criterion.floor.known:
+            return EXACT_FIT
+        return FLOOR if len(self.steps) - self.best.number >= self.settings.settled else None
 
     @property
     def _under_way(self) -> bool:

@@ -90,6 +90,7 @@ def run(
     models: Sequence[str] = (),
     limits: Limits | None = None,
     prices: Prices = (),
+    policy: str | Path | None = None,
     budget: int = 500,
     target: float | None = None,
     seed: int = 0,
@@ -119,6 +120,7 @@ def run(
     models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
         may spend in the whole run, `search.proposers.spending.Limits`. prices : of a million tokens in and a million out;
         one pair for all models, or one for each.
+    policy : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
     budget : evaluations at most, the start included. target : NRMSE that ends the search; None: only the noise floor does.
     seed : of everything random; the same seed gives the same archive, whatever the number of `workers`.
     workers : 1 evaluates in this process, more on a local Ray. ray : address of a Ray cluster.
@@ -142,17 +144,17 @@ def run(
     plan = make_plan(sweep, parameters, equilibrium, vocabulary, None, None, seed, holdout_op, None)
     first = _program(start)
     require_legal(parse_program(first, "the start"), plan.kinds, equilibrium=equilibrium)
-    proposers = choose_proposers(proposer, models, limits, prices)
+    proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
-    lessons = {}
+    lessons: dict[str, Any] = {} if policy is None else {"policy": str(policy)}
     if learn:
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
         profile = learn if isinstance(learn, LearningSettings) else LearningSettings()
         proposers = learning(proposers, profile, seed=seed, window=settings.window)
         settings = replace(settings, patience=max(settings.patience, PATIENT * profile.batch))
-        lessons = {"learning": vars(profile)}
+        lessons["learning"] = vars(profile)
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)
     held = tuple(point.op.name for point in plan.held_out)

@@ -31,7 +31,7 @@ from ibrid.structure.roles import roles
 from search.edits import edit_between
 from search.evaluation.assess import PROMISING
 from search.evaluation.job import Result
-from search.loop import BUDGET, FLOOR, NOTHING_NEW, SPENT, STOPPED, TARGET, Loop
+from search.loop import BUDGET, EXACT_FIT, FLOOR, NOTHING_NEW, SPENT, STOPPED, TARGET, Loop
 from search.merit import noise_floor
 from search.proposal import Context, Proposal
 from search.proposers.random_edits import RandomEdits
@@ -377,7 +377,7 @@ def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
 
     evaluator = ScriptedEvaluator(law, stable=lambda _: True)
     ending, loop = ended(path, proposers=((jump, 1.0),), evaluator=evaluator, budget=300)
-    assert ending == FLOOR
+    assert ending == EXACT_FIT
     assert loop.best is not None
     assert loop.best.nrmse == 1e-9
 
@@ -441,7 +441,7 @@ def test_a_better_best_must_stay_as_long_again(path):
 
 def test_clean_data_end_the_search_at_once(path):
     ending, loop, steps = settling(path, 200, clean=True)
-    assert ending == FLOOR
+    assert ending == EXACT_FIT
     assert searched(steps, loop) == 0
 
 

@@ -93,15 +93,33 @@ def test_damaged_weights_are_told_when_the_policy_is_made(folder, capfd, name):
 
 def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, tmp_path, capsys, monkeypatch):
     shortened(folder)
-    monkeypatch.setattr("search.policy.small_policy.shipped_folder", lambda: folder)
     monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
-    for more in ([], ["--learn"]):
+    for more in (["--policy", str(folder)], ["--policy", str(folder), "--learn"]):
         run = tmp_path / "run"
         assert (
             cli.main(["search", "paper_like", "--out", str(run), "--proposer", "policy", "--workers", "1", *more]) == 2
         )
         assert capsys.readouterr().err.count("\n") == 1
         assert not run.exists()
+
+
+def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
+    changed(folder, lambda tensors: tensors.update({name: value * 0 for name, value in tensors.items()}))
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    mine = search.run(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
+    shipped = search.run(sweep, tmp_path / "shipped", proposer="policy", budget=6)
+    assert mine.trajectory != shipped.trajectory
+    assert f'policy = "{folder}"' in (mine.folder / "run.toml").read_text(encoding="utf-8")
+    with pytest.raises(IbridError, match="policy"):
+        search.run(sweep, mine.folder, proposer="policy", budget=8, resume=True)
+
+
+def test_weights_that_nobody_reads_are_told(folder, tmp_path):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    with pytest.raises(IbridError, match="--policy belongs to the proposer policy, found random, rules alone"):
+        search.run(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
+    with pytest.raises(IbridError, match="found proposers of your own alone"):
+        search.run(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
 
 
 class Absent:

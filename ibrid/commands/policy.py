@@ -16,8 +16,8 @@ def declare(commands: Any) -> None:
         "verb", metavar="train", choices=("train",), help="draw inverters, damage and fit them, learn the repairs"
     )
     train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
-    train.add_argument("--inverters", type=inputs.natural, default=1000, metavar="N", help="drawn to learn from (1000)")
-    train.add_argument("--steps", type=inputs.natural, default=3000, metavar="N", help="of training (3000)")
+    train.add_argument("--inverters", type=inputs.natural, default=2500, metavar="N", help="drawn to learn from (2500)")
+    train.add_argument("--steps", type=inputs.natural, default=16000, metavar="N", help="of training (16000)")
     train.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
     train.add_argument("--workers", type=inputs.natural, metavar="N", help="processes that draw and fit (all cores)")
     train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")

@@ -48,6 +48,9 @@ def declare(commands: Any) -> None:
         metavar="MODEL",
         help=MODEL_HELP,
     )
+    search.add_argument(
+        "--policy", metavar="DIR", help="weights of the proposer policy, from ibrid policy train (those that ship)"
+    )
     for name, unit in (
         ("tokens", "tokens in and out"),
         ("cost", "cost, with --model-price,"),
@@ -139,6 +142,7 @@ def run_search(arguments: Namespace) -> int:
                 seconds=arguments.model_seconds or inf,
             ),
             prices=arguments.model_price,
+            policy=arguments.policy,
             budget=arguments.budget,
             target=arguments.target,
             seed=arguments.seed,

@@ -42,7 +42,7 @@ FAMILIES = ("oscillator", "hybrid", "dc link with voltage control")
 class Order:
     """What is asked for. `inverters` : drawn for training. `workers` : processes. `sizes` : of the model."""
 
-    inverters: int = 1000
+    inverters: int = 2500
     seed: int = 0
     training: TrainingSettings = field(default_factory=TrainingSettings)
     sizes: Mapping[str, int] | None = None

@@ -21,13 +21,13 @@ class TrainingSettings:
     """`steps` of `batch` lessons; `rate` : the highest learning rate, reached after `warm_up` steps; `checkpoint` : steps
     between two checkpoints."""
 
-    steps: int = 3000
-    batch: int = 16
-    rate: float = 2e-3
-    warm_up: int = 100
+    steps: int = 16_000
+    batch: int = 8
+    rate: float = 1e-3
+    warm_up: int = 200
     decay: float = 0.05
     clip: float = 1.0
-    checkpoint: int = 100
+    checkpoint: int = 500
     seed: int = 0
 
 

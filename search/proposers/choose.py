@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
+from pathlib import Path
 
 from ibrid.errors import IbridError, near
 from search.proposal import Proposer
@@ -21,19 +22,24 @@ def choose_proposers(
     models: Sequence[str] = (),
     limits: Limits | None = None,
     prices: Prices = (),
+    policy: str | Path | None = None,
 ) -> Weighted:
     """Proposers with their weights.
 
-    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits, prices : for "llm" and "agent".
+    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits, prices : for "llm" and "agent". policy : folder of
+    the weights for "policy"; None: those that ship.
     Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, a limit
-    of cost without prices, and any of the three where nobody asks a model.
+    of cost without prices, and any of these options where nobody asks a model.
     """
     limits = limits or Limits()
     if isinstance(chosen, str):
-        named = _parsed(chosen, _makers(models, limits, prices))
-        _require_asked({one for one, _, _ in named}, models, limits, prices)
+        named = _parsed(chosen, _makers(models, limits, prices, policy))
+        names = {one for one, _, _ in named}
+        _require_asked(names, models, limits, prices)
+        _require_policy(names, policy)
         return tuple((make(), weight) for _, make, weight in named)
     _require_asked(["proposers of your own"], models, limits, prices)
+    _require_policy(["proposers of your own"], policy)
     pairs = (
         [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
     )
@@ -51,7 +57,9 @@ def _is_weight(weight: object) -> bool:
     return isinstance(weight, int | float) and 0 < weight < float("inf")
 
 
-def _makers(models: Sequence[str], limits: Limits, prices: Prices) -> Mapping[str, Callable[[], Proposer]]:
+def _makers(
+    models: Sequence[str], limits: Limits, prices: Prices, policy: str | Path | None
+) -> Mapping[str, Callable[[], Proposer]]:
     def required(name: str) -> Sequence[str]:
         _require(models, limits, prices, name)
         return models
@@ -60,15 +68,24 @@ def _makers(models: Sequence[str], limits: Limits, prices: Prices) -> Mapping[st
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),
-        "policy": _policy,
+        "policy": lambda: _policy(policy),
         "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
     }
 
 
-def _policy() -> Proposer:
+def _policy(folder: str | Path | None) -> Proposer:
     from search.proposers.policy import PolicyProposer  # torch, which it needs, is an extra
 
-    return PolicyProposer()
+    return PolicyProposer(folder)
+
+
+def _require_policy(names: Iterable[str], folder: str | Path | None) -> None:
+    """Raise IbridError for weights that no proposer reads."""
+    if folder is not None and "policy" not in names:
+        raise IbridError(
+            f"--policy belongs to the proposer policy, found {', '.join(sorted(names))} alone; give --proposer policy, or "
+            "leave it out"
+        )
 
 
 def _require(models: Sequence[str], limits: Limits, prices: Prices, name: str) -> None:
