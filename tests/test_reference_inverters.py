@@ -243,6 +243,12 @@ def test_the_page_of_reference_inverters_is_what_its_command_makes():
         (lambda: GFL_DC_LINK.with_overrides({"p_loop": "power"}), "kI_power"),
         (lambda: PLANTS["paper_like"].with_overrides({"q_loop": "voltage"}), "kI_ac"),
         (lambda: PARALLEL_GFL_GFM.with_overrides({"following": 1.0}), "no parameter following"),
+        (lambda: GFM_DVOC.with_overrides({"X_virtual": 0.1}), "X_virtual belongs to no part that gfm_dvoc has"),
+        (
+            lambda: PLANTS["gfl_l_filter"].with_overrides({"kP_pll": 50, "plant.C_F": 0.1}),
+            "plant.C_F belongs to no part",
+        ),
+        (lambda: PLANTS["paper_like"].with_overrides({"filter": "L", "C_F": 0.1}), "C_F belongs to no part"),
         (lambda: PARALLEL_GFL_GFM.with_overrides({"gfl_share.share_p": float("nan")}), "share_p"),
     ],
 )

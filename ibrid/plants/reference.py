@@ -86,7 +86,8 @@ class ReferenceInverter:
     def with_overrides(self, overrides: Mapping[str, float | str]) -> "ReferenceInverter":
         """The inverter with other values, named as in the diagram ("plant.L_F") or as fields ("L_F", "decoupling").
 
-        Raises IbridError with the near names when a name is unknown or a value has the wrong kind.
+        Raises IbridError with the near names when a name is unknown, for a value of the wrong kind, and for one of a part that
+        this inverter does not have (the capacitor of an L filter).
         """
         if not overrides:
             return self
@@ -103,12 +104,28 @@ class ReferenceInverter:
         if f0_hz <= 0:
             raise IbridError(f"f0_hz must be positive; found {f0_hz:g}.")
         told = ", ".join(f"{name} = {value}" for name, value in overrides.items())
-        return replace(
+        found = replace(
             self,
             parameters=replace(self.parameters, **values),  # type: ignore[arg-type]
             f0_hz=f0_hz,
             source=f"{self.source} Changed: {told}.",
         )
+        for name in overrides:
+            if found._ignores(self.family.fields.get(name, name), self.parameters):
+                raise IbridError(f"{name} belongs to no part that {self.name} has, as it is set; leave it out.")
+        return found
+
+    def _ignores(self, field: str, before: Parameters) -> bool:
+        """True when the diagram is the same whether a field has its new value or the one before."""
+        if field == "f0_hz":
+            return False
+        try:
+            parameters = replace(self.parameters, **{field: getattr(before, field)})
+        except IbridError:  # the others need it
+            return False
+        other = replace(self, parameters=parameters)
+        same = self.program == other.program and self.diagram_values == other.diagram_values
+        return same and parameters != self.parameters
 
 
 def _converted(name: str, value: float | str, words: Mapping[str, tuple[str, ...]]) -> float | str:
