@@ -55,7 +55,7 @@ bench-baselines: $(STAMP)
 bench-inverters: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
 
-# an hour or two: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it:
+# two or three hours: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it:
 # make bench-learning ARGS="--seeds 10 --out docs/measured/learning --page docs/learning_results.md"
 bench-learning: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.learning $(ARGS)

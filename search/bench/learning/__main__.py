@@ -44,7 +44,7 @@ def main(
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m search.bench.learning", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seeds", type=count, default=3, help="searches of each arm on each inverter (3; all: 10)")
-    parser.add_argument("--budget", type=count, default=128, help="evaluations of each search (128)")
+    parser.add_argument("--budget", type=count, default=256, help="evaluations of each search (256)")
     parser.add_argument(
         "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
     )
@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"instead of {', '.join(ARMS)}; known are {', '.join(ALL_ARMS)}",
     )
-    parser.add_argument("--contexts", type=count, default=4, help="questions of a batch of learning (4)")
+    parser.add_argument("--contexts", type=count, default=1, help="questions of a batch of learning (1)")
     parser.add_argument("--group", type=count, default=8, help="answers to each question (8)")
     parser.add_argument("--rate", type=positive, default=None, help="learning rate (by the size of the model)")
     parser.add_argument("--out", type=Path, default=Path("out/bench-learning"), help="folder of the results")
