@@ -440,7 +440,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     shown = capsys.readouterr().out
     assert len(seen) == 5
     assert shown.count("\ngfl_l_filter ") == 5
-    assert "learning 4x8 - frozen" in shown
+    assert "learning 1x8 - frozen" in shown
     text = (tmp_path / "out" / "learning_results.md").read_text(encoding="utf-8")
     assert "## 20 evaluations" in text
     assert "5 of the 300 runs" in text
@@ -449,10 +449,17 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert capsys.readouterr().out == shown
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
-    assert seen[-1][1]["learn"] == replace(SMALL, group=4)
+    assert seen[-1][1]["learn"] == replace(SMALL, contexts=1, group=4)
+    assert (
+        main(options(tmp_path, "--arm", "learning", "--advantages", "entropic"), search=scripted(seen), ready=at_once)
+        == 0
+    )
+    assert len(seen) == 7
+    assert seen[-1][1]["learn"].advantages == "entropic"
+    assert "learning 1x8 entropic - frozen" in capsys.readouterr().out
     assert main(options(tmp_path, "--arm", "untrained"), search=scripted(seen), ready=at_once) == 0
     assert 0 < seen[-1][1]["learn"].rate < 1e-20
-    assert "untrained 4x8" in capsys.readouterr().out
+    assert "untrained 1x8" in capsys.readouterr().out
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(tmp_path, capsys):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ibrid.errors import IbridError
-from search.learning.advantages import EPSILON, group_advantages, rewarded
+from search.learning.advantages import DIVERGENCE, EPSILON, WAYS, entropic_advantages, group_advantages, rewarded
 from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SMALL, LearningSettings
 from search.step import Status, Step
 
@@ -34,13 +34,50 @@ def test_below_the_noise_floor_differences_are_not_blown_up():
     np.testing.assert_allclose(bounded, (np.array(rewards) - 2.30015) / (0.02 + EPSILON), rtol=1e-12)
 
 
+def entropic(rewards: list[float | None], floor: float = 0.0) -> np.ndarray:
+    found = entropic_advantages(rewards, floor)
+    assert found is not None
+    return found
+
+
+def test_entropic_weights_lie_ln_2_from_equal_ones():
+    for rewards in ([0.0, 1.0, 2.0, 3.0], [-0.3, -0.3, 0.9, 0.9, 0.9, 1.3], [0.5, 0.2, 0.9]):
+        q = (entropic(list(rewards)) + 1) / len(rewards)
+        assert q.sum() == pytest.approx(1)
+        assert (q * np.log(q * len(rewards))).sum() == pytest.approx(DIVERGENCE, rel=1e-9)
+        slopes = np.diff(np.log(q)) / np.where(np.diff(rewards) == 0, 1, np.diff(rewards))
+        assert np.ptp(slopes[np.diff(rewards) != 0]) < 1e-6  # one beta
+
+
+def test_entropic_advantages_are_after_the_best_answer_where_others_reward_the_usual_one():
+    usual, best = 3, 5
+    rewards = [-0.3, -0.3, 0.9, 0.9, 0.9, 1.3]
+    by_group = group_advantages(rewards)
+    assert by_group is not None
+    assert by_group[usual] > 0 > entropic(list(rewards))[usual]
+    assert entropic(list(rewards))[best] > by_group[best] > 0
+
+
+def test_entropic_advantages_do_not_depend_on_the_scale_of_rewards_but_noise_is_not_blown_up():
+    rewards = np.array([0.1, 0.4, 0.2, 0.8])
+    np.testing.assert_allclose(entropic(list(3 * rewards + 1)), entropic(list(rewards)), rtol=1e-6)
+    close = [2.3000, 2.3001, 2.3002, 2.3003]
+    assert np.abs(entropic(list(close))).max() > 1
+    expected = 4 * np.exp(np.array(close) / 0.02) / np.exp(np.array(close) / 0.02).sum() - 1  # beta is 1 / floor
+    np.testing.assert_allclose(entropic(list(close), 0.02), expected, rtol=1e-9)
+    two = entropic([0.0, 1.0], 0.1)  # of two, none lies ln 2 from equal weights
+    np.testing.assert_allclose(two, [-np.tanh(5.0), np.tanh(5.0)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("advantages", WAYS.values())
 @pytest.mark.parametrize("rewards", [[0.5] * 4, [None, None], [None, 0.3, None], []])
-def test_a_group_that_teaches_nothing_is_dropped(rewards):
-    assert group_advantages(rewards, 0.02) is None
+def test_a_group_that_teaches_nothing_is_dropped(advantages, rewards):
+    assert advantages(rewards, 0.02) is None
 
 
-def test_a_lost_worker_is_left_out_of_mean_and_deviation():
-    with_loss, without = group_advantages([1.0, None, 3.0, -0.4]), group_advantages([1.0, 3.0, -0.4])
+@pytest.mark.parametrize("advantages", WAYS.values())
+def test_a_lost_worker_is_left_out_of_mean_and_deviation(advantages):
+    with_loss, without = advantages([1.0, None, 3.0, -0.4], 0.0), advantages([1.0, 3.0, -0.4], 0.0)
     assert with_loss is not None
     assert without is not None
     assert math.isnan(with_loss[1])

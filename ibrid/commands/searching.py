@@ -99,6 +99,11 @@ def declare(commands: Any) -> None:
     for name, unit in LEARNING.items():
         kind = inputs.positive if name == "rate" else inputs.natural
         search.add_argument(f"--learn-{name}", type=kind, metavar="X" if name == "rate" else "N", help=unit)
+    search.add_argument(
+        "--learn-advantages",
+        metavar="WAY",
+        help="after what answers of a group strive: group, the mean (default), or entropic, the best",
+    )
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
     tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
@@ -168,7 +173,8 @@ def run_search(arguments: Namespace) -> int:
 
 def _learning(arguments: Namespace) -> "LearningSettings | bool":
     """Settings of learning as given; False without --learn."""
-    given = {name: found for name in LEARNING if (found := getattr(arguments, f"learn_{name}")) is not None}
+    names = (*LEARNING, "advantages")
+    given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:
             raise IbridError(f"--learn-{next(iter(given))} says how a proposer learns; add --learn, or leave it out")

@@ -1,14 +1,20 @@
 """How much better an answer is than the others to the same question, and what its reward is."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import log
+from types import MappingProxyType
 
 import numpy as np
+from scipy.optimize import root_scalar
+from scipy.special import softmax, xlogy
 
 from search.step import Status, Step, rl_reward
 
 #: Paper, section V.C.
 EPSILON = 1e-6
+#: Of the weights of a group from equal ones, nats: as if half of the answers counted.
+DIVERGENCE = log(2.0)
 
 
 def group_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
@@ -17,11 +23,51 @@ def group_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.
     mean, std : of the known rewards, std with 1/N. floor : what the noise of a fit makes of equal answers; differences
     below it then stay small. None for a group that teaches nothing: fewer than two known rewards, or all the same.
     """
-    found = np.array([np.nan if one is None else one for one in rewards], dtype=float)
-    known = found[np.isfinite(found)]
-    if known.size < 2 or known.max() == known.min():
+    found, known = _known(rewards)
+    if not _teaches(known):
         return None
     return (found - known.mean()) / (max(float(known.std()), floor) + EPSILON)
+
+
+def entropic_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
+    """N q - 1 over a group, (N,), with q = softmax(beta r); nan and None as for `group_advantages`.
+
+    For the sake of the best answer rather than the mean: the gradient is that of ln E exp(beta r) / beta. beta is where q lies
+    ln 2 from the uniform distribution (Kullback-Leibler), at most 1 / floor. Source: M. Yuksekgonul et al., arXiv 2601.16175.
+    """
+    found, known = _known(rewards)
+    if not _teaches(known):
+        return None
+    weights = np.full(len(found), np.nan)
+    weights[np.isfinite(found)] = softmax(_sharpness(known, floor) * known)
+    return known.size * weights - 1.0
+
+
+def _sharpness(rewards: np.ndarray, floor: float) -> float:
+    """beta; the divergence rises with it."""
+
+    def beyond(beta: float) -> float:
+        q = softmax(beta * rewards)
+        return float(xlogy(q, q * rewards.size).sum()) - DIVERGENCE
+
+    most = 1.0 / max(floor, EPSILON)
+    return float(root_scalar(beyond, bracket=(0.0, most), method="brentq").root) if beyond(most) > 0 else most
+
+
+#: How answers of a group are compared.
+WAYS: Mapping[str, Callable[[Sequence[float | None], float], np.ndarray | None]] = MappingProxyType(
+    {"group": group_advantages, "entropic": entropic_advantages}
+)
+
+
+def _known(rewards: Sequence[float | None]) -> tuple[np.ndarray, np.ndarray]:
+    """All rewards, nan where there is none, and those that are known."""
+    found = np.array([np.nan if one is None else one for one in rewards], dtype=float)
+    return found, found[np.isfinite(found)]
+
+
+def _teaches(known: np.ndarray) -> bool:
+    return bool(known.size >= 2 and known.max() > known.min())
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.learning.advantages import group_advantages, rewarded
+from search.learning.advantages import WAYS, rewarded
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
@@ -151,7 +151,7 @@ class Learner:
         for begin in range(0, len(batch), self.settings.group):
             members = range(begin, begin + self.settings.group)
             told = [rewards[one] if "tokens" in _kept(batch[one]) else None for one in members]
-            advantages = group_advantages(told, self.settings.floor)
+            advantages = WAYS[self.settings.advantages](told, self.settings.floor)
             if advantages is None:
                 yield None
                 continue

@@ -6,6 +6,7 @@ from math import inf, isfinite
 from typing import Any
 
 from ibrid.errors import IbridError
+from search.learning.advantages import WAYS
 
 #: A model of so many parameters or more is one that others trained on much text.
 LARGE = 50_000_000
@@ -20,7 +21,8 @@ class LearningSettings:
 
     `contexts` : questions of a batch. `group` : answers to each; they are compared with one another. `epochs` : updates from
     each batch. `rate` : Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`,
-    `decay2` : of Adam's moments. `longest_gradient` : norm to which a gradient is cut.
+    `decay2` : of Adam's moments. `longest_gradient` : norm to which a gradient is cut. `advantages` : "group", distances from
+    the mean in standard deviations as in the paper, or "entropic", which is after the best answer rather than the mean.
 
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
     of the importance weights. `floor` : least standard deviation of the rewards of a group, for the noise of a fit is no signal.
@@ -38,6 +40,7 @@ class LearningSettings:
     decay1: float = 0.9
     decay2: float = 0.98
     longest_gradient: float = 1.0
+    advantages: str = "group"
     clip_low: float = 0.2
     clip_high: float = 0.28
     most_weight: float = 2.0
@@ -73,6 +76,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     yield one.group >= 2, "a group needs 2 answers or more, since they are compared with one another", one.group
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
+    yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages
     yield one.rate is None or 0 < one.rate < inf, "the learning rate must be above zero", one.rate
     for name in ("decay1", "decay2"):
         yield 0 <= getattr(one, name) < 1, f"{name} must be from 0 to below 1", getattr(one, name)

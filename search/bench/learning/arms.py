@@ -68,8 +68,12 @@ class Case:
         one = ALL_ARMS[self.arm]
         if not one.learns:
             return self.arm
-        rate = "" if self.settings.rate is None or one.rate is not None else f" rate {self.settings.rate:g}"
-        return f"{self.arm} {self.settings.contexts}x{self.settings.group}{rate}"
+        size = f"{self.settings.contexts}x{self.settings.group}"
+        if one.rate is not None:
+            return f"{self.arm} {size}"
+        way = "" if self.settings.advantages == "group" else f" {self.settings.advantages}"
+        rate = "" if self.settings.rate is None else f" rate {self.settings.rate:g}"
+        return f"{self.arm} {size}{way}{rate}"
 
     @property
     def key(self) -> str:

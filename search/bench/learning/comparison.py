@@ -77,7 +77,7 @@ def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
     """Arms whose difference says something: learning and its controls, the policy and chance, and what it adds to rules."""
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
-        wanted += [(label, "frozen"), (label, label.replace("learning", "untrained").partition(" rate")[0])]
+        wanted += [(label, "frozen"), (label, " ".join(["untrained", *label.split()[1:2]]))]
     wanted += [("frozen", "random"), ("mixed", "rules")]
     return [pair for pair in wanted if set(pair) <= set(found)]
 
