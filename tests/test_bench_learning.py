@@ -548,7 +548,7 @@ def test_the_results_of_another_benchmark_are_left_alone(tmp_path, capsys):
 
 
 def test_the_page_in_the_docs_is_that_of_its_ledger():
-    ledger = DOCS / "learning" / NAME
+    ledger = DOCS / "measured" / "learning" / NAME
     rows = Ledger(ledger.parent).rows.values() if ledger.exists() else []
     assert (DOCS / "learning_results.md").read_text(encoding="utf-8") == page(rows)
 

@@ -125,11 +125,11 @@ def sentences(rows: Rows) -> list[str]:
     """What was asked of the policy and of learning, beside what was found; nothing of what is not measured."""
     told = []
     frozen, chance = (part(rows, name, INVERTERS) for name in ("frozen", "random"))
-    valid, known = share(frozen, "valid"), share(frozen, "known")
+    valid, known, refused = (share(frozen, name) for name in ("valid", "known", "refused"))
     if valid is not None:
         told.append(
-            f"Of the answers of the frozen policy {_percent(valid)} led to a fit and {_percent(known)} to a structure met "
-            "before or to the parent's; asked: 80 % valid."
+            f"Of the answers of the frozen policy {_percent(valid)} led to a fit, {_percent(known)} to a structure met before "
+            f"or to the parent's, {_percent(refused)} were no legal edit; asked: 80 % valid."
         )
     if frozen and chance:
         budget = frozen[0]["budget"]
