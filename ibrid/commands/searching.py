@@ -102,7 +102,7 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn-advantages",
         metavar="WAY",
-        help="after what answers of a group strive: group, the mean (default), or entropic, the best",
+        help="what an update makes better in a group of answers: group, their mean (default), or entropic, the best",
     )
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
