@@ -117,7 +117,7 @@ class ReferenceInverter:
 
     def _ignores(self, field: str, before: Parameters) -> bool:
         """True when the diagram is the same whether a field has its new value or the one before."""
-        if field == "f0_hz":
+        if field == "f0_hz" or getattr(self.parameters, field) == 0:  # 0 of what is not there is right
             return False
         try:
             parameters = replace(self.parameters, **{field: getattr(before, field)})
