@@ -55,7 +55,7 @@ def test_a_run_that_learns_keeps_its_weights_its_updates_and_a_page(tmp_path):
     # goes on, and only with the same settings
     with pytest.raises(IbridError, match=r"made with learning\.contexts = 2, now it is 4"):
         learnt(folder, budget=20, resume=True, learn=LearningSettings(contexts=4, group=4, rate=0.02))
-    with pytest.raises(IbridError, match=r"made with learning\.alarm = 0\.02, now it is nothing"):
+    with pytest.raises(IbridError, match=r"made with learning\.advantages = group, now it is nothing"):
         learnt(folder, budget=20, resume=True, learn=False)
     assert learnt(folder, budget=20, resume=True).evaluations == 20
 
