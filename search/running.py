@@ -121,7 +121,8 @@ def run(
         may spend in the whole run, `search.proposers.spending.Limits`. prices : of a million tokens in and a million out;
         one pair for all models, or one for each.
     policy : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
-    budget : evaluations at most, the start included. target : NRMSE that ends the search; None: only the noise floor does.
+    budget : evaluations at most, the start included. target : NRMSE that ends the search; None: only the
+        noise floor or an exact fit does.
     seed : of everything random; the same seed gives the same archive, whatever the number of `workers`.
     workers : 1 evaluates in this process, more on a local Ray. ray : address of a Ray cluster.
     parameters, equilibrium, vocabulary, holdout_op : as for `ibrid.evaluate`.

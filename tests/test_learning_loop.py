@@ -178,6 +178,20 @@ def test_a_policy_learns_during_a_search_which_edit_pays(tmp_path):
     assert (learner.updates[-1].divergence or 0.0) > 0.1
 
 
+def test_compared_with_its_parent_one_answer_to_a_question_is_enough(tmp_path):
+    learn = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
+    steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6), budget=110, learn=learn)
+    mine = [step for step in steps if step.proposer == "toy"]
+    assert all("prompt" in step.usage["learning"] for step in mine)
+    assert len({step.parent for step in mine[16:24]}) > 1  # answers of a batch edit what they like
+    assert len(learner.updates) == len(mine) // 8
+
+    def most(some: list[Step]) -> float:
+        return sum(step.usage["learning"]["tokens"][0] - FIRST >= 4 for step in some) / len(some)
+
+    assert most(mine[-40:]) > most(mine[:40]) + 0.3  # what gains most on any parent
+
+
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
     steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6, masked=False), budget=12)
     assert Status.NO_EDIT in {step.status for step in steps}

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from ibrid.errors import IbridError
-from search.learning.advantages import DIVERGENCE, EPSILON, WAYS, entropic_advantages, group_advantages, rewarded
+from search.learning.advantages import (
+    DIVERGENCE,
+    EPSILON,
+    WAYS,
+    entropic_advantages,
+    group_advantages,
+    rewarded,
+    split_advantages,
+    worth,
+)
 from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SMALL, LearningSettings
 from search.step import Status, Step
 
@@ -100,6 +109,38 @@ def test_a_structure_known_before_the_batch_counts_as_unchanged_and_a_siblings_a
     found = [rewarded(step, run, first=1) for step in run[1:]]
     assert [one.reward for one in found] == [2.5, -0.3, 2.5, -0.2, -0.2, None, -0.25, 0.0]
     assert [one.sibling for one in found] == [False, False, True, False, True, False, False, False]
+
+
+def test_compared_with_the_parent_a_valid_answer_is_worth_the_logarithm_of_how_much_smaller_its_error_is():
+    run = steps((Status.OK, 0.5, None), (Status.OK, 2.0, None))
+    ends = [
+        (Status.OK, 2.4), (Status.OK, 1.9), (Status.OK, 0.1), (Status.OK, 9.0), (Status.ILLEGAL, None),
+        (Status.DUPLICATE, None), (Status.LOST, None),
+    ]  # fmt: skip
+    run += [Step(2 + place, parent=1, status=end, reward=reward) for place, (end, reward) in enumerate(ends)]
+    run += [Step(9, parent=0, status=Status.OK, reward=1.2)]
+
+    def worths(baseline: str) -> list[float | None]:
+        return [worth(rewarded(step, run, first=2), step, run, baseline) for step in run[2:]]
+
+    assert worths("parent") == pytest.approx([0.4, -0.1, -0.3, 1.0, -0.25, -0.3, None, 0.7])
+    assert worths("group") == [2.4, 1.9, 0.1, 9.0, -0.25, -0.3, None, 1.2]
+
+
+def split(rewards: list[float | None], group: int, baseline: str) -> list[list[float] | None]:
+    found = split_advantages(rewards, group, advantages="group", baseline=baseline, floor=0.02)
+    return [None if one is None else list(one) for one in found]
+
+
+def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
+    rewards = [0.0, 1.0, 0.5, 0.5]
+    root = math.sqrt(0.125)
+    assert split(rewards, 2, "group") == [pytest.approx([-1.0, 1.0], abs=1e-5), None]
+    assert split(rewards, 2, "parent") == [pytest.approx([-0.5 / root, 0.5 / root], rel=1e-5), [0.0, 0.0]]
+    assert split([None, 0.0, 1.0, None], 1, "parent") == [
+        None, pytest.approx([-1.0], abs=1e-5), pytest.approx([1.0], abs=1e-5), None,
+    ]  # fmt: skip
+    assert split([0.3, 0.3, None, 0.3], 2, "parent") == [None, None]
 
 
 # ratios, clips and weights
@@ -255,6 +296,10 @@ def test_the_default_profile_is_the_papers():
     ("wrong", "sentence"),
     [
         ({"group": 1}, "a group needs 2 answers or more.*found 1"),
+        ({"contexts": 1, "group": 1, "baseline": "parent"}, "a batch needs 2 answers or more.*found 1"),
+        ({"group": 0, "baseline": "parent"}, "a group needs 1 answer or more, found 0"),
+        ({"baseline": "best"}, "baseline must be group or parent, found best"),
+        ({"advantages": "most"}, "advantages must be group or entropic, found most"),
         ({"contexts": 0}, "a batch needs 1 context or more, found 0"),
         ({"rate": -1.0}, "the learning rate must be above zero, found -1"),
         ({"rate": math.nan}, "the learning rate must be above zero, found nan"),

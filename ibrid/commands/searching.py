@@ -2,6 +2,7 @@
 
 import os
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +21,24 @@ MODEL_HELP = (
     "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
 )
 
-#: Settings of learning that have an option.
-LEARNING = {
-    "contexts": "questions between two updates (32)",
-    "group": "answers to each question, compared with one another (16)",
-    "rate": "learning rate of Adam (by the size of the model)",
-    "lora": "rank of low-rank adapters, which need the package peft (0: train all weights)",
-    "threads": "threads of torch; another number gives other results in the last digits (1)",
+#: Settings of learning that have an option: what it takes, how it is read, and what it is for.
+LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
+    "contexts": ("N", inputs.natural, "questions between two updates (32)"),
+    "group": ("N", inputs.natural, "answers to each question, compared with one another (16)"),
+    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
+    "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
+    "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
+    "advantages": (
+        "WAY",
+        str,
+        "what an update makes better in a group of answers: group, their mean (default), or entropic, the best",
+    ),
+    "baseline": (
+        "WAY",
+        str,
+        "answers are compared with those to the same question (group, the default), or, all of a batch, by what they gain "
+        "on what they edit (parent)",
+    ),
 }
 
 
@@ -96,14 +108,8 @@ def declare(commands: Any) -> None:
         action="store_true",
         help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER",
     )
-    for name, unit in LEARNING.items():
-        kind = inputs.positive if name == "rate" else inputs.natural
-        search.add_argument(f"--learn-{name}", type=kind, metavar="X" if name == "rate" else "N", help=unit)
-    search.add_argument(
-        "--learn-advantages",
-        metavar="WAY",
-        help="what an update makes better in a group of answers: group, their mean (default), or entropic, the best",
-    )
+    for name, (metavar, kind, help_text) in LEARNING.items():
+        search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
     tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
@@ -173,8 +179,7 @@ def run_search(arguments: Namespace) -> int:
 
 def _learning(arguments: Namespace) -> "LearningSettings | bool":
     """Settings of learning as given; False without --learn."""
-    names = (*LEARNING, "advantages")
-    given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
+    given = {name: found for name in LEARNING if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:
             raise IbridError(f"--learn-{next(iter(given))} says how a proposer learns; add --learn, or leave it out")

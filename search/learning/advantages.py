@@ -15,6 +15,11 @@ from search.step import Status, Step, rl_reward
 EPSILON = 1e-6
 #: Of the weights of a group from equal ones, nats: as if half of the answers counted.
 DIVERGENCE = log(2.0)
+#: Largest gain on a parent, a factor e of its error: what mends a bad parent by more says no more about good answers.
+MOST_GAIN = 1.0
+#: What an answer is compared with: the answers to the same question (the paper), or what it edits, which makes those to
+#: different questions comparable.
+BASELINES = ("group", "parent")
 
 
 def group_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
@@ -60,6 +65,22 @@ WAYS: Mapping[str, Callable[[Sequence[float | None], float], np.ndarray | None]]
 )
 
 
+def split_advantages(
+    rewards: Sequence[float | None], group: int, *, advantages: str, baseline: str, floor: float
+) -> list[np.ndarray | None]:
+    """Advantages of the answers of a batch, those of each group of so many together; None for a group that teaches nothing.
+
+    advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of a group, "parent" those of the batch.
+    """
+    way = WAYS[advantages]
+    if baseline == "group":
+        return [way(rewards[first : first + group], floor) for first in range(0, len(rewards), group)]
+    found = way(rewards, floor)
+    if found is None:
+        return [None] * (len(rewards) // group)
+    return [part if np.isfinite(part).any() else None for part in found.reshape(-1, group)]
+
+
 def _known(rewards: Sequence[float | None]) -> tuple[np.ndarray, np.ndarray]:
     """All rewards, nan where there is none, and those that are known."""
     found = np.array([np.nan if one is None else one for one in rewards], dtype=float)
@@ -78,6 +99,18 @@ class Rewarded:
     reward: float | None
     status: Status
     sibling: bool
+
+
+def worth(one: Rewarded, step: Step, steps: Sequence[Step], baseline: str) -> float | None:
+    """What an answer is compared by: its reward, or with the baseline "parent" what a valid one gains on the step it edits.
+
+    The gain, ln(NRMSE of the parent / own NRMSE), counts from that of what changes nothing to `MOST_GAIN`.
+    """
+    if baseline == "group" or one.status is not Status.OK or one.reward is None:
+        return one.reward
+    parent = steps[step.parent or 0]
+    least = rl_reward(Status.UNCHANGED, None) or 0.0
+    return min(max(one.reward - max(parent.reward or 0.0, 0.0), least), MOST_GAIN)
 
 
 def rewarded(step: Step, steps: Sequence[Step], first: int) -> Rewarded:

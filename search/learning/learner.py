@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.learning.advantages import WAYS, rewarded
+from search.learning.advantages import Rewarded, rewarded, split_advantages, worth
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
@@ -98,7 +98,7 @@ class Learner:
         self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
         found = [rewarded(step, steps, batch[0].number) for step in batch]
-        groups = list(self._groups(batch, [one.reward for one in found], context))
+        groups = list(self._groups(batch, self._advantages(batch, found, steps), context))
         taught = [group for group in groups if group is not None]
         asked = [step for step, group in zip(batch[:: self.settings.group], groups, strict=True) if group is not None]
         update = Update(
@@ -144,22 +144,32 @@ class Learner:
 
     # --- learning ----------------------------------------------------------------------------------------------------
 
+    def _advantages(
+        self, batch: Sequence[Step], found: Sequence[Rewarded], steps: Sequence[Step]
+    ) -> list[np.ndarray | None]:
+        """Of each group, nan for an answer that was never given or never judged."""
+        settings = self.settings
+        told = [
+            worth(one, step, steps, settings.baseline) if "tokens" in _kept(step) else None
+            for one, step in zip(found, batch, strict=True)
+        ]
+        return split_advantages(
+            told, settings.group, advantages=settings.advantages, baseline=settings.baseline, floor=settings.floor
+        )
+
     def _groups(
-        self, batch: Sequence[Step], rewards: Sequence[float | None], context: ContextOf
+        self, batch: Sequence[Step], advantages: Sequence[np.ndarray | None], context: ContextOf
     ) -> "Iterator[Group | None]":
         """The groups of a batch in their order, None for one that teaches nothing."""
-        for begin in range(0, len(batch), self.settings.group):
-            members = range(begin, begin + self.settings.group)
-            told = [rewards[one] if "tokens" in _kept(batch[one]) else None for one in members]
-            advantages = WAYS[self.settings.advantages](told, self.settings.floor)
-            if advantages is None:
+        size = self.settings.group
+        for place, found in enumerate(advantages):
+            members = batch[place * size : (place + 1) * size]
+            if found is None:
                 yield None
                 continue
-            known = [one for one, advantage in zip(members, advantages, strict=True) if np.isfinite(advantage)]
-            sampled = tuple(_sampled(batch[one]) for one in known)
-            yield self._made(
-                _prompt(batch, members), sampled, context(batch[begin]), advantages[np.isfinite(advantages)]
-            )
+            known = np.isfinite(found)
+            answers = tuple(_sampled(step) for step, one in zip(members, known, strict=True) if one)
+            yield self._made(_prompt(members), answers, context(members[0]), found[known])
 
     def _made(
         self, prompt: Sequence[int], answers: Sequence[Sampled], context: Context, advantages: np.ndarray
@@ -199,9 +209,9 @@ def _sampled(step: Step) -> Sampled:
     return Sampled(tuple(kept["tokens"]), tuple(kept["logprobs"]))
 
 
-def _prompt(batch: Sequence[Step], members: Sequence[int]) -> list[int]:
+def _prompt(members: Sequence[Step]) -> list[int]:
     """The question of a group, which the first of its steps that has an answer keeps."""
-    return next((list(_kept(batch[one])["prompt"]) for one in members if "prompt" in _kept(batch[one])), [])
+    return next((list(_kept(one)["prompt"]) for one in members if "prompt" in _kept(one)), [])
 
 
 def _sentence(what: str, drift: float | None, word: str) -> str:

@@ -6,7 +6,7 @@ from math import inf, isfinite
 from typing import Any
 
 from ibrid.errors import IbridError
-from search.learning.advantages import WAYS
+from search.learning.advantages import BASELINES, WAYS
 
 #: A model of so many parameters or more is one that others trained on much text.
 LARGE = 50_000_000
@@ -23,6 +23,8 @@ class LearningSettings:
     each batch. `rate` : Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`,
     `decay2` : of Adam's moments. `longest_gradient` : norm to which a gradient is cut. `advantages` : "group", distances from
     the mean in standard deviations as in the paper, or "entropic", which is after the best answer rather than the mean.
+    `baseline` : "group", answers to the same question are compared by their rewards as in the paper, or "parent", all of a
+    batch are by what they gain on the candidate that they edit, and one answer to a question is enough.
 
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
     of the importance weights. `floor` : least standard deviation of the rewards of a group, for the noise of a fit is no signal.
@@ -41,6 +43,7 @@ class LearningSettings:
     decay2: float = 0.98
     longest_gradient: float = 1.0
     advantages: str = "group"
+    baseline: str = "group"
     clip_low: float = 0.2
     clip_high: float = 0.28
     most_weight: float = 2.0
@@ -73,7 +76,11 @@ class LearningSettings:
 def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     """Whether a law holds, the law in words, and what was found."""
     yield one.contexts >= 1, "a batch needs 1 context or more", one.contexts
-    yield one.group >= 2, "a group needs 2 answers or more, since they are compared with one another", one.group
+    yield one.baseline in BASELINES, f"baseline must be {' or '.join(BASELINES)}", one.baseline
+    if one.baseline == "group":
+        yield one.group >= 2, "a group needs 2 answers or more, since they are compared with one another", one.group
+    yield one.group >= 1, "a group needs 1 answer or more", one.group
+    yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
     yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages

@@ -59,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--group", type=count, default=8, help="answers to each question (8)")
     parser.add_argument("--rate", type=positive, default=None, help="learning rate (by the size of the model)")
     parser.add_argument("--advantages", default="group", help="how answers of a group are compared: group, or entropic")
+    parser.add_argument("--baseline", default="group", help="what answers are compared with: group, or parent")
     parser.add_argument("--out", type=Path, default=Path("out/bench-learning"), help="folder of the results")
     parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/learning_results.md)")
     return parser
@@ -66,7 +67,11 @@ def _parser() -> argparse.ArgumentParser:
 
 def _benchmark(options: argparse.Namespace, search: Search, ready: Callable[[], None]) -> int:
     settings = LearningSettings(
-        contexts=options.contexts, group=options.group, rate=options.rate, advantages=options.advantages
+        contexts=options.contexts,
+        group=options.group,
+        rate=options.rate,
+        advantages=options.advantages,
+        baseline=options.baseline,
     )
     wanted = list(
         cases(

@@ -71,7 +71,8 @@ class Case:
         size = f"{self.settings.contexts}x{self.settings.group}"
         if one.rate is not None:
             return f"{self.arm} {size}"
-        way = "" if self.settings.advantages == "group" else f" {self.settings.advantages}"
+        told = [one for one in (self.settings.baseline, self.settings.advantages) if one != "group"]
+        way = "".join(f" {one}" for one in told)
         rate = "" if self.settings.rate is None else f" rate {self.settings.rate:g}"
         return f"{self.arm} {size}{way}{rate}"
 
