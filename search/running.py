@@ -26,7 +26,7 @@ from search.evaluation.job import Evaluator
 from search.evaluation.local import LocalEvaluator
 from search.keyboard import keyboard
 from search.learning.learner import Learner
-from search.learning.settings import LearningSettings
+from search.learning.settings import LearningSettings, profile
 from search.loop import STOPPED, Goal, Loop
 from search.merit import criterion
 from search.page import write_run_page
@@ -104,7 +104,7 @@ def run(
     require: str | None = None,
     choose: str = "error",
     truth: Diagram | None = None,
-    learn: bool | LearningSettings = False,
+    learn: bool | str | LearningSettings = False,
     resume: bool = False,
     settings: SearchSettings | None = None,
     progress: Progress | str = "silent",
@@ -131,7 +131,8 @@ def run(
     choose : the answer by "error", held-out "frequencies", or held-out operating points ("op").
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
-    learn : train the proposer on the way, "policy" or "llm" with one local folder; True is the paper's profile, batches of 512.
+    learn : train the proposer on the way, "policy" or "llm" with one local folder; True or "paper" is the paper's
+        profile, batches of 512, "small" one for a few hundred evaluations.
     settings : every other number. progress : "auto", "terminal", "plain", "notebook", "silent", or a Progress.
 
     Returns the Run; the folder holds run.toml, archive.sqlite, best.py, best.json, trajectory.csv, selection.json and
@@ -152,10 +153,10 @@ def run(
     if learn:
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
-        profile = learn if isinstance(learn, LearningSettings) else LearningSettings()
-        proposers = learning(proposers, profile, seed=seed, window=settings.window)
-        settings = replace(settings, patience=max(settings.patience, PATIENT * profile.batch))
-        lessons["learning"] = vars(profile)
+        lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
+        proposers = learning(proposers, lesson, seed=seed, window=settings.window)
+        settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.batch))
+        lessons["learning"] = vars(lesson)
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)
     held = tuple(point.op.name for point in plan.held_out)

@@ -43,7 +43,7 @@ from search.bench.learning.tables import (
     table,
     updates_table,
 )
-from search.learning.settings import LearningSettings
+from search.learning.settings import PROFILES, LearningSettings
 from search.learning.updates import META, Update, updates_json
 from search.policy.experience.drawn_diagram import drawn_diagram
 from search.policy.experience.examples import held_out_family
@@ -440,7 +440,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     shown = capsys.readouterr().out
     assert len(seen) == 5
     assert shown.count("\ngfl_l_filter ") == 5
-    assert "learning 1x8 - frozen" in shown
+    assert "learning small - frozen" in shown
     text = (tmp_path / "out" / "learning_results.md").read_text(encoding="utf-8")
     assert "## 20 evaluations" in text
     assert "5 of the 300 runs" in text
@@ -449,17 +449,16 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert capsys.readouterr().out == shown
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
-    assert seen[-1][1]["learn"] == replace(SMALL, contexts=1, group=4)
-    assert (
-        main(options(tmp_path, "--arm", "learning", "--advantages", "entropic"), search=scripted(seen), ready=at_once)
-        == 0
-    )
+    assert seen[-1][1]["learn"] == replace(PROFILES["small"], group=4)
+    assert "learning 8x4 parent entropic rate 0.0003 - frozen" in capsys.readouterr().out
+    other = ("--arm", "learning", "--profile", "paper", "--contexts", "1", "--epochs", "2")
+    assert main(options(tmp_path, *other), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 7
-    assert seen[-1][1]["learn"].advantages == "entropic"
-    assert "learning 1x8 entropic - frozen" in capsys.readouterr().out
+    assert seen[-1][1]["learn"] == LearningSettings(contexts=1, epochs=2)
+    assert "learning 1x16 epochs 2 - frozen" in capsys.readouterr().out
     assert main(options(tmp_path, "--arm", "untrained"), search=scripted(seen), ready=at_once) == 0
     assert 0 < seen[-1][1]["learn"].rate < 1e-20
-    assert "untrained 1x8" in capsys.readouterr().out
+    assert "untrained small" in capsys.readouterr().out
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(tmp_path, capsys):
@@ -526,7 +525,8 @@ def test_where_the_policy_cannot_be_asked_nothing_begins_but_arms_without_it_do(
         (["--inverter", "gfm_drop"], "there is no inverter of this comparison called gfm_drop"),
         (["--arm", "frozn"], "there is no arm called frozn"),
         (["--page", "nowhere/page.md"], "there is no folder"),
-        (["--group", "1"], "a group needs 2 answers or more"),
+        (["--profile", "paper", "--group", "1"], "a group needs 2 answers or more"),
+        (["--profile", "tiny"], "there is no profile of learning called 'tiny'; known are paper and small"),
     ],
 )
 def test_wrong_options_are_one_sentence(tmp_path, capsys, wrong, sentence):

@@ -106,6 +106,12 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
         (["--learn", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"], "a model of a server"),
         (["--learn", "--proposer", "agent", "--model", "m@http://127.0.0.1:9/v1"], "found 0 among agent"),
         (["--learn", "--learn-group", "1"], "a group needs 2 answers or more"),
+        (
+            ["--learn", "--learn-profile", "tiny"],
+            "there is no profile of learning called 'tiny'; known are paper and small",
+        ),
+        (["--learn-profile", "small"], "--learn-profile says how a proposer learns; add --learn"),
+        (["--learn", "--learn-profile", "small", "--learn-baseline", "group"], "a group needs 2 answers or more"),
         (["--learn-group", "4"], "--learn-group says how a proposer learns; add --learn"),
         (["--learn", "--learn-rate", "-1"], "--learn-rate"),
     ],
@@ -121,6 +127,14 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
     assert sentence in told
     assert "Traceback" not in told
     assert not folder.exists()
+
+
+@needs_torch
+def test_a_profile_is_given_by_its_name(tmp_path):
+    learnt(tmp_path / "run", learn="small")
+    assert "[learning]\ncontexts = 8\ngroup = 1\n" in (tmp_path / "run" / "run.toml").read_text()
+    with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
+        learnt(tmp_path / "other", learn="large")
 
 
 @needs_torch

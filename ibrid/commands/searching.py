@@ -3,6 +3,7 @@
 import os
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -23,21 +24,21 @@ MODEL_HELP = (
 
 #: Settings of learning that have an option: what it takes, how it is read, and what it is for.
 LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
-    "contexts": ("N", inputs.natural, "questions between two updates (32)"),
-    "group": ("N", inputs.natural, "answers to each question, compared with one another (16)"),
-    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
+    "contexts": ("N", inputs.natural, "questions between two updates (32; small: 8)"),
+    "group": ("N", inputs.natural, "answers to each question (16; small: 1)"),
+    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model; small: 3e-4)"),
     "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
     "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
     "advantages": (
         "WAY",
         str,
-        "what an update makes better in a group of answers: group, their mean (default), or entropic, the best",
+        "what an update makes better: group, the mean answer (default), or entropic, the best (small)",
     ),
     "baseline": (
         "WAY",
         str,
-        "answers are compared with those to the same question (group, the default), or, all of a batch, by what they gain "
-        "on what they edit (parent)",
+        "answers are compared with those to the same question (group, the default), or, all of a batch, by what each gains "
+        "on what it edits (parent; small)",
     ),
 }
 
@@ -107,6 +108,11 @@ def declare(commands: Any) -> None:
         "--learn",
         action="store_true",
         help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER",
+    )
+    search.add_argument(
+        "--learn-profile",
+        metavar="NAME",
+        help="settings to begin with: paper (default), batches of 512, or small, for a few hundred evaluations",
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
         search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)
@@ -179,15 +185,16 @@ def run_search(arguments: Namespace) -> int:
 
 def _learning(arguments: Namespace) -> "LearningSettings | bool":
     """Settings of learning as given; False without --learn."""
-    given = {name: found for name in LEARNING if (found := getattr(arguments, f"learn_{name}")) is not None}
+    names = ("profile", *LEARNING)
+    given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:
             raise IbridError(f"--learn-{next(iter(given))} says how a proposer learns; add --learn, or leave it out")
         return False
 
-    from search.learning.settings import LearningSettings
+    from search.learning.settings import profile
 
-    return LearningSettings(**given)
+    return replace(profile(given.pop("profile", "paper")), **given)
 
 
 def _price(text: str) -> tuple[float, float]:

@@ -1,8 +1,9 @@
 """Every number of learning during a search; the defaults are the paper's profile and that of ThetaEvolve."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
+from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
@@ -94,3 +95,19 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
         found = getattr(one, name)
         yield isfinite(found) and found >= 0, f"{name} must not be negative", found
     yield one.lora >= 0, "the rank of adapters must be 0 or more", one.lora
+
+
+#: Profiles by name: of the paper, and one for searches of a few hundred evaluations with a policy of a million parameters.
+PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
+    {
+        "paper": LearningSettings(),
+        "small": LearningSettings(contexts=8, group=1, rate=3e-4, advantages="entropic", baseline="parent"),
+    }
+)
+
+
+def profile(name: str) -> LearningSettings:
+    """One of `PROFILES`; IbridError for another name."""
+    if name not in PROFILES:
+        raise IbridError(f"there is no profile of learning called {name[:40]!r}; known are {' and '.join(PROFILES)}")
+    return PROFILES[name]

@@ -8,6 +8,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ibrid.commands.inputs import count, positive
@@ -19,7 +20,7 @@ from search.bench.learning.comparison import current
 from search.bench.learning.measuring import Search, measured
 from search.bench.learning.page import measured_of, page
 from search.bench.learning.tables import arms_table, heading, line, pairs_table, sentences
-from search.learning.settings import LearningSettings
+from search.learning.settings import profile
 from search.running import run
 
 
@@ -55,24 +56,24 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"instead of {', '.join(ARMS)}; known are {', '.join(ALL_ARMS)}",
     )
-    parser.add_argument("--contexts", type=count, default=1, help="questions of a batch of learning (1)")
-    parser.add_argument("--group", type=count, default=8, help="answers to each question (8)")
-    parser.add_argument("--rate", type=positive, default=None, help="learning rate (by the size of the model)")
-    parser.add_argument("--advantages", default="group", help="how answers of a group are compared: group, or entropic")
-    parser.add_argument("--baseline", default="group", help="what answers are compared with: group, or parent")
+    parser.add_argument(
+        "--profile", default="small", help="settings of learning to begin with: small (default), or paper"
+    )
+    parser.add_argument("--contexts", type=count, help="questions of a batch of learning")
+    parser.add_argument("--group", type=count, help="answers to each question")
+    parser.add_argument("--epochs", type=count, help="updates from each batch")
+    parser.add_argument("--rate", type=positive, help="learning rate")
+    parser.add_argument("--advantages", metavar="WAY", help="what is made better: group or entropic")
+    parser.add_argument("--baseline", metavar="WAY", help="what answers are compared with: group or parent")
     parser.add_argument("--out", type=Path, default=Path("out/bench-learning"), help="folder of the results")
     parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/learning_results.md)")
     return parser
 
 
 def _benchmark(options: argparse.Namespace, search: Search, ready: Callable[[], None]) -> int:
-    settings = LearningSettings(
-        contexts=options.contexts,
-        group=options.group,
-        rate=options.rate,
-        advantages=options.advantages,
-        baseline=options.baseline,
-    )
+    names = ("contexts", "group", "epochs", "rate", "advantages", "baseline")
+    asked = {name: found for name in names if (found := getattr(options, name)) is not None}
+    settings = replace(profile(options.profile), **asked)
     wanted = list(
         cases(
             options.seeds,

@@ -1,13 +1,13 @@
 """What is compared, and on what: the arms, the hidden inverters, and one search of the comparison."""
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
 
 from ibrid.errors import IbridError, near
-from search.learning.settings import LearningSettings
+from search.learning.settings import PROFILES, LearningSettings
 from search.policy.weights_folder import WEIGHTS_FILE, shipped_folder
 
 #: Seeds of the whole comparison; fewer are a part of it.
@@ -64,23 +64,31 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The arm, with the size of its batches and its rate where it learns: "learning 4x8"."""
+        """The arm, and how it learns where it does: the profile, or the size of its batches and what else is not the default,
+        "learning small" or "learning 4x8"."""
         one = ALL_ARMS[self.arm]
         if not one.learns:
             return self.arm
-        size = f"{self.settings.contexts}x{self.settings.group}"
-        if one.rate is not None:
-            return f"{self.arm} {size}"
-        told = [one for one in (self.settings.baseline, self.settings.advantages) if one != "group"]
-        way = "".join(f" {one}" for one in told)
-        rate = "" if self.settings.rate is None else f" rate {self.settings.rate:g}"
-        return f"{self.arm} {size}{way}{rate}"
+        settings = self.settings
+        if found := [name for name, profile in PROFILES.items() if profile == settings]:
+            return f"{self.arm} {found[0]}"
+        told = [f"{settings.contexts}x{settings.group}"]
+        if one.rate is None:
+            told += [way for way in (settings.baseline, settings.advantages) if way != "group"]
+            told += [] if settings.rate is None else [f"rate {settings.rate:g}"]
+            told += [f"epochs {settings.epochs}"] if settings.epochs > 1 else []
+        return " ".join([self.arm, *told])
 
     @property
     def key(self) -> str:
         """Names the row in the ledger; what would change the result of the arm is part of it."""
-        weights = f"-{self.weights}" if ALL_ARMS[self.arm].asks_policy else ""
-        return f"{self.inverter}-{self.label.replace(' ', '-')}-{self.budget}-{self.seed}{weights}"
+        one = ALL_ARMS[self.arm]
+        words = [self.inverter, *self.label.split(), str(self.budget), str(self.seed)]
+        if one.asks_policy:
+            words.append(self.weights)
+        if one.learns:
+            words.append(sha256(repr(self.settings).encode()).hexdigest()[:8])
+        return "-".join(words)
 
 
 def cases(
@@ -117,4 +125,4 @@ def weights_digest(folder: Path | None = None) -> str:
         content = ((folder or shipped_folder()) / WEIGHTS_FILE).read_bytes()
     except OSError:
         return "none"
-    return hashlib.sha256(content).hexdigest()[:12]
+    return sha256(content).hexdigest()[:12]
