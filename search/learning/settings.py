@@ -101,7 +101,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
 PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
-        "small": LearningSettings(contexts=8, group=1, rate=3e-4, advantages="entropic", baseline="parent"),
+        "small": LearningSettings(contexts=8, group=1, epochs=2, rate=3e-4, advantages="entropic", baseline="parent"),
     }
 )
 
