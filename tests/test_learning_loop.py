@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
@@ -17,11 +18,11 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 from scripted_search import NAIVE, ScriptedEvaluator, scripted, steps_of
-from toy_policy import FIRST, ToyPolicy
+from toy_policy import ASK, FIRST, ToyPolicy
 
 from ibrid.errors import IbridError
 from search.learning.learner import Learner
-from search.learning.settings import LearningSettings
+from search.learning.settings import PROFILES, LearningSettings
 from search.learning.trainer import fingerprint
 from search.learning.updates import META, Update, read_updates
 from search.loop import BUDGET, TARGET, Loop
@@ -178,18 +179,45 @@ def test_a_policy_learns_during_a_search_which_edit_pays(tmp_path):
     assert (learner.updates[-1].divergence or 0.0) > 0.1
 
 
-def test_compared_with_its_parent_one_answer_to_a_question_is_enough(tmp_path):
+class Asked(ToyPolicy):
+    """Its question depends on the parent."""
+
+    def prompt(self, context):
+        return question(context.parent.step)
+
+
+def question(parent: int | None) -> list[int]:
+    return [ASK, FIRST + (parent or 0) % 6]
+
+
+def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(tmp_path):
     learn = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
-    steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6), budget=110, learn=learn)
+    with learning(tmp_path / "run", Asked(more_gain, 6), learn, budget=60) as loop:
+        assert loop.learner is not None
+        trainer, batches = loop.learner.progress.trainer, []
+        update = trainer.update
+        trainer.update = lambda groups: (batches.append(groups), update(groups))[1]
+        loop.run(NAIVE)
+    steps = steps_of(tmp_path / "run" / "archive.sqlite")
     mine = [step for step in steps if step.proposer == "toy"]
-    assert all("prompt" in step.usage["learning"] for step in mine)
-    assert len({step.parent for step in mine[16:24]}) > 1  # answers of a batch edit what they like
-    assert len(learner.updates) == len(mine) // 8
-
-    def most(some: list[Step]) -> float:
-        return sum(step.usage["learning"]["tokens"][0] - FIRST >= 4 for step in some) / len(some)
-
-    assert most(mine[-40:]) > most(mine[:40]) + 0.3  # what gains most on any parent
+    updates = told(tmp_path / "run")
+    assert len(batches) == len(updates) == len(mine) // 8 > 4
+    for number, groups in enumerate(batches):
+        batch = mine[8 * number : 8 * number + 8]
+        found = []
+        for step in batch:
+            twin = steps[step.same_as] if step.same_as is not None and step.same_as >= batch[0].number else step
+            error, before = twin.nrmse, steps[step.parent or 0].nrmse
+            valid = -0.25 if twin.status is Status.ILLEGAL else -0.3
+            if error is not None and twin.status is Status.OK:
+                assert before is not None
+                valid = min(max(math.log(before / error), 0.0), 1.0)
+            found.append(valid)
+        assert updates[number].gain == pytest.approx(sum(found) / 8, abs=1e-6)
+        expected = (np.array(found) - np.mean(found)) / np.std(found)
+        np.testing.assert_allclose([float(one.advantages[0]) for one in groups], expected, rtol=1e-3, atol=1e-6)
+        assert [list(one.prompt) for one in groups] == [question(step.parent) for step in batch]
+    assert len({step.parent for step in mine[16:24]}) > 1
 
 
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
@@ -218,9 +246,18 @@ class Killed(Exception):
     pass
 
 
-@pytest.mark.parametrize("beside", [(), ((Rules(looks=1), 0.5),)], ids=["alone", "mixed"])
-def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, beside):
-    options = {"budget": 40, "beside": beside, "settings": replace(PLAIN, pruning=0.15, final_pruning=0.1)}
+@pytest.mark.parametrize(
+    ("beside", "learn"),
+    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), replace(PROFILES["small"], rate=0.03))],
+    ids=["alone", "mixed", "single answers"],
+)
+def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, beside, learn):
+    options = {
+        "budget": 40,
+        "beside": beside,
+        "learn": learn,
+        "settings": replace(PLAIN, pruning=0.15, final_pruning=0.1),
+    }
     whole = ended(tmp_path / "whole", **options)
     assert len(whole[1].updates) >= 3
     sitting = 0

@@ -12,7 +12,7 @@ import torch
 from toy_policy import ASK, END, FIRST, tiny_model
 
 from ibrid.errors import IbridError
-from search.learning.advantages import group_advantages
+from search.learning.advantages import mean_advantages
 from search.learning.checkpoint import read_checkpoint, write_checkpoint
 from search.learning.sampling import sample_answers
 from search.learning.scoring import score
@@ -103,7 +103,7 @@ def test_a_guide_is_obeyed_and_its_probabilities_are_those_of_what_it_allows():
 def a_group(model, rewards, number=16, seed=0, served=None) -> Group:
     """Answers of one token; `rewards` : of an answer's token."""
     answers = sample_answers(served or model, [ASK], number, end=[], longest=1, seed=seed)
-    advantages = group_advantages([rewards(one.tokens[0]) for one in answers], 0.02)
+    advantages = mean_advantages([rewards(one.tokens[0]) for one in answers], 0.02)
     assert advantages is not None
     return Group((ASK,), tuple(answers), (None,) * number, advantages)
 

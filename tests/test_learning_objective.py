@@ -11,11 +11,11 @@ from search.learning.advantages import (
     DIVERGENCE,
     EPSILON,
     WAYS,
+    batch_advantages,
     entropic_advantages,
-    group_advantages,
+    gain,
+    mean_advantages,
     rewarded,
-    split_advantages,
-    worth,
 )
 from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SMALL, LearningSettings
 from search.step import Status, Step
@@ -29,14 +29,14 @@ needs_torch = pytest.mark.skipif(
 
 
 def test_advantages_are_the_distances_from_the_mean_in_standard_deviations():
-    found = group_advantages([0.0, 1.0, 2.0, 3.0])
+    found = mean_advantages([0.0, 1.0, 2.0, 3.0])
     assert found is not None
     np.testing.assert_allclose(found, np.array([-1.5, -0.5, 0.5, 1.5]) / (math.sqrt(1.25) + EPSILON), rtol=1e-15)
 
 
 def test_below_the_noise_floor_differences_are_not_blown_up():
     rewards = [2.3000, 2.3001, 2.3002, 2.3003]
-    without, bounded = group_advantages(rewards), group_advantages(rewards, floor=0.02)
+    without, bounded = mean_advantages(rewards), mean_advantages(rewards, floor=0.02)
     assert without is not None
     assert bounded is not None
     assert np.abs(without).max() > 1.3
@@ -61,7 +61,7 @@ def test_entropic_weights_lie_ln_2_from_equal_ones():
 def test_entropic_advantages_are_after_the_best_answer_where_others_reward_the_usual_one():
     usual, best = 3, 5
     rewards = [-0.3, -0.3, 0.9, 0.9, 0.9, 1.3]
-    by_group = group_advantages(rewards)
+    by_group = mean_advantages(rewards)
     assert by_group is not None
     assert by_group[usual] > 0 > entropic(list(rewards))[usual]
     assert entropic(list(rewards))[best] > by_group[best] > 0
@@ -111,24 +111,22 @@ def test_a_structure_known_before_the_batch_counts_as_unchanged_and_a_siblings_a
     assert [one.sibling for one in found] == [False, False, True, False, True, False, False, False]
 
 
-def test_compared_with_the_parent_a_valid_answer_is_worth_the_logarithm_of_how_much_smaller_its_error_is():
-    run = steps((Status.OK, 0.5, None), (Status.OK, 2.0, None))
+def test_a_valid_answer_gains_the_logarithm_of_how_much_smaller_its_error_is_than_its_parents():
+    run = steps((Status.REQUIRED, -0.5, None), (Status.OK, 2.0, None), (Status.LOST, None, None))
     ends = [
-        (Status.OK, 2.4), (Status.OK, 1.9), (Status.OK, 0.1), (Status.OK, 9.0), (Status.ILLEGAL, None),
-        (Status.DUPLICATE, None), (Status.LOST, None),
+        (0, Status.OK, 0.7, None), (1, Status.OK, 2.4, None), (1, Status.OK, 1.9, None), (1, Status.OK, 9.0, None),
+        (1, Status.ILLEGAL, None, None), (1, Status.DUPLICATE, None, 0), (0, Status.DUPLICATE, None, 4),
+        (1, Status.LOST, None, None), (2, Status.OK, 5.0, None),
     ]  # fmt: skip
-    run += [Step(2 + place, parent=1, status=end, reward=reward) for place, (end, reward) in enumerate(ends)]
-    run += [Step(9, parent=0, status=Status.OK, reward=1.2)]
-
-    def worths(baseline: str) -> list[float | None]:
-        return [worth(rewarded(step, run, first=2), step, run, baseline) for step in run[2:]]
-
-    assert worths("parent") == pytest.approx([0.4, -0.1, -0.3, 1.0, -0.25, -0.3, None, 0.7])
-    assert worths("group") == [2.4, 1.9, 0.1, 9.0, -0.25, -0.3, None, 1.2]
+    run += [Step(3 + place, parent, status=end, reward=reward, same_as=same_as)
+            for place, (parent, end, reward, same_as) in enumerate(ends)]  # fmt: skip
+    found = [gain(rewarded(step, run, first=3), run[step.parent or 0], 1.5) for step in run[3:]]
+    # worse than its parent is not worse than nothing; the twin of step 4 has a parent of its own
+    assert found == pytest.approx([0.7, 0.4, 0.0, 1.5, -0.25, -0.3, 1.5, None, None])
 
 
 def split(rewards: list[float | None], group: int, baseline: str) -> list[list[float] | None]:
-    found = split_advantages(rewards, group, advantages="group", baseline=baseline, floor=0.02)
+    found = batch_advantages(rewards, group, advantages="mean", baseline=baseline, floor=0.02)
     return [None if one is None else list(one) for one in found]
 
 
@@ -216,7 +214,7 @@ def of_two(
     signs = torch.tensor([1.0 if one else -1.0 for one in answers], dtype=torch.float64)[:, None]
     new = torch.nn.functional.logsigmoid(signs * logit)
     before = new.detach() if old is None else torch.nn.functional.logsigmoid(signs * old)
-    advantages = group_advantages(rewards)
+    advantages = mean_advantages(rewards)
     assert advantages is not None
     found = group_objective(
         new, before, torch.tensor(served, dtype=torch.float64)[:, None], torch.tensor(advantages),
@@ -233,7 +231,7 @@ def test_the_gradient_of_a_two_token_policy_is_that_of_the_closed_form(x):
     p = 1 / (1 + math.exp(-x))
     answers, rewards = [1, 0, 0, 1], [2.0, 0.0, 0.5, 1.0]
     served = [math.log(p if one else 1 - p) for one in answers]
-    advantage = group_advantages(rewards)
+    advantage = mean_advantages(rewards)
     assert advantage is not None
     # d ln p(1)/dx = 1 - p, d ln p(0)/dx = -p
     expected = np.mean([a * ((1 - p) if one else -p) for a, one in zip(advantage, answers, strict=True)])
@@ -251,7 +249,7 @@ def test_answers_of_a_stale_sampler_are_weighed_by_what_the_trainer_thinks_of_th
     weights = [min(p / q, 1.5) if one else min((1 - p) / (1 - q), 1.5) for one in answers]
     assert weights[0] == 1.5  # truncated, from 1.67
     assert weights[1] < 1
-    advantage = group_advantages(rewards)
+    advantage = mean_advantages(rewards)
     assert advantage is not None
     terms = zip(weights, advantage, answers, strict=True)
     expected = np.mean([w * a * ((1 - p) if one else -p) for w, a, one in terms])
@@ -299,7 +297,8 @@ def test_the_default_profile_is_the_papers():
         ({"contexts": 1, "group": 1, "baseline": "parent"}, "a batch needs 2 answers or more.*found 1"),
         ({"group": 0, "baseline": "parent"}, "a group needs 1 answer or more, found 0"),
         ({"baseline": "best"}, "baseline must be group or parent, found best"),
-        ({"advantages": "most"}, "advantages must be group or entropic, found most"),
+        ({"advantages": "most"}, "advantages must be mean or entropic, found most"),
+        ({"most_gain": 0.0}, "most_gain must be above zero, found 0"),
         ({"contexts": 0}, "a batch needs 1 context or more, found 0"),
         ({"rate": -1.0}, "the learning rate must be above zero, found -1"),
         ({"rate": math.nan}, "the learning rate must be above zero, found nan"),

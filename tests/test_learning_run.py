@@ -55,7 +55,7 @@ def test_a_run_that_learns_keeps_its_weights_its_updates_and_a_page(tmp_path):
     # goes on, and only with the same settings
     with pytest.raises(IbridError, match=r"made with learning\.contexts = 2, now it is 4"):
         learnt(folder, budget=20, resume=True, learn=LearningSettings(contexts=4, group=4, rate=0.02))
-    with pytest.raises(IbridError, match=r"made with learning\.advantages = group, now it is nothing"):
+    with pytest.raises(IbridError, match=r"made with learning\.advantages = mean, now it is nothing"):
         learnt(folder, budget=20, resume=True, learn=False)
     assert learnt(folder, budget=20, resume=True).evaluations == 20
 
@@ -131,8 +131,11 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
 
 @needs_torch
 def test_a_profile_is_given_by_its_name(tmp_path):
-    learnt(tmp_path / "run", learn="small")
-    assert "[learning]\ncontexts = 8\ngroup = 1\n" in (tmp_path / "run" / "run.toml").read_text()
+    learnt(tmp_path / "run", learn="small", budget=14)
+    told = (tmp_path / "run" / "run.toml").read_text()
+    for line in ("contexts = 8", "group = 1", "epochs = 2", 'baseline = "parent"', 'advantages = "entropic"'):
+        assert f"\n{line}\n" in told
+    assert "gain, mean" in (tmp_path / "run" / "report.html").read_text()
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
         learnt(tmp_path / "other", learn="large")
 

@@ -24,22 +24,19 @@ MODEL_HELP = (
 
 #: Settings of learning that have an option: what it takes, how it is read, and what it is for.
 LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
-    "contexts": ("N", inputs.natural, "questions between two updates (32; small: 8)"),
-    "group": ("N", inputs.natural, "answers to each question (16; small: 1)"),
-    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model; small: 3e-4)"),
-    "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
-    "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
-    "advantages": (
-        "WAY",
-        str,
-        "what an update makes better: group, the mean answer (default), or entropic, the best (small)",
-    ),
+    "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 8)"),
+    "group": ("N", inputs.natural, "answers to each question (paper 16, small 1)"),
+    "epochs": ("N", inputs.natural, "updates from each batch (paper 1, small 2)"),
+    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
     "baseline": (
         "WAY",
         str,
-        "answers are compared with those to the same question (group, the default), or, all of a batch, by what each gains "
-        "on what it edits (parent; small)",
+        "answers are compared with their group, those to the same question, by their rewards (paper), or with all of "
+        "their batch by what they gain on their parent, the candidate they edit (small)",
     ),
+    "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
+    "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
+    "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
 }
 
 
@@ -112,7 +109,7 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn-profile",
         metavar="NAME",
-        help="settings to begin with: paper (default), batches of 512, or small, for a few hundred evaluations",
+        help="settings to begin with: paper (default), 512 answers to an update; small: 8, for a few hundred evaluations",
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
         search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)

@@ -1,4 +1,4 @@
-"""How much better an answer is than the others to the same question, and what its reward is."""
+"""How much better an answer is than those it is compared with, and what its reward is."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,20 +13,18 @@ from search.step import Status, Step, rl_reward
 
 #: Paper, section V.C.
 EPSILON = 1e-6
-#: Of the weights of a group from equal ones, nats: as if half of the answers counted.
+#: Of the weights of answers from equal ones, nats: as if half of them counted.
 DIVERGENCE = log(2.0)
-#: Largest gain on a parent, a factor e of its error: what mends a bad parent by more says no more about good answers.
-MOST_GAIN = 1.0
-#: What an answer is compared with: the answers to the same question (the paper), or what it edits, which makes those to
-#: different questions comparable.
+#: Answers are compared by their rewards with the others of their group, which answer the same question (the paper), or by what
+#: they gain on their parents with all of their batch.
 BASELINES = ("group", "parent")
 
 
-def group_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
-    """(r - mean)/(max(std, floor) + 1e-6) over a group, (N,), nan where a reward is not known (None).
+def mean_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
+    """(r - mean)/(max(std, floor) + 1e-6) over N answers, (N,), nan where a reward is not known (None).
 
     mean, std : of the known rewards, std with 1/N. floor : what the noise of a fit makes of equal answers; differences
-    below it then stay small. None for a group that teaches nothing: fewer than two known rewards, or all the same.
+    below it then stay small. None where nothing is taught: fewer than two known rewards, or all the same.
     """
     found, known = _known(rewards)
     if not _teaches(known):
@@ -35,7 +33,7 @@ def group_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.
 
 
 def entropic_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
-    """N q - 1 over a group, (N,), with q = softmax(beta r); nan and None as for `group_advantages`.
+    """N q - 1 over N answers, (N,), with q = softmax(beta r); nan and None as for `mean_advantages`.
 
     For the sake of the best answer rather than the mean: the gradient is that of ln E exp(beta r) / beta. beta is where q lies
     ln 2 from the uniform distribution (Kullback-Leibler), at most 1 / floor. Source: M. Yuksekgonul et al., arXiv 2601.16175.
@@ -59,18 +57,19 @@ def _sharpness(rewards: np.ndarray, floor: float) -> float:
     return float(root_scalar(beyond, bracket=(0.0, most), method="brentq").root) if beyond(most) > 0 else most
 
 
-#: How answers of a group are compared.
+#: What is made better: the mean answer, or the best.
 WAYS: Mapping[str, Callable[[Sequence[float | None], float], np.ndarray | None]] = MappingProxyType(
-    {"group": group_advantages, "entropic": entropic_advantages}
+    {"mean": mean_advantages, "entropic": entropic_advantages}
 )
 
 
-def split_advantages(
+def batch_advantages(
     rewards: Sequence[float | None], group: int, *, advantages: str, baseline: str, floor: float
 ) -> list[np.ndarray | None]:
-    """Advantages of the answers of a batch, those of each group of so many together; None for a group that teaches nothing.
+    """Advantages of the answers of a batch, an array for each group of so many.
 
-    advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of a group, "parent" those of the batch.
+    advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of each group, "parent" those of the batch.
+    None for a group that teaches nothing: what is compared is all alike as far as it is known, or none of the group is known.
     """
     way = WAYS[advantages]
     if baseline == "group":
@@ -101,16 +100,14 @@ class Rewarded:
     sibling: bool
 
 
-def worth(one: Rewarded, step: Step, steps: Sequence[Step], baseline: str) -> float | None:
-    """What an answer is compared by: its reward, or with the baseline "parent" what a valid one gains on the step it edits.
-
-    The gain, ln(NRMSE of the parent / own NRMSE), counts from that of what changes nothing to `MOST_GAIN`.
+def gain(one: Rewarded, parent: Step, most: float) -> float | None:
+    """What an answer gains on the step that it edits: max(R, 0) - max(R_parent, 0) within 0 and `most` for a valid one, with R of
+    `ibrid.evaluation.reward`, so ln(NRMSE_parent / NRMSE) below errors of 1; the penalty of any other, None for a lost one.
     """
-    if baseline == "group" or one.status is not Status.OK or one.reward is None:
+    if one.status is not Status.OK or one.reward is None:
         return one.reward
-    parent = steps[step.parent or 0]
-    least = rl_reward(Status.UNCHANGED, None) or 0.0
-    return min(max(one.reward - max(parent.reward or 0.0, 0.0), least), MOST_GAIN)
+    before = rl_reward(Status.OK, parent.reward)
+    return None if before is None else min(max(one.reward - before, 0.0), most)
 
 
 def rewarded(step: Step, steps: Sequence[Step], first: int) -> Rewarded:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.learning.advantages import Rewarded, rewarded, split_advantages, worth
+from search.learning.advantages import Rewarded, batch_advantages, gain, rewarded
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
@@ -94,18 +94,23 @@ class Learner:
 
     def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
         """Update the weights from the last batch, all results of which are in; kept on disk before this returns."""
-        began = time.monotonic()
+        began, settings = time.monotonic(), self.settings
         self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
         found = [rewarded(step, steps, batch[0].number) for step in batch]
-        groups = list(self._groups(batch, self._advantages(batch, found, steps), context))
+        compared = self._compared(batch, found, steps)
+        advantages = batch_advantages(
+            compared, settings.group, advantages=settings.advantages, baseline=settings.baseline, floor=settings.floor
+        )
+        groups = list(self._groups(batch, advantages, context))
         taught = [group for group in groups if group is not None]
-        asked = [step for step, group in zip(batch[:: self.settings.group], groups, strict=True) if group is not None]
+        asked = [step for step, group in zip(batch[:: settings.group], groups, strict=True) if group is not None]
         update = Update(
             number=self.progress.seen + 1,
             first=batch[0].number,
             last=batch[-1].number,
-            dropped=self.settings.contexts - len(taught),
+            gain=_mean(compared) if settings.baseline == "parent" else None,
+            dropped=settings.contexts - len(taught),
             tokens=float(np.mean([len(_kept(step).get("tokens", ())) for step in batch])),
             seconds_sampling=self._sampling,
             remark=self.progress.stopped,
@@ -144,18 +149,14 @@ class Learner:
 
     # --- learning ----------------------------------------------------------------------------------------------------
 
-    def _advantages(
-        self, batch: Sequence[Step], found: Sequence[Rewarded], steps: Sequence[Step]
-    ) -> list[np.ndarray | None]:
-        """Of each group, nan for an answer that was never given or never judged."""
-        settings = self.settings
-        told = [
-            worth(one, step, steps, settings.baseline) if "tokens" in _kept(step) else None
-            for one, step in zip(found, batch, strict=True)
-        ]
-        return split_advantages(
-            told, settings.group, advantages=settings.advantages, baseline=settings.baseline, floor=settings.floor
-        )
+    def _compared(self, batch: Sequence[Step], found: Sequence[Rewarded], steps: Sequence[Step]) -> list[float | None]:
+        """What the answers of a batch are compared by; None for one that was never given or never judged."""
+        if self.settings.baseline == "group":
+            told = [one.reward for one in found]
+        else:
+            most = self.settings.most_gain
+            told = [gain(one, steps[step.parent or 0], most) for one, step in zip(found, batch, strict=True)]
+        return [one if "tokens" in _kept(step) else None for one, step in zip(told, batch, strict=True)]
 
     def _groups(
         self, batch: Sequence[Step], advantages: Sequence[np.ndarray | None], context: ContextOf
@@ -212,6 +213,11 @@ def _sampled(step: Step) -> Sampled:
 def _prompt(members: Sequence[Step]) -> list[int]:
     """The question of a group, which the first of its steps that has an answer keeps."""
     return next((list(_kept(one)["prompt"]) for one in members if "prompt" in _kept(one)), [])
+
+
+def _mean(numbers: Sequence[float | None]) -> float | None:
+    known = [one for one in numbers if one is not None]
+    return sum(known) / len(known) if known else None
 
 
 def _sentence(what: str, drift: float | None, word: str) -> str:

@@ -20,8 +20,9 @@ class Update:
     `first`, `last` : its steps. `reward`, `best_reward` : mean and largest. Shares of the answers: `valid` (fitted, twins
     included), `unchanged`, `duplicates` (known before the batch), `siblings` (same structure as an earlier answer of the
     batch), `refused` (no usable or no legal edit), `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts
-    whose answers all had the same reward. `tokens` : of an answer, mean. The rest as `search.learning.trainer.Trained` has it,
-    None where nothing was scored; `probe` : drift after the update. `remark` : a sentence when something is wrong.
+    that taught nothing. `gain` : mean of what the answers gain on their parents, where they are compared by it. `tokens` : of
+    an answer, mean. The rest as `search.learning.trainer.Trained` has it, None where nothing was scored; `probe` : drift after
+    the update. `remark` : a sentence when something is wrong.
     """
 
     number: int
@@ -38,6 +39,7 @@ class Update:
     lost: int
     dropped: int
     tokens: float
+    gain: float | None = None
     entropy: float | None = None
     divergence: float | None = None
     weight: float | None = None

@@ -9,14 +9,13 @@ from ibrid.report.numbers import percent, seconds
 from search.learning.updates import META, Update, read_updates
 from search.report.run_data import RunData
 
-#: Remarks that are shown.
-REMARKS = 3
 _SHARES = ("valid", "unchanged", "duplicates", "siblings", "refused", "failed")
 _WORDS = (
-    "An update compares the answers to the same question with one another and makes the better ones more likely. Valid: "
-    "fitted, repetitions within the batch included. Known before: duplicates of structures older than the batch; siblings: "
-    "answers that repeat another of their batch. Divergence: how far the policy is from the one that the search began "
-    "with, in nats per token (KL). Entropy: how undecided it is, in nats per token."
+    "An update makes the better answers of a batch more likely: those of higher reward among the answers to the same question, "
+    "or, where a gain is told, those that gain most on the candidate they edit. Valid: fitted, repetitions within the batch "
+    "included. Known before: duplicates of structures older than the batch; siblings: answers that repeat another of their "
+    "batch. Divergence: how far the policy is from the one that the search began with, in nats per token (KL). Entropy: how "
+    "undecided it is, in nats per token."
 )
 _EXACT = (
     "Importance weight: what training and sampling think of the same token, 1 when they agree; drift: the mean difference of "
@@ -47,8 +46,14 @@ def learning_html(run: RunData) -> str:
 def _figure(updates: Sequence[Update]) -> str:
     if len(updates) < 2:
         return ""
+    rewards: dict[str, Sequence[float | None]] = {
+        "mean": [one.reward for one in updates],
+        "best": [one.best_reward for one in updates],
+    }
+    if _gains(updates):
+        rewards["gain, mean"] = [one.gain for one in updates]
     courses = (
-        course("reward", {"mean": [one.reward for one in updates], "best": [one.best_reward for one in updates]}),
+        course("reward", rewards),
         course("share", {name.replace("duplicates", "known before"): [getattr(one, name) for one in updates]
                          for name in ("valid", "duplicates", "siblings", "refused")}),
         course("nats per token", {"entropy": [one.entropy for one in updates],
@@ -63,14 +68,19 @@ def _figure(updates: Sequence[Update]) -> str:
     return figure_html(svg, style="broad")
 
 
+def _gains(updates: Sequence[Update]) -> bool:
+    return any(one.gain is not None for one in updates)
+
+
 def _batches(updates: Sequence[Update]) -> str:
-    names = ["update", "steps", "reward, mean", "best", "valid", "unchanged", "known before", "siblings", "refused", "failed",
-             "lost", "tokens"]  # fmt: skip
+    names = ["update", "steps", "reward, mean", "best", *["gain, mean"] * _gains(updates), "valid", "unchanged",
+             "known before", "siblings", "refused", "failed", "lost", "tokens"]  # fmt: skip
     rows = "".join(
         f'<tr><th scope="row" class="n">{one.number}</th>'
         + cell(f"{one.first} to {one.last}")
         + value_cell(one.reward)
         + value_cell(one.best_reward)
+        + value_cell(one.gain) * _gains(updates)
         + "".join(cell(percent(getattr(one, name)), numeric=True) for name in _SHARES)
         + cell(str(one.lost), numeric=True)
         + cell(f"{one.tokens:.0f}", numeric=True)
@@ -81,17 +91,8 @@ def _batches(updates: Sequence[Update]) -> str:
     return table("Updates", "What the answers of each batch came to.", body)
 
 
-def _remarks(updates: Sequence[Update]) -> str:
-    """What was wrong, the latest first; "" where nothing was."""
-    told = [f"Update {one.number}: {one.remark}." for one in reversed(updates) if one.remark]
-    if not told:
-        return ""
-    more = [f"{len(told) - REMARKS} earlier updates have such a remark too."] if len(told) > REMARKS else []
-    return bullets([*told[:REMARKS], *more])
-
-
 def _steps(updates: Sequence[Update]) -> str:
-    names = ["update", "groups without difference", "entropy", "divergence", "weight", "largest", "clipped", "drift", "probe",
+    names = ["update", "questions dropped", "entropy", "divergence", "weight", "largest", "clipped", "drift", "probe",
              "gradient", "sampling", "update took"]  # fmt: skip
     rows = "".join(
         f'<tr><th scope="row" class="n">{one.number}</th>'

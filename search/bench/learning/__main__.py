@@ -15,7 +15,7 @@ from ibrid.commands.inputs import count, positive
 from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger, resumable
 from ibrid.writing import require_place, write_whole
-from search.bench.learning.arms import ALL_ARMS, ARMS, INVERTERS, Case, cases, weights_digest
+from search.bench.learning.arms import ALL_ARMS, ARMS, INVERTERS, PROFILE, Case, cases, weights_digest
 from search.bench.learning.comparison import current
 from search.bench.learning.measuring import Search, measured
 from search.bench.learning.page import measured_of, page
@@ -57,14 +57,16 @@ def _parser() -> argparse.ArgumentParser:
         help=f"instead of {', '.join(ARMS)}; known are {', '.join(ALL_ARMS)}",
     )
     parser.add_argument(
-        "--profile", default="small", help="settings of learning to begin with: small (default), or paper"
+        "--profile", metavar="NAME", default=PROFILE, help=f"settings of learning to begin with ({PROFILE})"
     )
-    parser.add_argument("--contexts", type=count, help="questions of a batch of learning")
+    parser.add_argument("--contexts", type=count, help="questions of a batch (the profile's, as all of these)")
     parser.add_argument("--group", type=count, help="answers to each question")
     parser.add_argument("--epochs", type=count, help="updates from each batch")
     parser.add_argument("--rate", type=positive, help="learning rate")
-    parser.add_argument("--advantages", metavar="WAY", help="what is made better: group or entropic")
-    parser.add_argument("--baseline", metavar="WAY", help="what answers are compared with: group or parent")
+    parser.add_argument("--baseline", metavar="WAY", help="answers are compared with their group, or with their parent")
+    parser.add_argument(
+        "--advantages", metavar="WAY", help="what is made better: the mean answer, or the best (entropic)"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/bench-learning"), help="folder of the results")
     parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/learning_results.md)")
     return parser

@@ -1,10 +1,11 @@
 """What is compared, and on what: the arms, the hidden inverters, and one search of the comparison."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from ibrid.errors import IbridError, near
 from search.learning.settings import PROFILES, LearningSettings
@@ -17,6 +18,8 @@ KNOWN = ("paper_like", "gfl_l_filter", "gfm_droop")
 #: Of families of which the policy never saw one: DC link with control of the AC voltage, virtual oscillator, hybrid.
 HELD_OUT = ("gfl_dc_link", "gfm_dvoc", "hybrid_gfl_gfm")
 INVERTERS = (*KNOWN, *HELD_OUT)
+#: Of learning, unless another is asked for.
+PROFILE = "small"
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,8 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: The last is no arm of the comparison but its control: all that `learning` does, answers in groups and results by the batch,
-#: but for the change of the weights. It is made when it is asked for.
+#: The last is no arm of the comparison but its control: all that `learning` does, results by the batch among it, but for the
+#: change of the weights. It is made when it is asked for.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
@@ -45,7 +48,7 @@ ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
         "frozen": Arm("the policy as it ships", "policy"),
         "learning": Arm("the policy, trained on the rewards of the run", "policy", learns=True),
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
-        "untrained": Arm("as learning, in groups, weights unchanged", "policy", learns=True, rate=NO_STEP),
+        "untrained": Arm("as learning, results by the batch, weights unchanged", "policy", learns=True, rate=NO_STEP),
     }
 )
 ARMS = tuple(ALL_ARMS)[:-1]
@@ -64,20 +67,20 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The arm, and how it learns where it does: the profile, or the size of its batches and what else is not the default,
-        "learning small" or "learning 4x8"."""
+        """The arm; where it asks by the batch how: the profile, or the size of a batch and what is not the default, "learning
+        small" or "learning 4x8 entropic"; of the control the size alone."""
         one = ALL_ARMS[self.arm]
         if not one.learns:
             return self.arm
         settings = self.settings
+        if one.rate is not None:
+            return f"{self.arm} {size(settings)}"
         if found := [name for name, profile in PROFILES.items() if profile == settings]:
             return f"{self.arm} {found[0]}"
-        told = [f"{settings.contexts}x{settings.group}"]
-        if one.rate is None:
-            told += [way for way in (settings.baseline, settings.advantages) if way != "group"]
-            told += [] if settings.rate is None else [f"rate {settings.rate:g}"]
-            told += [f"epochs {settings.epochs}"] if settings.epochs > 1 else []
-        return " ".join([self.arm, *told])
+        changes = _changes(settings)
+        ways = [changes[name] for name in ("baseline", "advantages") if name in changes]
+        numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs") if name in changes]
+        return " ".join([self.arm, size(settings), *ways, *numbers])
 
     @property
     def key(self) -> str:
@@ -86,9 +89,26 @@ class Case:
         words = [self.inverter, *self.label.split(), str(self.budget), str(self.seed)]
         if one.asks_policy:
             words.append(self.weights)
-        if one.learns:
-            words.append(sha256(repr(self.settings).encode()).hexdigest()[:8])
+        if one.learns and one.rate is None:
+            words.append(sha256(repr(_changes(self.settings)).encode()).hexdigest()[:8])
         return "-".join(words)
+
+
+def size(settings: LearningSettings) -> str:
+    """Of a batch: questions x answers to each."""
+    return f"{settings.contexts}x{settings.group}"
+
+
+def control(label: str) -> str:
+    """Label of what tells learning of a label from what comes with it."""
+    told = label.split()[1]
+    return f"untrained {size(PROFILES[told]) if told in PROFILES else told}"
+
+
+def _changes(settings: LearningSettings) -> dict[str, Any]:
+    """What is not the default, so that a setting that is new changes no key."""
+    default = asdict(LearningSettings())
+    return {name: found for name, found in asdict(settings).items() if found != default[name]}
 
 
 def cases(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from search.bench.learning.arms import ALL_ARMS, arm_of
+from search.bench.learning.arms import ALL_ARMS, arm_of, control
 from search.bench.learning.course import area, evaluations_to, final_error
 from search.bench.learning.statistics import Estimate, Strata, differences, estimate, mean, median
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR
@@ -38,10 +38,13 @@ FINAL = Measure("final", final_error, "log10")
 
 
 def current(rows: Iterable[Row]) -> list[Row]:
-    """The rows without those of the policy with other weights than those of the last row that has any."""
+    """The rows that hold now: of the policy with the weights of the last row that has any, and of the same search the last."""
     rows = list(rows)
     newest = newest_weights(rows)
-    return [row for row in rows if row["weights"] in ("", newest)]
+    kept = {
+        (row["inverter"], row["arm"], row["budget"], row["seed"]): row for row in rows if row["weights"] in ("", newest)
+    }
+    return list(kept.values())
 
 
 def newest_weights(rows: Iterable[Row]) -> str:
@@ -77,7 +80,7 @@ def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
     """Arms whose difference says something: learning and its controls, the policy and chance, and what it adds to rules."""
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
-        wanted += [(label, "frozen"), (label, " ".join(["untrained", *label.split()[1:2]]))]
+        wanted += [(label, "frozen"), (label, control(label))]
     wanted += [("frozen", "random"), ("mixed", "rules")]
     return [pair for pair in wanted if set(pair) <= set(found)]
 

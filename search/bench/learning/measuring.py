@@ -21,8 +21,8 @@ from search.tally import Tally, counts
 
 #: What is kept of each update.
 TOLD = (
-    "number", "reward", "best_reward", "valid", "unchanged", "duplicates", "siblings", "refused", "failed", "dropped", "entropy",
-    "divergence", "weight", "clipped", "drift", "gradient", "updated", "remark",
+    "number", "reward", "best_reward", "gain", "valid", "unchanged", "duplicates", "siblings", "refused", "failed", "dropped",
+    "entropy", "divergence", "weight", "clipped", "drift", "gradient", "updated", "remark",
 )  # fmt: skip
 
 

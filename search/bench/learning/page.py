@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS
+from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
 from search.bench.learning.comparison import Row, Rows, budgets, current, newest_weights
 from search.bench.learning.tables import (
     answers_table,
@@ -12,12 +12,13 @@ from search.bench.learning.tables import (
     sentences,
     updates_table,
 )
+from search.learning.settings import PROFILES
 
 _TOP = """# Does learning help?
 
 Made by `make bench-learning`, which keeps what it has measured and goes on where it was stopped; no number here is typed
 by hand. The same searches by five proposers, at equal numbers of evaluations. A sixth, `untrained`, tells learning from what
-comes with it, answers in groups and results only after a batch:
+comes with it, results only after a batch:
 
 {arms}
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
@@ -66,8 +67,8 @@ def page(rows: Iterable[Row]) -> str:
 def measured_of(rows: Rows) -> str:
     """How much of the comparison with one budget is there, in a sentence."""
     whole = len(INVERTERS) * len(ARMS) * SEEDS
-    there = {(row["inverter"], row["arm"].partition(" ")[0], row["seed"]) for row in rows}
-    asked = [one for one in there if one[1] in ARMS and one[2] < SEEDS]
+    labels = {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in ARMS}
+    asked = {(row["inverter"], row["arm"], row["seed"]) for row in rows if row["arm"] in labels and row["seed"] < SEEDS}
     if not asked:
         return (
             f"None of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) is measured yet."
