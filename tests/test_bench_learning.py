@@ -15,6 +15,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants.reference import P1_Q03
 from search.bench.inverters import inverter
 from search.bench.learning.__main__ import main
 from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS, Case, cases, weights_digest
@@ -31,6 +32,7 @@ from search.bench.learning.comparison import (
     verdict,
 )
 from search.bench.learning.course import area, best_at, course_of, evaluations_to
+from search.bench.learning.drawn import drawn_inverter
 from search.bench.learning.measuring import endings, measured
 from search.bench.learning.page import measured_of, page
 from search.bench.learning.statistics import DRAWS, Estimate, differences, estimate, mean, median
@@ -338,6 +340,40 @@ def many(gain: float = 0.0, *, noise: float = 1.0) -> list[dict[str, Any]]:
             rows.append(row(name, "learning 4x8", seed, error * 10**-gain))
             rows.append(row(name, "random", seed, 0.5))
     return rows
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("drawn_dc_link", {"DC_link", "Magnitude"}),
+        ("drawn_oscillator", {"dVOC"}),
+        ("drawn_hybrid", {"Integrator", "PI"}),
+    ],
+)
+def test_a_drawn_inverter_is_of_its_family_and_another_for_every_seed(name, kinds):
+    first, again, other = (drawn_inverter(name, number) for number in (0, 0, 1))
+    assert first.program == again.program
+    assert first.values == again.values != other.values
+    assert first.values is not None
+    assert first.truth is not None
+    assert all(f'"{kind}"' in first.program for kind in kinds)
+    for point, twin in zip(first.sweep.points, again.sweep.points, strict=True):
+        np.testing.assert_array_equal(point.admittance, twin.admittance)
+    assert [point.op.name for point in first.sweep.points] == [op.name for op in P1_Q03]
+    warm = {point.op.name: first.values for point in first.sweep.points}
+    found = ibrid.evaluate(first.truth, first.sweep, warm=warm, restarts=0)
+    assert found.nrmse is not None
+    assert found.nrmse < 1e-6  # its truth is its measurement
+
+
+def test_rows_of_drawn_inverters_have_tables_of_their_own():
+    rows = [row | {"inverter": "drawn_hybrid"} for row in many(0.25) if row["inverter"] == "gfm_dvoc"]
+    text = page([*many(), *rows])
+    assert "### Every arm, drawn inverters of held-out families" in text
+    assert "| learning 4x8 - frozen | drawn " in text
+    assert "| `drawn_hybrid`   | drawn" in text
+    assert arms_table([*many(), *rows]) == arms_table(many())
+    assert "### Every arm, drawn" not in page(many())
 
 
 def test_a_gain_in_every_pair_is_found_exactly_however_much_runs_differ():

@@ -110,7 +110,9 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
 PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
-        "small": LearningSettings(contexts=8, group=1, epochs=2, baseline="parent", advantages="entropic"),
+        "small": LearningSettings(
+            contexts=8, group=1, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
+        ),
     }
 )
 

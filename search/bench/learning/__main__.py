@@ -15,7 +15,7 @@ from ibrid.commands.inputs import count, positive
 from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger, resumable
 from ibrid.writing import require_place, write_whole
-from search.bench.learning.arms import ALL_ARMS, ARMS, INVERTERS, PROFILE, Case, cases, weights_digest
+from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, INVERTERS, PROFILE, Case, cases, weights_digest
 from search.bench.learning.comparison import current
 from search.bench.learning.measuring import Search, measured
 from search.bench.learning.page import measured_of, page
@@ -47,7 +47,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=count, default=3, help="searches of each arm on each inverter (3; all: 10)")
     parser.add_argument("--budget", type=count, default=256, help="evaluations of each search (256)")
     parser.add_argument(
-        "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
+        "--inverter",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"only these of {', '.join(INVERTERS)}, or, another inverter for every seed, {', '.join(DRAWN)}",
     )
     parser.add_argument(
         "--arm",

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError, near
+from search.bench.learning.drawn import FAMILIES
 from search.learning.settings import PROFILES, LearningSettings
 from search.policy.weights_folder import WEIGHTS_FILE, shipped_folder
 
@@ -18,6 +19,8 @@ KNOWN = ("paper_like", "gfl_l_filter", "gfm_droop")
 #: Of families of which the policy never saw one: DC link with control of the AC voltage, virtual oscillator, hybrid.
 HELD_OUT = ("gfl_dc_link", "gfm_dvoc", "hybrid_gfl_gfm")
 INVERTERS = (*KNOWN, *HELD_OUT)
+#: Of the same families, another inverter for every seed; searched when they are asked for.
+DRAWN = tuple(FAMILIES)
 #: Of learning, unless another is asked for.
 PROFILE = "small"
 
@@ -124,7 +127,10 @@ def cases(
 
     inverters, arms : none for all of `INVERTERS` and `ARMS`. Raises IbridError for an unknown one, with near names.
     """
-    for asked, known, what in ((inverters, INVERTERS, "inverter of this comparison"), (arms, ALL_ARMS, "arm")):
+    for asked, known, what in (
+        (inverters, (*INVERTERS, *DRAWN), "inverter of this comparison"),
+        (arms, ALL_ARMS, "arm"),
+    ):
         for name in asked:
             if name not in known:
                 raise IbridError(f"there is no {what} called {name}; {near(name, known)}")

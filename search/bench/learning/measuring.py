@@ -7,9 +7,11 @@ from typing import Any, Protocol
 
 from ibrid.structure.compare import compare
 from ibrid.structure.program import parse_program
+from search.bench.hidden import Hidden
 from search.bench.inverters import inverter
 from search.bench.learning.arms import ALL_ARMS, Case
 from search.bench.learning.course import course_of
+from search.bench.learning.drawn import FAMILIES, drawn_inverter
 from search.bench.scoring import Answer, Row
 from search.bench.trials import EXACT_MODE
 from search.learning.settings import LearningSettings
@@ -44,7 +46,7 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
     `modules_f1`, `connections_f1` : of the answer against the truth, 0 without an answer. `updates` : of what learns.
     `seconds` : of the wall clock, the page of the run included. Raises KeyboardInterrupt when the search was stopped by one.
     """
-    arm, hidden = ALL_ARMS[case.arm], inverter(case.inverter)
+    arm, hidden = ALL_ARMS[case.arm], hidden_of(case)
     run = search(
         hidden.sweep,
         folder,
@@ -68,11 +70,18 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
         "curve": course_of(run.trajectory),
         "evaluations": run.evaluations,
         "ending": run.ending,
-        **_overlap(run.answer_program, case.inverter),
+        **_overlap(run.answer_program, hidden),
         "proposed": endings(steps),
         "updates": [_told(one) for one in updates],
         "seconds": round(run.seconds, 2),
     }
+
+
+def hidden_of(case: Case) -> Hidden:
+    """What is to be found; of a family the inverter of the seed."""
+    if case.inverter in FAMILIES:
+        return drawn_inverter(case.inverter, case.seed)
+    return inverter(case.inverter)
 
 
 def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
@@ -105,8 +114,8 @@ def _settings(case: Case) -> LearningSettings:
     return case.settings if rate is None else replace(case.settings, rate=rate)
 
 
-def _overlap(program: str, name: str) -> dict[str, float]:
-    truth = inverter(name).truth
+def _overlap(program: str, hidden: Hidden) -> dict[str, float]:
+    truth = hidden.truth
     if truth is None or not program:
         return {"modules_f1": 0.0, "connections_f1": 0.0}
     found = compare(parse_program(program, "the answer"), truth)

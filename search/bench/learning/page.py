@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
+from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
 from search.bench.learning.comparison import Row, Rows, budgets, current, newest_weights
 from search.bench.learning.tables import (
     answers_table,
@@ -42,6 +42,7 @@ _ANSWERS = """Valid: led to a fit; known: to a structure met before or to the pa
 Random edits and rules pass over known structures unseen; the frozen policy is asked again after one, and these answers count
 here. Seconds: of a run, its page included.
 """
+_DRAWN = "Another inverter for every seed, so intervals speak of other inverters of these families.\n"
 _INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"
 _UPDATES = """Means over the runs. Reward: of an answer; siblings: answers that repeat another of their batch; entropy and
 divergence from the start in nats per token; clipped: share of the tokens whose gradient was cut off; drift: between the
@@ -68,7 +69,11 @@ def measured_of(rows: Rows) -> str:
     """How much of the comparison with one budget is there, in a sentence."""
     whole = len(INVERTERS) * len(ARMS) * SEEDS
     labels = {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in ARMS}
-    asked = {(row["inverter"], row["arm"], row["seed"]) for row in rows if row["arm"] in labels and row["seed"] < SEEDS}
+    asked = {
+        (row["inverter"], row["arm"], row["seed"])
+        for row in rows
+        if row["arm"] in labels and row["inverter"] in INVERTERS and row["seed"] < SEEDS
+    }
     if not asked:
         return (
             f"None of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) is measured yet."
@@ -80,11 +85,13 @@ def measured_of(rows: Rows) -> str:
 
 def _section(rows: Rows, budget: int) -> str:
     told = "".join(f"- {one}\n" for one in sentences(rows))
+    drawn = arms_table(rows, DRAWN) if any(row["inverter"] in DRAWN for row in rows) else ""
     parts = [
         f"## {budget} evaluations\n\n{measured_of(rows)}\n\n{told}",
         f"### Every arm, all inverters\n\n{arms_table(rows)}",
         f"### Every arm, families it was trained on\n\n{arms_table(rows, KNOWN)}",
         f"### Every arm, held-out families\n\n{arms_table(rows, HELD_OUT)}",
+        *([f"### Every arm, drawn inverters of held-out families\n\n{_DRAWN}\n{drawn}"] if drawn else []),
         f"### Differences\n\n{_PAIRS}\n{pairs_table(rows)}",
         f"### What became of the answers\n\n{_ANSWERS}\n{answers_table(rows)}",
         f"### Every inverter\n\n{_INVERTERS}\n{inverters_table(rows)}",

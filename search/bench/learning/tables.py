@@ -5,7 +5,7 @@ from math import isfinite
 from statistics import fmean
 from typing import Any
 
-from search.bench.learning.arms import ALL_ARMS, HELD_OUT, INVERTERS, KNOWN, arm_of
+from search.bench.learning.arms import ALL_ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, arm_of
 from search.bench.learning.comparison import (
     AREA,
     MEASURES,
@@ -31,6 +31,7 @@ PLACES: Mapping[str, tuple[str, Collection[str]]] = {
     "all": ("all inverters", INVERTERS),
     "trained on": ("families it was trained on", KNOWN),
     "held out": ("held-out families", HELD_OUT),
+    "drawn": ("drawn inverters of held-out families", DRAWN),
 }
 _WIDTHS = (20, 15, 4, 4)
 
@@ -99,13 +100,13 @@ def inverters_table(rows: Rows) -> str:
     """For each inverter and arm the median of the best error at the end, and how many runs came to the paper's error."""
     found = labels(rows)
     lines = []
-    for name in INVERTERS:
+    for name in (*INVERTERS, *sorted({row["inverter"] for row in rows} & set(DRAWN))):
         cells = []
         for label in found:
             own = part(rows, label, (name,))
             error, reached = typical_error(own), sum(isfinite(TO_PAPER_ERROR.of(row)) for row in own)
             cells.append("-" if error is None else f"{error:.2g}, {reached} of {len(own)}")
-        lines.append([f"`{name}`", "held out" if name in HELD_OUT else "", *cells])
+        lines.append([f"`{name}`", "held out" * (name in HELD_OUT) or "drawn" * (name in DRAWN), *cells])
     return table(["inverter", "", *found], lines)
 
 
