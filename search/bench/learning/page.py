@@ -26,7 +26,8 @@ equilibrium, one parameter set. The policy was trained on drawn inverters of the
 {known};
 the structure of `paper_like` itself was kept from it. It never saw an inverter of the families of
 {held_out}:
-DC link with control of the AC voltage, virtual oscillator, droop with a PLL.
+DC link with control of the AC voltage, virtual oscillator, droop with a PLL. Drawn inverters, where they are, are of these
+families too, another one for every seed.
 
 **To 0.0435, to 1e-3**: evaluations until the best error is at most that; a run that never gets there counts as beyond the
 budget, so a median may be "> budget". **Area**: mean over the evaluations of log10 of the best NRMSE so far, 1e-6 at
