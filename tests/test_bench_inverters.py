@@ -18,7 +18,7 @@ from ibrid.structure.drafting import Draft
 from search.bench.inverters import inverter
 from search.bench.reference.__main__ import main
 from search.bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
-from search.bench.reference.rows import INVERTERS, TASKS, Effort, Task, measured, tasks
+from search.bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbook, tasks
 from search.bench.reference.tables import NOT_YET, page
 from search.bench.scoring import perform
 from search.bench.trials import BUDGETS, rules_trial
@@ -156,7 +156,7 @@ def test_the_fit_of_a_known_structure_and_both_sweeps_of_an_inverter_are_measure
 def test_another_budget_is_another_search_and_nothing_else():
     for kind in TASKS:
         one, other = Task("gfm_vsm", kind, 500), Task("gfm_vsm", kind, 100)
-        assert (one.key != other.key) == (kind == "search")
+        assert (one.key != other.key) == (kind in SEARCHES)
     keys = [task.key for task in tasks(INVERTERS, TASKS, 500)]
     assert len(set(keys)) == len(keys)
 
@@ -245,6 +245,20 @@ def test_the_page_in_the_docs_is_that_of_the_shipped_results():
     whole = list(tasks(INVERTERS, TASKS, BUDGETS["inverters"]))
     assert (docs / "inverters_results.md").read_text(encoding="utf-8") == page(whole, rows)
     assert set(rows) <= {task.key for task in whole}
+
+
+def test_a_search_may_begin_with_the_textbook_diagram_of_the_inverter_that_is_most_alike(tmp_path, capsys):
+    name, program, error = nearest_textbook("gfl_l_filter")
+    assert name not in ("gfl_l_filter", "parallel_gfl_gfm")
+    assert ibrid.evaluate(program, inverter("gfl_l_filter").sweep).nrmse == pytest.approx(error, rel=1e-9)
+    searched: list = []
+    options = ["--inverter", "gfl_l_filter", "--only", "nearest", "--out", str(tmp_path / "out")]
+    assert main(options, search=finding(searched)) == 0
+    ((_, asked),) = searched
+    assert structure_hash(asked["start"]) == structure_hash(program)
+    (row,) = Ledger(tmp_path / "out").rows.values()
+    assert (row["start"], row["start_nrmse"], row["success"]) == (name, pytest.approx(error), True)
+    assert f"`{name}`" in capsys.readouterr().out
 
 
 def test_a_search_that_was_made_before_is_read_and_not_made_again(tmp_path):

@@ -190,6 +190,17 @@ def test_a_textbook_variation_is_one_move_away(change):
     assert is_one_move(TEXTBOOK["gfl"], put(change))
 
 
+def test_a_droop_becomes_a_machine_that_a_pll_damps_by_one_move():
+    draft = Draft(TEXTBOOK["gfm_droop"], VOCABULARY)
+    pll, damping = draft.add("PLL_frequency", "pll_frequency"), draft.add("Gain", "pll_damping")
+    draft.chain("plant.e", f"{pll}.v", f"{pll}.delta_omega_pll", f"{damping}.in_", f"{damping}.out", "p_filter.in_")
+    draft.connect("p_droop.out", f"{pll}.delta_omega")
+    machine = draft.diagram()  # its gain of the power lies behind the low-pass, that of gfm_vsm before it
+    assert is_one_move(TEXTBOOK["gfm_droop"], machine)
+    record = ibrid.evaluate(machine, inverter("gfm_vsm").sweep)
+    assert record.nrmse < 1e-9
+
+
 @pytest.mark.parametrize(
     "change",
     [

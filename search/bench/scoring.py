@@ -54,9 +54,13 @@ class Answer(Protocol):
 Search = Callable[..., Answer]
 
 
-def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
-    """Make the search in `folder` and score its answer; the row is plain data. It never sees the held-out point."""
+def perform(trial: Trial, folder: Path, *, search: Search, workers: int, start: Diagram | None = None) -> Row:
+    """Make the search in `folder` and score its answer; the row is plain data. It never sees the held-out point.
+
+    start : None for the naive diagram.
+    """
     hidden = trial.hidden()
+    beginning = {} if start is None else {"start": start}
     run = search(
         hidden.sweep,
         folder,
@@ -65,6 +69,7 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int) -> Row:
         seed=trial.seed,
         workers=workers,
         holdout_op=(),
+        **beginning,
         **trial.mode,
     )
     if not run.finished:  # the first Ctrl-C ends a search softly, but a part of one is no result

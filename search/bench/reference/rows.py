@@ -17,11 +17,12 @@ from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.reference import P1_Q03, ReferenceInverter
 from ibrid.plants.time_sweep import injected_admittance
+from ibrid.structure.diagram import Diagram
 from search.bench.baselines.recovered import recovered
 from search.bench.hidden import FREQUENCY, exact_model
 from search.bench.inverters import inverter, plant_of
 from search.bench.reference.hiding import HIDINGS, GapCase, Hiding, hidden_case, itself
-from search.bench.scoring import Rows, Search, made_before
+from search.bench.scoring import Rows, Search, made_before, perform
 from search.bench.trials import rules_trial
 
 #: The reference inverters, grid-following first.
@@ -36,7 +37,11 @@ INVERTERS = (
     "parallel_gfl_gfm",
 )
 #: Kinds of rows, in the order in which they are measured.
-TASKS = ("sweeps", "fit", "gap", "search")
+TASKS = ("sweeps", "fit", "gap", "search", "nearest")
+#: Those that are searches, whose budget is part of them.
+SEARCHES = ("search", "nearest")
+#: Two devices behind one PCC, whose textbook program is no start for one.
+TWO_DEVICES = "parallel_gfl_gfm"
 
 Row = dict[str, Any]
 FindGap = Callable[..., Gap]
@@ -66,8 +71,8 @@ class Task:
     @property
     def key(self) -> str:
         """Names the row in the ledger, and the folder of a search; a search's budget is part of it."""
-        if self.task == "search":
-            return f"{self.inverter}-search-{self.budget}"
+        if self.task in SEARCHES:
+            return f"{self.inverter}-{self.task}-{self.budget}"
         hidden = "" if self.task != "gap" else f"-{'nothing' if self.hiding is None else self.hiding.words}"
         return f"{self.inverter}-{self.task}{hidden}".replace(" ", "_")
 
@@ -161,11 +166,37 @@ def _answer(case: GapCase, effort: Effort) -> Gap:
 
 
 def _search(task: Task, effort: Effort) -> Row:
-    """See `search.bench.scoring.score`."""
+    """From the naive diagram; see `search.bench.scoring.score`."""
     trial = rules_trial(task.inverter, effort.budget)
     row = made_before(trial, effort.ledger, effort.folder / task.key, search=effort.search, workers=1)
+    return _of_search(row, effort)
+
+
+def _nearest(task: Task, effort: Effort) -> Row:
+    """From the textbook program of another inverter. `start` : that inverter, `start_nrmse` : its program fitted."""
+    start, program, error = nearest_textbook(task.inverter)
+    trial, folder = rules_trial(task.inverter, effort.budget), effort.folder / task.key
+    row = perform(trial, folder, search=effort.search, workers=1, start=program)
+    return _of_search(row, effort) | {"start": start, "start_nrmse": error}
+
+
+def _of_search(row: Row, effort: Effort) -> Row:
     names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success", "seconds")
     return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}
+
+
+def nearest_textbook(name: str) -> tuple[str, Diagram, float]:
+    """The other reference inverter whose textbook program, of one device, fits the sweep best; program and NRMSE of that fit."""
+    sweep = inverter(name).sweep
+    fits = []
+    for other in INVERTERS:
+        program = inverter(other).truth
+        if other in (name, TWO_DEVICES) or program is None:
+            continue
+        error = evaluate(program, sweep).nrmse
+        if error is not None:
+            fits.append((other, program, error))
+    return min(fits, key=lambda one: one[2])
 
 
 def _plant(name: str) -> ReferenceInverter:
@@ -176,5 +207,5 @@ def _plant(name: str) -> ReferenceInverter:
 
 
 _MEASURE: Mapping[str, Callable[[Task, Effort], Row]] = MappingProxyType(
-    {"sweeps": _sweeps, "fit": _fit, "gap": _gap, "search": _search}
+    {"sweeps": _sweeps, "fit": _fit, "gap": _gap, "search": _search, "nearest": _nearest}
 )

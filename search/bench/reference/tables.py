@@ -27,8 +27,28 @@ HEADERS: Mapping[str, tuple[str, ...]] = {
         "to 1e-3",
         "s",
     ),
+    "nearest": (
+        "inverter",
+        "start",
+        "its NRMSE",
+        "NRMSE",
+        "held out",
+        "F1 modules / connections",
+        "found",
+        "evaluations",
+        "to 1e-3",
+        "s",
+    ),
 }
-_WIDTHS = {"inverter": 18, "hidden": 46, "verdict": 17, "named": 30, "alike": 30, "F1 modules / connections": 26}
+_WIDTHS = {
+    "inverter": 18,
+    "start": 18,
+    "hidden": 46,
+    "verdict": 17,
+    "named": 30,
+    "alike": 30,
+    "F1 modules / connections": 26,
+}
 
 _TOP = """# What is reached on every reference inverter
 
@@ -67,6 +87,12 @@ where nothing is hidden; else named first, and nothing beside it.
 1e-3, stable, and F1 of modules and of connections against the truth at least 0.9. **To 1e-3**: evaluations until that
 error was reached. **s**: seconds of the run, one core of a shared machine. More seeds, noise and other inverters:
 `docs/search_results.md`.
+""",
+    ),
+    "nearest": (
+        "The search from the nearest textbook diagram",
+        """The same, but it begins where an engineer would who has a library without this device: from the textbook program
+of another inverter, that of one device which fits the sweep best (**its NRMSE**); `ibrid search DATA --start gfm_droop`.
 """,
     ),
 }
@@ -172,17 +198,23 @@ def _search_cells(row: Row) -> tuple[str, ...]:
     return *errors, overlap, verdict_words(row["success"]), str(row["evaluations"]), first
 
 
+def _nearest_cells(row: Row) -> tuple[str, ...]:
+    return f"`{row['start']}`", error_words(row["start_nrmse"]), *_search_cells(row)
+
+
 _SENTENCES: Mapping[str, Callable[[Sequence[Row]], str]] = {
     "sweeps": _of_sweeps,
     "fit": _of_fits,
     "gap": _of_gaps,
     "search": _of_searches,
+    "nearest": _of_searches,
 }
 _CELLS: Mapping[str, Callable[[Row], tuple[str, ...]]] = {
     "sweeps": _sweep_cells,
     "fit": _fit_cells,
     "gap": _gap_cells,
     "search": _search_cells,
+    "nearest": _nearest_cells,
 }
 
 

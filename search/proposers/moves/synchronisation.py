@@ -101,13 +101,12 @@ def _turns_the_frame(draft: Draft, integrator: str) -> bool:
 
 
 def frequency_damping(view: View) -> Iterator[Move]:
-    """The swing of a virtual machine damped by the frequency that a PLL measures, before the inertia or behind it."""
+    """The swing of a virtual machine damped by the frequency that a PLL measures, which enters its inertia beside the power."""
     draft = view.draft
     if not grid_forming(view) or not view.known("PLL_frequency") or draft.named("PLL_frequency"):
         return
     sources = frequency_sources(draft, view.roles)
-    inertias = [split_port(one)[0] for one in sources if draft.instances[split_port(one)[0]].kind == "LPF1"]
-    for inertia in inertias:
+    for inertia in {one: None for source in sources for one in _inertias(draft, split_port(source)[0])}:
 
         def damping(draft: Draft, inertia: str = inertia) -> None:
             pll = draft.add("PLL_frequency", "grid_frequency")
@@ -117,6 +116,16 @@ def frequency_damping(view: View) -> Iterator[Move]:
             draft.connect(after(draft, f"{pll}.delta_omega_pll", "Gain", "frequency_damping"), f"{inertia}.in_")
 
         yield Move(f"the frequency of a PLL damps the swing at {inertia}", damping)
+
+
+def _inertias(draft: Draft, name: str) -> list[str]:
+    """The low-passes that make a signal, itself or behind gains and signs."""
+    kind = draft.instances[name].kind
+    if kind == "LPF1":
+        return [name]
+    if kind not in ("Gain", "Negate"):
+        return []
+    return [one for source in draft.sources(f"{name}.in_") for one in _inertias(draft, split_port(source)[0])]
 
 
 def no_synchronisation(view: View) -> Iterator[Move]:
