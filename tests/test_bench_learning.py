@@ -23,8 +23,10 @@ from search.bench.learning.comparison import (
     AREA,
     CONNECTIONS,
     TO_PAPER_ERROR,
+    budgets,
     current,
     labels,
+    longest_of_chance,
     of_arm,
     of_pair,
     pairs,
@@ -447,6 +449,23 @@ def test_the_tables_say_what_the_rows_say():
     )
     assert sentences([]) == []
     assert "Nothing of it" in table(["a"], [])
+
+
+def test_chance_may_be_given_more_evaluations_than_the_rest_and_has_no_section_of_its_own():
+    longer = [row("paper_like", "random", seed, 0.01, at=390, budget=400) for seed in range(3)]
+    assert longest_of_chance([*many(), *longer]) == longer
+    assert budgets([*many(), *longer]) == [100]
+    text = page([*many(), *longer])
+    assert "random edits 390; asked: a third" in text
+    assert "random edits > 100; asked: a third" in page(many())
+    assert text.count("\n## ") == 1
+
+
+def test_the_page_tells_of_drawn_inverters_alone():
+    rows = [row("drawn_hybrid", arm, seed, 0.1) for arm in ("frozen", "learning small") for seed in range(3)]
+    text = page(rows)
+    assert "drawn inverters of held-out families (pairs: 3): mean difference of the area +0.00" in text
+    assert "| learning small | 3 " in text
 
 
 def test_the_page_says_how_much_is_measured():

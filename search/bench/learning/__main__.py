@@ -16,7 +16,7 @@ from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger, resumable
 from ibrid.writing import require_place, write_whole
 from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, INVERTERS, PROFILE, Case, cases, weights_digest
-from search.bench.learning.comparison import current
+from search.bench.learning.comparison import current, longest_of_chance
 from search.bench.learning.measuring import Search, measured
 from search.bench.learning.page import measured_of, page
 from search.bench.learning.tables import arms_table, heading, line, pairs_table, sentences
@@ -100,9 +100,10 @@ def _benchmark(options: argparse.Namespace, search: Search, ready: Callable[[], 
     ledger = Ledger(options.out)
     print(heading(), flush=True)
     failed = [case for case in wanted if not _done(case, ledger, search)]
-    rows = [row for row in current(ledger.rows.values()) if row["budget"] == options.budget]
+    kept = current(ledger.rows.values())
+    rows = [row for row in kept if row["budget"] == options.budget]
     print(f"\n{measured_of(rows)} Medians, then mean differences:\n\n{arms_table(rows)}\n{pairs_table(rows)}")
-    print("".join(f"{one}\n" for one in sentences(rows)), end="")
+    print("".join(f"{one}\n" for one in sentences(rows, longest_of_chance(kept))), end="")
     place = options.page or options.out / "learning_results.md"
     write_whole(place, page(ledger.rows.values()))
     print(f"\nwritten: {place}")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from search.bench.learning.arms import ALL_ARMS, arm_of, control
+from search.bench.learning.arms import ALL_ARMS, INVERTERS, arm_of, control
 from search.bench.learning.course import area, evaluations_to, final_error
 from search.bench.learning.statistics import Estimate, Strata, differences, estimate, mean, median
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR
@@ -53,8 +53,15 @@ def newest_weights(rows: Iterable[Row]) -> str:
 
 
 def budgets(rows: Rows) -> list[int]:
-    """Rows of different budgets are never put together."""
-    return sorted({row["budget"] for row in rows})
+    """Those with which something is compared: with which more than chance was searched. Their rows are never put together."""
+    return sorted({row["budget"] for row in rows if row["arm"] != "random"})
+
+
+def longest_of_chance(rows: Rows) -> list[Row]:
+    """Random edits with the largest budget that they were given, since with the others' they may reach nothing."""
+    chance = [row for row in rows if row["arm"] == "random"]
+    longest = max((row["budget"] for row in chance), default=0)
+    return [row for row in chance if row["budget"] == longest and row["inverter"] in INVERTERS]
 
 
 def labels(rows: Rows) -> list[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
-from search.bench.learning.comparison import Row, Rows, budgets, current, newest_weights
+from search.bench.learning.comparison import Row, Rows, budgets, current, longest_of_chance, newest_weights
 from search.bench.learning.tables import (
     answers_table,
     arms_table,
@@ -41,13 +41,13 @@ Negative is better but for F1. A star: zero lies outside the interval.
 """
 _ANSWERS = """Valid: led to a fit; known: to a structure met before or to the parent's; refused: no legal edit; failed: no fit.
 Random edits and rules pass over known structures unseen; the frozen policy is asked again after one, and these answers count
-here. Seconds: of a run, its page included.
+here. Seconds: of a run, its page included. Drawn inverters are included.
 """
 _DRAWN = "Another inverter for every seed, so intervals speak of other inverters of these families.\n"
 _INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"
-_UPDATES = """Means over the runs. Reward: of an answer; siblings: answers that repeat another of their batch; entropy and
-divergence from the start in nats per token; clipped: share of the tokens whose gradient was cut off; drift: between the
-weights that answer and those that are trained.
+_UPDATES = """Means over the runs, those on drawn inverters included. Reward: of an answer; siblings: answers that repeat another
+of their batch; entropy and divergence from the start in nats per token; clipped: share of the tokens whose gradient was cut off;
+drift: between the weights that answer and those that are trained.
 """
 
 
@@ -62,7 +62,8 @@ def page(rows: Iterable[Row]) -> str:
     )
     if weights:
         text += f"Weights of the policy: `{weights}`.\n\n"
-    parts = [_section([row for row in kept if row["budget"] == one], one) for one in budgets(kept)]
+    chance = longest_of_chance(kept)
+    parts = [_section([row for row in kept if row["budget"] == one], one, chance) for one in budgets(kept)]
     return (text + ("".join(parts) or f"{measured_of([])}\n")).rstrip() + "\n"
 
 
@@ -84,8 +85,8 @@ def measured_of(rows: Rows) -> str:
     )
 
 
-def _section(rows: Rows, budget: int) -> str:
-    told = "".join(f"- {one}\n" for one in sentences(rows))
+def _section(rows: Rows, budget: int, chance: Rows) -> str:
+    told = "".join(f"- {one}\n" for one in sentences(rows, chance))
     drawn = arms_table(rows, DRAWN) if any(row["inverter"] in DRAWN for row in rows) else ""
     parts = [
         f"## {budget} evaluations\n\n{measured_of(rows)}\n\n{told}",

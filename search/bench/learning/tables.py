@@ -73,11 +73,11 @@ def arms_table(rows: Rows, inverters: Collection[str] = INVERTERS) -> str:
 
 
 def answers_table(rows: Rows) -> str:
-    """What became of the answers of every arm's proposers, and how long a run took."""
+    """What became of the answers of every arm's proposers, drawn inverters included, and how long a run took."""
     names = ("valid", "known", "refused", "failed")
     lines = []
     for label in labels(rows):
-        own = part(rows, label, INVERTERS)
+        own = part(rows, label, (*INVERTERS, *DRAWN))
         shares = (_percent(share(own, name)) for name in names)
         lines.append([label, str(len(own)), *shares, f"{fmean(row['seconds'] for row in own):.0f}"])
     return table(["arm", "runs", *names, "seconds"], lines)
@@ -111,21 +111,24 @@ def inverters_table(rows: Rows) -> str:
 
 
 def updates_table(rows: Rows) -> str:
-    """What learning tells of itself: means over the runs, for each update and size of batch."""
+    """What learning tells of itself: means over the runs, drawn inverters included, for each update and size of batch."""
     names = ("reward", "valid", "siblings", "entropy", "divergence", "clipped", "gradient", "drift")
     lines = []
     for label in (one for one in labels(rows) if ALL_ARMS[arm_of(one)].learns):
-        own = [row["updates"] for row in part(rows, label, INVERTERS)]
+        own = [row["updates"] for row in part(rows, label, (*INVERTERS, *DRAWN))]
         for number in range(max(map(len, own), default=0)):
             there = [updates[number] for updates in own if len(updates) > number]
             lines.append([label, str(number + 1), str(len(there)), *(_mean(there, name) for name in names)])
     return table(["arm", "update", "runs", *names], lines)
 
 
-def sentences(rows: Rows) -> list[str]:
-    """What was asked of the policy and of learning, beside what was found; nothing of what is not measured."""
+def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
+    """What was asked of the policy and of learning, beside what was found; nothing of what is not measured.
+
+    chance : random edits with a larger budget, where such were searched; see `longest_of_chance`.
+    """
     told = []
-    frozen, chance = (part(rows, name, INVERTERS) for name in ("frozen", "random"))
+    frozen, chance = part(rows, "frozen", INVERTERS), chance or part(rows, "random", INVERTERS)
     valid, known, refused = (share(frozen, name) for name in ("valid", "known", "refused"))
     if valid is not None:
         told.append(
@@ -133,8 +136,8 @@ def sentences(rows: Rows) -> list[str]:
             f"or to the parent's, {_percent(refused)} were no legal edit; asked: 80 % valid."
         )
     if frozen and chance:
-        budget = frozen[0]["budget"]
-        needed = [_estimate(of_arm(own, TO_PAPER_ERROR), TO_PAPER_ERROR, budget) for own in (frozen, chance)]
+        found = [(of_arm(own, TO_PAPER_ERROR), own[0]["budget"]) for own in (frozen, chance)]
+        needed = [_estimate(one, TO_PAPER_ERROR, budget) for one, budget in found]
         told.append(
             f"To {PAPER_ERROR:g} the frozen policy needs {needed[0]} evaluations in the median, random edits {needed[1]}; asked: "
             "a third of theirs."
