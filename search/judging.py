@@ -4,12 +4,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ibrid.errors import ProgramError
+from ibrid.structure.canonical import structure_hash
 from ibrid.structure.program import program_text
 from search.edits import EditError, apply_edit
 from search.gates import implausible
 from search.parsed import parsed
-from search.proposal import Proposal, Task
+from search.proposal import Context, Proposal, Task
 from search.step import Status
+
+#: Ends after which a policy is asked again: nothing is wrong with the answer, but it leads to nothing new.
+NOTHING_NEW = (Status.UNCHANGED, Status.DUPLICATE)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,13 @@ def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: 
     except EditError as error:
         return Verdict(error.status, error.reason)
     return judge_program(text, task, known, parent_hash)
+
+
+def status_of(proposal: Proposal, context: Context) -> Status:
+    """What a proposal would end as if it were handed in now; PENDING for a candidate to be fitted."""
+    task, parent = context.task, context.parent.diagram
+    own = structure_hash(parent, task.kinds, equilibrium=task.equilibrium)
+    return judge(proposal, program_text(parent), own, task, lambda digest: 0 if context.seen(digest) else None).status
 
 
 def judge_program(

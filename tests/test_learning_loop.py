@@ -220,6 +220,23 @@ def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on
     assert len({step.parent for step in mine[16:24]}) > 1
 
 
+def test_an_answer_that_leads_to_a_known_structure_is_drawn_again_and_the_last_one_is_learnt_from(tmp_path):
+    steps, learner = ended(tmp_path / "run", budget=60, learn=replace(PROFILES["small"], tries=3))
+    mine = [step for step in steps if step.proposer == "toy"]
+    for step in mine:
+        samples, known = step.usage["samples"], step.usage["known"]
+        assert samples == min(known + 1, 3)
+        assert (step.status in (Status.DUPLICATE, Status.UNCHANGED)) == (known == 3)
+        token, _ = step.usage["learning"]["tokens"]
+        assert step.note == f"edit {token - FIRST}"
+    assert {step.usage["samples"] for step in mine} == {1, 2, 3}
+    assert sum(step.status is Status.DUPLICATE for step in mine) > 0
+    assert len(learner.updates) == len(mine) // 8
+    once, _ = ended(tmp_path / "once", budget=60, learn=replace(PROFILES["small"], tries=1))
+    assert all("samples" not in step.usage for step in once)
+    assert len(once) > len(steps)  # of the steps that one try makes more lead to nothing new
+
+
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
     steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6, masked=False), budget=12)
     assert Status.NO_EDIT in {step.status for step in steps}

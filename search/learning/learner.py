@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
+from search.judging import NOTHING_NEW, status_of
 from search.learning.advantages import Rewarded, batch_advantages, gain, rewarded
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
@@ -77,11 +78,9 @@ class Learner:
         place = self.rounds.next
         self.progress.require_seen(self.rounds.batches)  # weights that cannot be had end the run
         try:
-            answers = self._group(place, context)
+            sampled, proposal = self._new(self._group(place, context)[place.member], place, context)
         except IbridError as error:
             return Proposal("", failure=str(error))
-        sampled = answers[place.member]
-        proposal = self.policy.proposal(sampled, context)
         kept: dict[str, Any] = {**asdict(place), "tokens": list(sampled.tokens), "logprobs": list(sampled.logprobs)}
         if self._told != place.context and self._prompt is not None:
             kept["prompt"] = self._prompt[1]
@@ -134,15 +133,32 @@ class Learner:
     def _group(self, place: Place, context: Context) -> list[Sampled]:
         """All answers of the context under way."""
         if self._answers is None or self._answers[0] != place.context:
-            began = time.monotonic()
             if self._prompt is None or self._prompt[0] != place.context:
                 self._prompt = (place.context, list(self.policy.prompt(context)))
-            drawn = self._sampled(self._prompt[1], context, self.settings.group, (1, place.context))
-            self._answers = (place.context, drawn)
-            self._sampling += time.monotonic() - began
+            self._answers = (place.context, self._timed(context, self.settings.group, (1, place.context)))
         return self._answers[1]
 
-    def _sampled(self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, int]) -> list[Sampled]:
+    def _new(self, answer: Sampled, place: Place, context: Context) -> tuple[Sampled, Proposal]:
+        """The answer, or, while it leads to nothing new, another to the same question; the last of the tries as it comes.
+
+        The usage of the proposal counts them, as that of `search.proposers.policy` does.
+        """
+        proposal, tries, known = self.policy.proposal(answer, context), self.settings.tries, 0
+        if tries == 1:
+            return answer, proposal
+        while status_of(proposal, context) in NOTHING_NEW and (known := known + 1) < tries:
+            (answer,) = self._timed(context, 1, (3, place.context, place.member, known))
+            proposal = self.policy.proposal(answer, context)
+        return answer, replace(proposal, usage={**proposal.usage, "samples": min(known + 1, tries), "known": known})
+
+    def _timed(self, context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
+        """Answers to the question under way."""
+        began = time.monotonic()
+        drawn = self._sampled([] if self._prompt is None else self._prompt[1], context, number, what)
+        self._sampling += time.monotonic() - began
+        return drawn
+
+    def _sampled(self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
         seed = int(np.random.default_rng([self.seed, *what]).integers(2**63))
         with threads(self.settings.threads):
             return self.policy.sample([prompt], [context], number, seed)[0]

@@ -20,8 +20,9 @@ RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
 class LearningSettings:
     """How answers are drawn in groups, and what one update does with their rewards.
 
-    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each batch. `rate` : Adam's step;
-    None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`, `decay2` : of Adam's moments.
+    `contexts` : questions of a batch. `group` : answers to each. `tries` : an answer that leads to a known structure is drawn
+    again, so many times in all; what is drawn again counts as never given. `epochs` : updates from each batch. `rate` :
+    Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`, `decay2` : of Adam's moments.
     `longest_gradient` : norm to which a gradient is cut.
 
     `baseline` : "group", answers to the same question are compared by their rewards as in the paper, or "parent", all of a
@@ -40,6 +41,7 @@ class LearningSettings:
 
     contexts: int = 32
     group: int = 16
+    tries: int = 1
     epochs: int = 1
     rate: float | None = None
     decay1: float = 0.9
@@ -91,6 +93,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
         )
     yield one.group >= 1, "a group needs 1 answer or more", one.group
     yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
+    yield one.tries >= 1, "an answer needs 1 try or more", one.tries
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
     yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages
@@ -111,7 +114,7 @@ PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
         "small": LearningSettings(
-            contexts=8, group=1, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
+            contexts=8, group=1, tries=4, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
         ),
     }
 )

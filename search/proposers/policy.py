@@ -4,9 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.program import program_text
-from search.judging import judge
+from search.judging import NOTHING_NEW, status_of
 from search.policy.interface import Policy
 from search.policy.small_policy import SmallPolicy
 from search.policy.tokens import LanguageError
@@ -15,8 +13,6 @@ from search.step import Status
 
 #: Answers to one question at most.
 TRIES = 4
-#: Ends after which a question is asked again: nothing is wrong with the answer, but it leads to nothing new.
-_NOTHING_NEW = (Status.UNCHANGED, Status.DUPLICATE)
 
 
 class PolicyProposer:
@@ -38,8 +34,6 @@ class PolicyProposer:
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first answer that does not lead to a known structure; else the last one."""
-        task, program = context.task, program_text(context.parent.diagram)
-        own = structure_hash(context.parent.diagram, task.kinds, equilibrium=task.equilibrium)
         try:
             prompt = self.policy.prompt(context)
         except LanguageError as error:
@@ -48,10 +42,10 @@ class PolicyProposer:
         proposal, status = Proposal(""), Status.UNCHANGED
         for answer in self.policy.sample([prompt], [context], self.tries, seed)[0]:
             proposal = self.policy.proposal(answer, context)
-            status = judge(proposal, program, own, task, lambda digest: 0 if context.seen(digest) else None).status
-            if status not in _NOTHING_NEW:
+            status = status_of(proposal, context)
+            if status not in NOTHING_NEW:
                 break
             known += 1
-        refused = int(status not in (*_NOTHING_NEW, Status.PENDING))
-        usage = {"samples": known + (status not in _NOTHING_NEW), "known": known, "refused": refused}
+        refused = int(status not in (*NOTHING_NEW, Status.PENDING))
+        usage = {"samples": known + (status not in NOTHING_NEW), "known": known, "refused": refused}
         return Proposal(proposal.edit, proposal.note, usage=usage, failure=proposal.failure)
