@@ -18,7 +18,7 @@ from ibrid.structure.drafting import Draft
 from search.bench.inverters import inverter
 from search.bench.reference.__main__ import main
 from search.bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
-from search.bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbook, tasks
+from search.bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
 from search.bench.reference.tables import NOT_YET, page
 from search.bench.scoring import perform
 from search.bench.trials import BUDGETS, rules_trial
@@ -247,18 +247,20 @@ def test_the_page_in_the_docs_is_that_of_the_shipped_results():
     assert set(rows) <= {task.key for task in whole}
 
 
-def test_a_search_may_begin_with_the_textbook_diagram_of_the_inverter_that_is_most_alike(tmp_path, capsys):
-    name, program, error = nearest_textbook("gfl_l_filter")
-    assert name not in ("gfl_l_filter", "parallel_gfl_gfm")
-    assert ibrid.evaluate(program, inverter("gfl_l_filter").sweep).nrmse == pytest.approx(error, rel=1e-9)
-    searched: list = []
-    options = ["--inverter", "gfl_l_filter", "--only", "nearest", "--out", str(tmp_path / "out")]
-    assert main(options, search=finding(searched)) == 0
-    ((_, asked),) = searched
-    assert structure_hash(asked["start"]) == structure_hash(program)
-    (row,) = Ledger(tmp_path / "out").rows.values()
-    assert (row["start"], row["start_nrmse"], row["success"]) == (name, pytest.approx(error), True)
-    assert f"`{name}`" in capsys.readouterr().out
+def test_a_search_may_begin_with_the_textbook_diagrams_of_the_inverters_that_are_most_alike(tmp_path, capsys):
+    starts = nearest_textbooks("gfl_l_filter")
+    assert {one.inverter for one in starts} == set(INVERTERS) - {"gfl_l_filter", "parallel_gfl_gfm"}
+    assert [one.nrmse for one in starts] == sorted(one.nrmse for one in starts)
+    for kind, start in zip(("nearest", "second"), starts, strict=False):
+        assert ibrid.evaluate(start.program, inverter("gfl_l_filter").sweep).nrmse == pytest.approx(start.nrmse)
+        searched: list = []
+        out = tmp_path / kind
+        assert main(["--inverter", "gfl_l_filter", "--only", kind, "--out", str(out)], search=finding(searched)) == 0
+        ((_, asked),) = searched
+        assert structure_hash(asked["start"]) == structure_hash(start.program)
+        (row,) = Ledger(out).rows.values()
+        assert (row["start"], row["success"]) == (start.inverter, True)
+        assert f"`{start.inverter}`" in capsys.readouterr().out
 
 
 def test_a_search_that_was_made_before_is_read_and_not_made_again(tmp_path):

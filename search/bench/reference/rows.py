@@ -37,9 +37,9 @@ INVERTERS = (
     "parallel_gfl_gfm",
 )
 #: Kinds of rows, in the order in which they are measured.
-TASKS = ("sweeps", "fit", "gap", "search", "nearest")
+TASKS = ("sweeps", "fit", "gap", "search", "nearest", "second")
 #: Those that are searches, whose budget is part of them.
-SEARCHES = ("search", "nearest")
+SEARCHES = ("search", "nearest", "second")
 #: Two devices behind one PCC, whose textbook program is no start for one.
 TWO_DEVICES = "parallel_gfl_gfm"
 
@@ -172,12 +172,12 @@ def _search(task: Task, effort: Effort) -> Row:
     return _of_search(row, effort)
 
 
-def _nearest(task: Task, effort: Effort) -> Row:
+def _from_textbook(task: Task, effort: Effort) -> Row:
     """From the textbook program of another inverter. `start` : that inverter, `start_nrmse` : its program fitted."""
-    start, program, error = nearest_textbook(task.inverter)
+    start = nearest_textbooks(task.inverter)[0 if task.task == "nearest" else 1]
     trial, folder = rules_trial(task.inverter, effort.budget), effort.folder / task.key
-    row = perform(trial, folder, search=effort.search, workers=1, start=program)
-    return _of_search(row, effort) | {"start": start, "start_nrmse": error}
+    row = perform(trial, folder, search=effort.search, workers=1, start=start.program)
+    return _of_search(row, effort) | {"start": start.inverter, "start_nrmse": start.nrmse}
 
 
 def _of_search(row: Row, effort: Effort) -> Row:
@@ -185,18 +185,27 @@ def _of_search(row: Row, effort: Effort) -> Row:
     return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}
 
 
-def nearest_textbook(name: str) -> tuple[str, Diagram, float]:
-    """The other reference inverter whose textbook program, of one device, fits the sweep best; program and NRMSE of that fit."""
+@dataclass(frozen=True)
+class Start:
+    """The textbook program of an inverter, and how well it fits the sweep of another."""
+
+    inverter: str
+    program: Diagram
+    nrmse: float
+
+
+def nearest_textbooks(name: str) -> list[Start]:
+    """The textbook programs, of one device, of the other reference inverters that can be fitted to the sweep, best first."""
     sweep = inverter(name).sweep
-    fits = []
+    found = []
     for other in INVERTERS:
         program = inverter(other).truth
         if other in (name, TWO_DEVICES) or program is None:
             continue
         error = evaluate(program, sweep).nrmse
         if error is not None:
-            fits.append((other, program, error))
-    return min(fits, key=lambda one: one[2])
+            found.append(Start(other, program, error))
+    return sorted(found, key=lambda one: one.nrmse)
 
 
 def _plant(name: str) -> ReferenceInverter:
@@ -207,5 +216,12 @@ def _plant(name: str) -> ReferenceInverter:
 
 
 _MEASURE: Mapping[str, Callable[[Task, Effort], Row]] = MappingProxyType(
-    {"sweeps": _sweeps, "fit": _fit, "gap": _gap, "search": _search, "nearest": _nearest}
+    {
+        "sweeps": _sweeps,
+        "fit": _fit,
+        "gap": _gap,
+        "search": _search,
+        "nearest": _from_textbook,
+        "second": _from_textbook,
+    }
 )
