@@ -82,7 +82,7 @@ class Case:
             return f"{self.arm} {found[0]}"
         changes = _changes(settings)
         ways = [changes[name] for name in ("baseline", "advantages") if name in changes]
-        numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs") if name in changes]
+        numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs", "tries") if name in changes]
         return " ".join([self.arm, size(settings), *ways, *numbers])
 
     @property
