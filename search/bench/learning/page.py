@@ -40,8 +40,8 @@ _PAIRS = """Differences are means over pairs of the same inverter and seed; a li
 Negative is better but for F1. A star: zero lies outside the interval.
 """
 _ANSWERS = """Valid: led to a fit; known: to a structure met before or to the parent's; refused: no legal edit; failed: no fit.
-Random edits and rules pass over known structures unseen; the frozen policy is asked again after one, and these answers count
-here. Seconds: of a run, its page included. Drawn inverters are included.
+Random edits and rules pass over known structures unseen; the policy, frozen or learning with `tries`, is asked again after one,
+and these answers count here. Seconds: of a run, its page included. Drawn inverters are included.
 """
 _DRAWN = "Another inverter for every seed, so intervals speak of other inverters of these families.\n"
 _INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"
