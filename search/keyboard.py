@@ -26,5 +26,9 @@ def keyboard(loop: Loop, shown: Progress) -> Iterator[None]:
     before = signal.signal(signal.SIGINT, stop)
     try:
         yield
+    except Exception:
+        if loop.halt_asked:  # compiled code makes errors of its own of the interrupt
+            raise KeyboardInterrupt from None
+        raise
     finally:
         signal.signal(signal.SIGINT, before)

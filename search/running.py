@@ -187,9 +187,10 @@ def run(
             _remember(proposers, store, folder)
             with keyboard(loop, shown):
                 ending = loop.run(first)
-        answer, selection = _concluded(loop, store, subject, choose, folder, ending)
+        with keyboard(loop, shown):  # a second Ctrl-C may come only now
+            answer, selection = _concluded(loop, store, subject, choose, folder, ending)
+            write_run_page(store, folder / PAGE, vocabulary=plan.kinds)
         points = trajectory(loop.steps)
-        write_run_page(store, folder / PAGE, vocabulary=plan.kinds)
         return Run(
             folder=folder,
             best=answer,

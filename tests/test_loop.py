@@ -1,10 +1,12 @@
 """The recursion: what a proposal may see, what it costs, who becomes a parent, and that a killed run ends as it would have."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,8 +33,10 @@ from ibrid.structure.roles import roles
 from search.edits import edit_between
 from search.evaluation.assess import PROMISING
 from search.evaluation.job import Result
+from search.keyboard import keyboard
 from search.loop import BUDGET, EXACT_FIT, FLOOR, NOTHING_NEW, SPENT, STOPPED, TARGET, Loop
 from search.merit import noise_floor
+from search.progress import Progress
 from search.proposal import Context, Proposal
 from search.proposers.random_edits import RandomEdits
 from search.proposers.rules import Rules
@@ -751,6 +755,20 @@ def test_asked_to_halt_the_loop_records_no_result_of_what_was_interrupted(path):
     with scripted(path, evaluator=Interrupted(), budget=24) as loop, pytest.raises(KeyboardInterrupt):
         loop.run(NAIVE)
     assert steps_of(path)[5].status is Status.PENDING
+
+
+def test_what_breaks_off_at_the_second_ctrl_c_is_the_keyboards_doing(path):
+    def broken(times: int) -> None:
+        with scripted(path, budget=24) as loop, keyboard(loop, Progress("silent")):
+            for _ in range(times):
+                with suppress(KeyboardInterrupt):  # as compiled code does, before an error of its own
+                    signal.raise_signal(signal.SIGINT)
+            raise IbridError("the evaluation broke off")
+
+    with pytest.raises(IbridError):
+        broken(1)
+    with pytest.raises(KeyboardInterrupt):
+        broken(2)
 
 
 # everything else
