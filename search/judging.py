@@ -12,9 +12,6 @@ from search.parsed import parsed
 from search.proposal import Context, Proposal, Task
 from search.step import Status
 
-#: Ends after which a policy is asked again: nothing is wrong with the answer, but it leads to nothing new.
-NOTHING_NEW = (Status.UNCHANGED, Status.DUPLICATE)
-
 
 @dataclass(frozen=True)
 class Verdict:

@@ -150,7 +150,7 @@ def run(
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
     lessons: dict[str, Any] = {} if policy is None else {"policy": str(policy)}
-    if learn is not False:
+    if learn or isinstance(learn, str):  # an empty name is refused as any other
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
         lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")

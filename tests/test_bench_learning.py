@@ -422,7 +422,10 @@ def test_rows_of_other_weights_are_left_out_and_arms_keep_their_order():
     )
     assert found == ["random", "frozen", "learning 4x8", "learning 2x4 rate 0.001", "untrained 4x8"]
     assert ("learning 4x8", "untrained 4x8") in pairs(found)
-    assert ("learning small", "untrained 8x1") in pairs(["learning small", "untrained 8x1"])
+    again = "untrained 8x1 tries 4"
+    assert ("learning small", again) in pairs(["learning small", "untrained 8x1", again])
+    assert ("learning 8x1 tries 4 parent", again) in pairs(["learning 8x1 tries 4 parent", "untrained 8x1", again])
+    assert ("learning 8x1 parent", "untrained 8x1") in pairs(["learning 8x1 parent", "untrained 8x1", again])
     assert ("learning 2x4 rate 0.001", "frozen") in pairs(found)
     assert ("mixed", "rules") not in pairs(found)
 
@@ -480,7 +483,7 @@ def test_the_page_says_how_much_is_measured():
     assert page([*many(), row("paper_like", "rules", 0, 0.1, budget=500)]).count("\n## ") == 2
     assert max(map(len, page([]).splitlines())) < 130
     odd = row("paper_like", "rules", 77, 0.1)  # beyond the ten seeds, and the control, are no part of the whole
-    assert f"60 of the {whole} runs" in measured_of([*small, odd, row("gfm_dvoc", "untrained 8x1", 0, 0.1)])
+    assert f"60 of the {whole} runs" in measured_of([*small, odd, row("gfm_dvoc", "untrained 8x1 tries 4", 0, 0.1)])
 
 
 # the command
@@ -510,7 +513,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
     assert seen[-1][1]["learn"] == replace(PROFILES["small"], group=4)
-    assert "learning 8x4 parent entropic epochs 2 tries 4 - frozen" in capsys.readouterr().out
+    assert "learning 8x4 tries 4 parent entropic epochs 2 - frozen" in capsys.readouterr().out
     other = ("--arm", "learning", "--profile", "paper", "--contexts", "1", "--epochs", "2")
     assert main(options(tmp_path, *other), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 7
@@ -518,7 +521,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert "learning 1x16 epochs 2 - frozen" in capsys.readouterr().out
     assert main(options(tmp_path, "--arm", "untrained"), search=scripted(seen), ready=at_once) == 0
     assert 0 < seen[-1][1]["learn"].rate < 1e-20
-    assert "untrained 8x1" in capsys.readouterr().out
+    assert "untrained 8x1 tries 4" in capsys.readouterr().out
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(tmp_path, capsys):

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.judging import NOTHING_NEW, status_of
 from search.learning.advantages import Rewarded, batch_advantages, gain, rewarded
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
 from search.learning.state import LearningState
 from search.learning.updates import Update, counted
+from search.policy.asking import first_new
 from search.policy.backend import threads
 from search.policy.interface import Policy, Sampled
 from search.proposal import Context, Proposal
@@ -78,13 +78,14 @@ class Learner:
         place = self.rounds.next
         self.progress.require_seen(self.rounds.batches)  # weights that cannot be had end the run
         try:
-            sampled, proposal = self._new(self._group(place, context)[place.member], place, context)
+            found = first_new(self.policy, self._drawn(place, context), context)
         except IbridError as error:
             return Proposal("", failure=str(error))
+        sampled, proposal = found.answer, found.proposal
         kept: dict[str, Any] = {**asdict(place), "tokens": list(sampled.tokens), "logprobs": list(sampled.logprobs)}
         if self._told != place.context and self._prompt is not None:
             kept["prompt"] = self._prompt[1]
-        return replace(proposal, usage={**proposal.usage, KEPT: kept})
+        return replace(proposal, usage={**proposal.usage, **found.usage, KEPT: kept})
 
     @property
     def due(self) -> bool:
@@ -138,18 +139,11 @@ class Learner:
             self._answers = (place.context, self._timed(context, self.settings.group, (1, place.context)))
         return self._answers[1]
 
-    def _new(self, answer: Sampled, place: Place, context: Context) -> tuple[Sampled, Proposal]:
-        """The answer, or, while it leads to nothing new, another to the same question; the last of the tries as it comes.
-
-        The usage of the proposal counts them, as that of `search.proposers.policy` does.
-        """
-        proposal, tries, known = self.policy.proposal(answer, context), self.settings.tries, 0
-        if tries == 1:
-            return answer, proposal
-        while status_of(proposal, context) in NOTHING_NEW and (known := known + 1) < tries:
-            (answer,) = self._timed(context, 1, (3, place.context, place.member, known))
-            proposal = self.policy.proposal(answer, context)
-        return answer, replace(proposal, usage={**proposal.usage, "samples": min(known + 1, tries), "known": known})
+    def _drawn(self, place: Place, context: Context) -> Iterator[Sampled]:
+        """The answer of the group, then others to the same question, as many as there are tries."""
+        yield self._group(place, context)[place.member]
+        for again in range(1, self.settings.tries):
+            yield from self._timed(context, 1, (3, place.context, place.member, again))
 
     def _timed(self, context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
         """Answers to the question under way."""

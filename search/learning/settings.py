@@ -8,6 +8,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from search.learning.advantages import BASELINES, WAYS
+from search.policy.asking import TRIES
 
 #: A model of so many parameters or more is one that others trained on much text.
 LARGE = 50_000_000
@@ -114,7 +115,7 @@ PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
         "small": LearningSettings(
-            contexts=8, group=1, tries=4, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
+            contexts=8, group=1, tries=TRIES, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
         ),
     }
 )

@@ -1,18 +1,15 @@
 """The learned proposer: the small policy answers, offline and on one core."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from search.judging import NOTHING_NEW, status_of
+from search.policy.asking import TRIES, first_new
 from search.policy.interface import Policy
 from search.policy.small_policy import SmallPolicy
 from search.policy.tokens import LanguageError
 from search.proposal import Context, Proposal
-from search.step import Status
-
-#: Answers to one question at most.
-TRIES = 4
 
 
 class PolicyProposer:
@@ -20,7 +17,7 @@ class PolicyProposer:
     its parent's, is followed by another.
 
     folder : the policy's weights; None: those that ship. policy : in place of a folder. tries : answers to one question at
-    most. `usage` of a proposal counts them: `samples`, those of them that are `known` or unchanged, and the `refused` one.
+    most. `usage` of a proposal counts them, see `search.policy.asking.Asked`.
     Raises IbridError where torch is missing.
     """
 
@@ -38,14 +35,6 @@ class PolicyProposer:
             prompt = self.policy.prompt(context)
         except LanguageError as error:
             return Proposal("", failure=str(error))
-        seed, known = int(rng.integers(2**31)), 0
-        proposal, status = Proposal(""), Status.UNCHANGED
-        for answer in self.policy.sample([prompt], [context], self.tries, seed)[0]:
-            proposal = self.policy.proposal(answer, context)
-            status = status_of(proposal, context)
-            if status not in NOTHING_NEW:
-                break
-            known += 1
-        refused = int(status not in (*NOTHING_NEW, Status.PENDING))
-        usage = {"samples": known + (status not in NOTHING_NEW), "known": known, "refused": refused}
-        return Proposal(proposal.edit, proposal.note, usage=usage, failure=proposal.failure)
+        seed = int(rng.integers(2**31))
+        found = first_new(self.policy, self.policy.sample([prompt], [context], self.tries, seed)[0], context)
+        return replace(found.proposal, usage={**found.proposal.usage, **found.usage})

@@ -82,7 +82,7 @@ class Case:
             return f"{self.arm} {found[0]}"
         changes = _changes(settings)
         ways = [changes[name] for name in ("baseline", "advantages") if name in changes]
-        numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs", "tries") if name in changes]
+        numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs") if name in changes]
         return " ".join([self.arm, size(settings), *ways, *numbers])
 
     @property
@@ -98,14 +98,17 @@ class Case:
 
 
 def size(settings: LearningSettings) -> str:
-    """Of a batch: questions x answers to each."""
-    return f"{settings.contexts}x{settings.group}"
+    """Of a batch: questions x answers to each, and how often a question is asked again, "8x1 tries 4"."""
+    tries = f" tries {settings.tries}" if settings.tries > 1 else ""
+    return f"{settings.contexts}x{settings.group}{tries}"
 
 
 def control(label: str) -> str:
     """Label of what tells learning of a label from what comes with it."""
-    told = label.split()[1]
-    return f"untrained {size(PROFILES[told]) if told in PROFILES else told}"
+    told = label.split()[1:]
+    if told[0] in PROFILES:
+        return f"untrained {size(PROFILES[told[0]])}"
+    return " ".join(["untrained", *told[: 3 if told[1:2] == ["tries"] else 1]])
 
 
 def _changes(settings: LearningSettings) -> dict[str, Any]:

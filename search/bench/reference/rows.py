@@ -38,8 +38,10 @@ INVERTERS = (
 )
 #: Kinds of rows, in the order in which they are measured.
 TASKS = ("sweeps", "fit", "gap", "search", "nearest", "second")
-#: Those that are searches, whose budget is part of them.
-SEARCHES = ("search", "nearest", "second")
+#: Searches that begin with a textbook program: that which fits best, second best.
+FROM_TEXTBOOK = ("nearest", "second")
+#: All searches; the budget is part of them.
+SEARCHES = ("search", *FROM_TEXTBOOK)
 #: Two devices behind one PCC, whose textbook program is no start for one.
 TWO_DEVICES = "parallel_gfl_gfm"
 
@@ -174,7 +176,7 @@ def _search(task: Task, effort: Effort) -> Row:
 
 def _from_textbook(task: Task, effort: Effort) -> Row:
     """From the textbook program of another inverter. `start` : that inverter, `start_nrmse` : its program fitted."""
-    start = nearest_textbooks(task.inverter)[0 if task.task == "nearest" else 1]
+    start = nearest_textbooks(task.inverter)[FROM_TEXTBOOK.index(task.task)]
     trial, folder = rules_trial(task.inverter, effort.budget), effort.folder / task.key
     row = perform(trial, folder, search=effort.search, workers=1, start=start.program)
     return _of_search(row, effort) | {"start": start.inverter, "start_nrmse": start.nrmse}
@@ -221,7 +223,6 @@ _MEASURE: Mapping[str, Callable[[Task, Effort], Row]] = MappingProxyType(
         "fit": _fit,
         "gap": _gap,
         "search": _search,
-        "nearest": _from_textbook,
-        "second": _from_textbook,
+        **dict.fromkeys(FROM_TEXTBOOK, _from_textbook),
     }
 )

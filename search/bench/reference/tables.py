@@ -5,7 +5,7 @@ from statistics import median
 from typing import Any
 
 from ibrid.markdown import markdown_table
-from search.bench.reference.rows import Task
+from search.bench.reference.rows import FROM_TEXTBOOK, Task
 from search.bench.tables import error_words, verdict_words
 
 Row = Mapping[str, Any]
@@ -13,34 +13,13 @@ Row = Mapping[str, Any]
 Rows = Mapping[str, Row]
 
 NOT_YET = "not measured yet"
-_FROM_TEXTBOOK = (
-    "inverter",
-    "start",
-    "its NRMSE",
-    "NRMSE",
-    "held out",
-    "F1 modules / connections",
-    "found",
-    "evaluations",
-    "to 1e-3",
-    "s",
-)
+_ANSWER = ("NRMSE", "held out", "F1 modules / connections", "found", "evaluations", "to 1e-3", "s")
 HEADERS: Mapping[str, tuple[str, ...]] = {
     "sweeps": ("inverter", "states", "injected sweep", "textbook program", "CPU s"),
     "fit": ("inverter", "NRMSE", "held out", "parameters right", "CPU s"),
     "gap": ("inverter", "hidden", "verdict", "named", "alike", "right", "NRMSE before", "after", "held out", "CPU s"),
-    "search": (
-        "inverter",
-        "NRMSE",
-        "held out",
-        "F1 modules / connections",
-        "found",
-        "evaluations",
-        "to 1e-3",
-        "s",
-    ),
-    "nearest": _FROM_TEXTBOOK,
-    "second": _FROM_TEXTBOOK,
+    "search": ("inverter", *_ANSWER),
+    **dict.fromkeys(FROM_TEXTBOOK, ("inverter", "start", "its NRMSE", *_ANSWER)),
 }
 _WIDTHS = {
     "inverter": 18,
@@ -215,16 +194,14 @@ _SENTENCES: Mapping[str, Callable[[Sequence[Row]], str]] = {
     "fit": _of_fits,
     "gap": _of_gaps,
     "search": _of_searches,
-    "nearest": _of_searches,
-    "second": _of_searches,
+    **dict.fromkeys(FROM_TEXTBOOK, _of_searches),
 }
 _CELLS: Mapping[str, Callable[[Row], tuple[str, ...]]] = {
     "sweeps": _sweep_cells,
     "fit": _fit_cells,
     "gap": _gap_cells,
     "search": _search_cells,
-    "nearest": _textbook_cells,
-    "second": _textbook_cells,
+    **dict.fromkeys(FROM_TEXTBOOK, _textbook_cells),
 }
 
 
