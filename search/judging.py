@@ -39,11 +39,11 @@ def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: 
     return judge_program(text, task, known, parent_hash)
 
 
-def status_of(proposal: Proposal, context: Context) -> Status:
-    """What a proposal would end as if it were handed in now; PENDING for a candidate to be fitted."""
+def verdict_of(proposal: Proposal, context: Context) -> Verdict:
+    """What a proposal would end as if it were handed in now."""
     task, parent = context.task, context.parent.diagram
     own = structure_hash(parent, task.kinds, equilibrium=task.equilibrium)
-    return judge(proposal, program_text(parent), own, task, lambda digest: 0 if context.seen(digest) else None).status
+    return judge(proposal, program_text(parent), own, task, lambda digest: 0 if context.seen(digest) else None)
 
 
 def judge_program(

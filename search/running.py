@@ -155,7 +155,7 @@ def run(
 
         lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
         proposers = learning(proposers, lesson, seed=seed, window=settings.window)
-        settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.batch))
+        settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         lessons["learning"] = vars(lesson)
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)

@@ -11,10 +11,10 @@ import ibrid
 from ibrid.measurement.noise import add_noise
 from ibrid.structure.drafting import Draft
 from search.edits import apply_edit
+from search.first_look import LOOKED_AT, PRICE, first_look
 from search.proposal import Context
-from search.proposers.first_look import PRICE, first_look
 from search.proposers.moves.family import Family, Move
-from search.proposers.rules import GROSS, LOOKED_AT, Rules
+from search.proposers.rules import GROSS, Rules
 
 TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 
@@ -28,7 +28,7 @@ def one_edit_away(request) -> Context:
 
 
 def look(diagram: ibrid.Diagram, context: Context, seed: int = 0) -> float:
-    return first_look(diagram, context, np.random.default_rng(seed))
+    return first_look(diagram, context, np.random.default_rng(seed)).worth
 
 
 def test_the_missing_block_stands_out(one_edit_away):
@@ -52,7 +52,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise SystemExit("a kind of somebody's own")
 
-    monkeypatch.setattr("search.proposers.first_look.symbolic_model", broken)
+    monkeypatch.setattr("search.first_look.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf
 
 

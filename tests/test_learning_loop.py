@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import groupby
+from itertools import count, groupby
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,12 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 from scripted_search import NAIVE, ScriptedEvaluator, scripted, steps_of
-from toy_policy import ASK, FIRST, ToyPolicy
+from toy_policy import ASK, FIRST, Change, ToyPolicy
 
 from ibrid.errors import IbridError
+from ibrid.structure.program import program_text
+from search.first_look import Look
+from search.learning.advantages import entropic_advantages
 from search.learning.learner import Learner
 from search.learning.settings import PROFILES, LearningSettings
 from search.learning.trainer import fingerprint
@@ -36,6 +39,8 @@ pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers hav
 
 PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0, patience=1000)
 SMALL = LearningSettings(contexts=2, group=4, rate=0.03)
+SINGLE = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
+LOOKING = replace(PROFILES["small"], rate=0.03)
 
 
 def more_gain(program: str, number: int) -> str:
@@ -56,6 +61,18 @@ def own_gain(program: str, number: int) -> str:
     """Edit `number` puts a gain of about number/100 in place of any other, for every parent one of its own."""
     own = zlib.crc32(program.encode()) % 1000
     return re.sub(r'"gain"(, k=[\d.]+)?\)', f'"gain", k={(number + own / 2000) / 100:.7f})', program)
+
+
+def never_known() -> Change:
+    """Edit `number` adds about number/1000 to the gain, every time a little more, so that nothing is met twice."""
+    calls = count()
+
+    def change(program: str, number: int) -> str:
+        gain = float(found[1]) if (found := re.search(r'"gain", k=([\d.]+)\)', program)) else 0.0
+        gain += number / 1000 + next(calls) / 1e7
+        return re.sub(r'"gain"(, k=[\d.]+)?\)', f'"gain", k={gain:.7f})', program)
+
+    return change
 
 
 class Reversed(ScriptedEvaluator):
@@ -191,8 +208,7 @@ def question(parent: int | None) -> list[int]:
 
 
 def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(tmp_path):
-    learn = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
-    with learning(tmp_path / "run", Asked(more_gain, 6), learn, budget=60) as loop:
+    with learning(tmp_path / "run", Asked(more_gain, 6), SINGLE, budget=60) as loop:
         assert loop.learner is not None
         trainer, batches = loop.learner.progress.trainer, []
         update = trainer.update
@@ -220,21 +236,79 @@ def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on
     assert len({step.parent for step in mine[16:24]}) > 1
 
 
-def test_an_answer_that_leads_to_a_known_structure_is_drawn_again_and_the_last_one_is_learnt_from(tmp_path):
-    steps, learner = ended(tmp_path / "run", budget=60, learn=replace(PROFILES["small"], tries=3))
+@pytest.fixture
+def sighted(monkeypatch) -> list[str]:
+    """First looks that see what the evaluator sees; the programs that were looked at."""
+    looked: list[str] = []
+
+    def look(diagram, context, rng):
+        looked.append(program_text(diagram))
+        return Look(math.log(by_gain(looked[-1])))
+
+    monkeypatch.setattr("search.policy.asking.first_look", look)
+    return looked
+
+
+def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_one_is_evaluated(tmp_path, sighted):
+    with learning(tmp_path / "run", Asked(more_gain, 6), LOOKING, budget=60) as loop:
+        assert loop.learner is not None
+        trainer, batches = loop.learner.progress.trainer, []
+        update = trainer.update
+        trainer.update = lambda groups: (batches.append(groups), update(groups))[1]
+        loop.run(NAIVE)
+    steps = steps_of(tmp_path / "run" / "archive.sqlite")
     mine = [step for step in steps if step.proposer == "toy"]
-    for step in mine:
-        samples, known = step.usage["samples"], step.usage["known"]
-        assert samples == min(known + 1, 3)
-        assert (step.status in (Status.DUPLICATE, Status.UNCHANGED)) == (known == 3)
-        token, _ = step.usage["learning"]["tokens"]
-        assert step.note == f"edit {token - FIRST}"
-    assert {step.usage["samples"] for step in mine} == {1, 2, 3}
-    assert sum(step.status is Status.DUPLICATE for step in mine) > 0
-    assert len(learner.updates) == len(mine) // 8
-    once, _ = ended(tmp_path / "once", budget=60, learn=replace(PROFILES["small"], tries=1))
-    assert all(step.usage["samples"] == 1 for step in once if step.proposer == "toy")
-    assert len(once) > len(steps)  # of the steps that one try makes more lead to nothing new
+    updates = told(tmp_path / "run")
+    assert len(updates) == len(mine) // 8 > 4
+    assert len(sighted) == sum(step.usage.get("first_looks", 0) for step in mine) > len(mine)
+    taught = iter(group for groups in batches for group in groups)
+    for number, one in enumerate(updates):
+        worths, ends = [], []
+        for step in mine[8 * number : 8 * number + 8]:
+            before, kept = steps[step.parent or 0].nrmse, step.usage["learning"]
+            assert before is not None
+            assert len(kept["answers"]) == 8
+            own = []
+            for answer in kept["answers"]:
+                ends.append(answer["status"])
+                error = by_gain(more_gain(_program(steps, step.parent), answer["tokens"][0] - FIRST))
+                gained = min(max(math.log(min(before, 1.0) / min(error, 1.0)), 0.0), 1.0)
+                own.append(gained if ends[-1] == "ok" else -0.25 if ends[-1] == "illegal" else -0.3)
+            worths += own
+            if len(set(own)) > 1:
+                group = next(taught)
+                assert list(group.prompt) == question(step.parent) == kept["prompt"]
+                np.testing.assert_allclose(group.advantages, entropic_advantages(own, LOOKING.floor), atol=1e-6)
+        assert one.gain == pytest.approx(np.mean(worths))
+        assert one.valid == ends.count("ok") / 64
+        assert one.refused == ends.count("illegal") / 64
+    assert {step.status for step in mine} <= {Status.OK, Status.ILLEGAL, Status.DUPLICATE, Status.UNCHANGED}
+
+
+def _program(steps: list[Step], number: int | None) -> str:
+    return steps[number or 0].program or ""
+
+
+def test_a_policy_learns_from_looks_what_pays(tmp_path, sighted):
+    settings = replace(PLAIN, from_elites=0.0, from_island=0.0)  # parents are drawn from everything
+    steps, learner = ended(
+        tmp_path / "run",
+        ToyPolicy(never_known(), 6),
+        budget=110,
+        settings=settings,
+        learn=replace(LOOKING, rate=0.1, divergence=0.0),
+    )
+    mine = [step for step in steps if step.proposer == "toy"]
+
+    def share(some: list[Step], edit: int) -> float:
+        answers = [answer for step in some for answer in step.usage["learning"]["answers"]]
+        return sum(answer["tokens"][0] - FIRST == edit for answer in answers) / len(answers)
+
+    assert share(mine[:16], 5) < 0.35
+    assert share(mine[-16:], 5) > 0.6
+    assert share(mine[-16:], 0) < 0.1  # the worst one
+    assert (learner.updates[-1].divergence or 0.0) > 0.1
+    assert [step.usage["learning"]["context"] for step in mine] == list(range(len(mine)))
 
 
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
@@ -246,8 +320,15 @@ def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
 # the same run, whatever happens
 
 
+def untimed(steps: list[Step]) -> list[Step]:
+    return [
+        replace(step, usage={name: one for name, one in step.usage.items() if name != "first_look_seconds"})
+        for step in steps
+    ]
+
+
 def same(first: tuple[list[Step], Learner], second: tuple[list[Step], Learner]) -> None:
-    assert first[0] == second[0]
+    assert untimed(first[0]) == untimed(second[0])
     assert timeless(tuple(first[1].updates)) == timeless(tuple(second[1].updates))
     assert fingerprint(first[1].policy.model()) == fingerprint(second[1].policy.model())
 
@@ -265,10 +346,10 @@ class Killed(Exception):
 
 @pytest.mark.parametrize(
     ("beside", "learn"),
-    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), replace(PROFILES["small"], rate=0.03))],
-    ids=["alone", "mixed", "single answers"],
+    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), LOOKING)],
+    ids=["alone", "mixed", "single answers", "looks"],
 )
-def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, beside, learn):
+def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, sighted, beside, learn):
     options = {
         "budget": 40,
         "beside": beside,

@@ -111,7 +111,8 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
             "there is no profile of learning called 'tiny'; known are paper and small",
         ),
         (["--learn-profile", "small"], "--learn-profile says how a proposer learns; add --learn"),
-        (["--learn", "--learn-profile", "small", "--learn-baseline", "group"], "a group needs 2 answers or more"),
+        (["--learn", "--learn-profile", "small", "--learn-group", "1"], "a group needs 2 answers or more"),
+        (["--learn", "--learn-judge", "chance"], "judge must be fit or look, found chance"),
         (["--learn-group", "4"], "--learn-group says how a proposer learns; add --learn"),
         (["--learn", "--learn-rate", "-1"], "--learn-rate"),
     ],
@@ -133,7 +134,7 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
 def test_a_profile_is_given_by_its_name(tmp_path):
     learnt(tmp_path / "run", learn="small", budget=14)
     told = (tmp_path / "run" / "run.toml").read_text()
-    for line in ("contexts = 8", "group = 1", "epochs = 2", 'baseline = "parent"', 'advantages = "entropic"'):
+    for line in ("contexts = 8", "group = 8", 'judge = "look"', 'baseline = "group"', 'advantages = "entropic"'):
         assert f"\n{line}\n" in told
     assert "gain, mean" in (tmp_path / "run" / "report.html").read_text()
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):

@@ -14,7 +14,10 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program, program_text
-from search.judging import judge
+from search.edits import apply_edit
+from search.first_look import LOOKED_AT, LOOKING, LOOKS, Look
+from search.judging import judge, verdict_of
+from search.policy.asking import NOTHING_NEW
 from search.policy.experience.examples import BRIEF, draw_examples
 from search.policy.interface import Policy
 from search.proposal import Context, Evaluated, Proposer, Task
@@ -130,22 +133,59 @@ def test_kinds_of_one_s_own_are_left_alone_and_a_parent_with_one_is_a_sentence(p
     assert "no word for MyFilter" in proposer.propose(with_mine, np.random.default_rng(0)).failure
 
 
+def untimed(proposal):
+    from dataclasses import replace
+
+    return replace(proposal, usage={name: one for name, one in proposal.usage.items() if name != LOOKING})
+
+
 def test_the_proposer_counts_its_answers_and_repeats_with_its_generator(policy, context):
-    proposer = PolicyProposer(policy=policy, tries=3)
+    proposer = PolicyProposer(policy=policy, answers=3)
     one, again = (proposer.propose(context, np.random.default_rng(3)) for _ in range(2))
-    assert one == again
-    assert 1 <= one.usage["samples"] <= 3
-    assert one.usage["known"] + one.usage["refused"] <= one.usage["samples"]
+    assert untimed(one) == untimed(again)
+    assert one.usage["samples"] == 3
+    assert one.usage["known"] + one.usage["refused"] + one.usage.get(LOOKS, 0) <= 3
 
 
 def test_the_proposer_passes_over_structures_that_are_known(policy, context):
     from dataclasses import replace
 
-    proposer = PolicyProposer(policy=policy, tries=4)
+    proposer = PolicyProposer(policy=policy, answers=4)
     found = [proposer.propose(replace(context, seen=lambda _: True), np.random.default_rng(seed)) for seed in range(8)]
     assert max(one.usage["known"] for one in found) > 1
-    # an answer that the grammar refuses is not asked about again
-    assert all(one.usage["samples"] == 4 or one.usage["refused"] == 1 for one in found)
+    # what is known is never looked at, and an answer that is refused is not passed over
+    assert not any(LOOKS in one.usage for one in found)
+    ends = [(one.usage["refused"] > 0, verdict_of(one, replace(context, seen=lambda _: True)).status) for one in found]
+    assert all(refused == (end not in NOTHING_NEW) for refused, end in ends)
+
+
+def test_every_other_time_the_first_look_chooses_among_the_answers(policy, context, monkeypatch):
+    looked = []
+
+    def look(diagram, context, rng):
+        looked.append(program_text(diagram))
+        return Look(float(-len(looked)))
+
+    monkeypatch.setattr("search.policy.asking.first_look", look)
+    best = 0
+    for seed in range(24):
+        looked.clear()
+        proposal = PolicyProposer(policy=policy, looked_at=1.0).propose(context, np.random.default_rng(seed))
+        assert proposal.usage.get(LOOKS, 0) == len(looked) == len(set(looked))  # twins share a look
+        if looked:  # the last one looks best
+            assert parse_program(apply_edit(proposal.edit, program_text(context.parent.diagram))) == parse_program(
+                looked[-1]
+            )
+            best += len(looked) > 1
+        blind = PolicyProposer(policy=policy, looked_at=0.0).propose(context, np.random.default_rng(seed))
+        assert LOOKS not in blind.usage
+        if looked and not blind.usage["refused"]:
+            assert parse_program(apply_edit(blind.edit, program_text(context.parent.diagram))) == parse_program(
+                looked[0]
+            )
+    assert best > 8
+    halves = [PolicyProposer(policy=policy).propose(context, np.random.default_rng(seed)) for seed in range(60)]
+    assert sum(LOOKS in one.usage for one in halves) / 60 == pytest.approx(LOOKED_AT, abs=0.26)
 
 
 def test_the_loss_is_the_mean_over_answer_tokens_by_weight_as_if_each_answer_stood_alone(lessons):

@@ -25,14 +25,20 @@ MODEL_HELP = (
 #: Settings of learning that have an option: what it takes, how it is read, and what it is for.
 LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
     "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 8)"),
-    "group": ("N", inputs.natural, "answers to each question (paper 16, small 1)"),
-    "epochs": ("N", inputs.natural, "updates from each batch (paper 1, small 2)"),
+    "group": ("N", inputs.natural, "answers to each question (paper 16, small 8)"),
+    "epochs": ("N", inputs.natural, "updates from each batch (1)"),
     "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
+    "judge": (
+        "WHO",
+        str,
+        "fit, every answer is evaluated (paper), or look, a first look judges all answers to a question by what they gain on "
+        "their parent, the candidate they edit, and one of them is evaluated (small)",
+    ),
     "baseline": (
         "WAY",
         str,
-        "answers are compared with their group, those to the same question, by their rewards (paper), or with all of "
-        "their batch by what they gain on their parent, the candidate they edit (small)",
+        "answers are compared with their group, those to the same question (the default), or with all of their batch by "
+        "what they gain on their parent",
     ),
     "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
     "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
@@ -109,7 +115,8 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn-profile",
         metavar="NAME",
-        help="settings to begin with: paper (default), 512 answers to an update; small: 8, for a few hundred evaluations",
+        help="settings to begin with: paper (default), 512 answers to an update; small, for a few hundred evaluations, 64 of which "
+        "8 are evaluated",
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
         search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)

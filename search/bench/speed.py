@@ -17,7 +17,7 @@ from search.bench.trials import EXACT_MODE
 from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator, Job
 from search.evaluation.local import LocalEvaluator
-from search.proposers.rules import LOOKING
+from search.first_look import LOOKING
 from search.ranking import Entry
 from search.run_folder import ARCHIVE
 from search.settings import SearchSettings

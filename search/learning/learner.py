@@ -1,21 +1,23 @@
 """A proposer that learns: answers in groups, and after each batch an update from their rewards. Importing it needs no torch."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.learning.advantages import Rewarded, batch_advantages, gain, rewarded
+from search.first_look import LOOKED_AT
+from search.learning.advantages import batch_advantages
 from search.learning.checkpoint import CHECKPOINT
+from search.learning.given import KEPT, Question, kept, kept_answer, kept_answers, questions
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
 from search.learning.state import LearningState
 from search.learning.updates import Update, counted
-from search.policy.asking import first_new
+from search.policy.asking import asked
 from search.policy.backend import threads
 from search.policy.interface import Policy, Sampled
 from search.proposal import Context, Proposal
@@ -24,8 +26,6 @@ from search.step import Step
 if TYPE_CHECKING:
     from search.learning.trainer import Group
 
-#: What a step keeps of its answer, in its `usage`.
-KEPT = "learning"
 #: Answers that are drawn to prove that the served weights are the trained ones.
 PROBES = 4
 #: Share of answers with the same structure as one before in their batch above which the page warns.
@@ -49,7 +49,7 @@ class Learner:
     def __init__(self, policy: Policy, settings: LearningSettings, *, seed: int, window: int) -> None:
         self.policy, self.settings, self.seed = policy, settings, seed
         self.name = policy.name
-        self.rounds = Rounds(policy.name, settings.contexts, settings.group, window)
+        self.rounds = Rounds(policy.name, settings.contexts, settings.handed_in, window)
         self.progress = LearningState(policy, settings, seed)
         self._answers: tuple[int, list[Sampled]] | None = None  # of the context under way
         self._prompt: tuple[int, list[int]] | None = None  # of the context under way
@@ -70,22 +70,28 @@ class Learner:
         mine = step.number > 0 and step.proposer == self.name
         context = self.rounds.next.context
         self.rounds.add(step)
-        if mine and "prompt" in (kept := _kept(step)):
-            self._prompt, self._told = (context, list(kept["prompt"])), context
+        if mine and "prompt" in (found := kept(step)):
+            self._prompt, self._told = (context, list(found["prompt"])), context
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """The next answer of the group; the group is drawn when its first answer is asked for."""
+        """The next answer of the group, which is drawn when its first answer is asked for; or the one that is handed in of all
+        answers to a question, where first looks judge them."""
         place = self.rounds.next
         self.progress.require_seen(self.rounds.batches)  # weights that cannot be had end the run
         try:
-            found = first_new(self.policy, self._drawn(place, context), context)
+            group = self._group(place, context)
+            if self.settings.judge == "look":
+                best = bool(rng.random() < LOOKED_AT)
+                found = asked(self.policy, group, context, rng, look=True, best=best)
+                proposal, told = found.proposal, kept_answers(found)
+            else:
+                one = group[place.member]
+                proposal, told = self.policy.proposal(one, context), kept_answer(one)
         except IbridError as error:
             return Proposal("", failure=str(error))
-        sampled, proposal = found.answer, found.proposal
-        kept: dict[str, Any] = {**asdict(place), "tokens": list(sampled.tokens), "logprobs": list(sampled.logprobs)}
         if self._told != place.context and self._prompt is not None:
-            kept["prompt"] = self._prompt[1]
-        return replace(proposal, usage={**proposal.usage, **found.usage, KEPT: kept})
+            told["prompt"] = self._prompt[1]
+        return replace(proposal, usage={**proposal.usage, KEPT: asdict(place) | told})
 
     @property
     def due(self) -> bool:
@@ -97,28 +103,31 @@ class Learner:
         began, settings = time.monotonic(), self.settings
         self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
-        found = [rewarded(step, steps, batch[0].number) for step in batch]
-        compared = self._compared(batch, found, steps)
+        found = list(questions(batch, steps, settings))
+        given = [one for question in found for one in question.given]
         advantages = batch_advantages(
-            compared, settings.group, advantages=settings.advantages, baseline=settings.baseline, floor=settings.floor
+            [one.worth for one in given],
+            settings.group,
+            advantages=settings.advantages,
+            baseline=settings.baseline,
+            floor=settings.floor,
         )
-        groups = list(self._groups(batch, advantages, context))
-        taught = [group for group in groups if group is not None]
-        asked = [step for step, group in zip(batch[:: settings.group], groups, strict=True) if group is not None]
+        taught = [(question, one) for question, one in zip(found, advantages, strict=True) if one is not None]
+        groups = [self._of(question, one, context(question.step)) for question, one in taught]
         update = Update(
             number=self.progress.seen + 1,
             first=batch[0].number,
             last=batch[-1].number,
-            gain=_mean(compared) if settings.baseline == "parent" else None,
+            gain=_mean([one.worth for one in given]) if settings.by_gain else None,
             dropped=settings.contexts - len(taught),
-            tokens=float(np.mean([len(_kept(step).get("tokens", ())) for step in batch])),
+            tokens=float(np.mean([len(one.sampled.tokens) if one.sampled else 0 for one in given])),
             seconds_sampling=self._sampling,
             remark=self.progress.stopped,
-            **counted(found),
+            **counted([one.rewarded for one in given]),
         )
-        if taught and not self.progress.stopped:
-            update = replace(update, **asdict(self.progress.trainer.update(taught)))
-            update = self._proven(update, taught[0].prompt, context(asked[0]))
+        if groups and not self.progress.stopped:
+            update = replace(update, **asdict(self.progress.trainer.update(groups)))
+            update = self._proven(update, groups[0].prompt, context(taught[0][0].step))
         if update.siblings > COLLAPSE:
             told = (
                 f"{100 * update.siblings:.0f} % of the answers repeat another of their batch: the policy narrows down"
@@ -139,12 +148,6 @@ class Learner:
             self._answers = (place.context, self._timed(context, self.settings.group, (1, place.context)))
         return self._answers[1]
 
-    def _drawn(self, place: Place, context: Context) -> Iterator[Sampled]:
-        """The answer of the group, then others to the same question, as many as there are tries."""
-        yield self._group(place, context)[place.member]
-        for again in range(1, self.settings.tries):
-            yield from self._timed(context, 1, (3, place.context, place.member, again))
-
     def _timed(self, context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
         """Answers to the question under way."""
         began = time.monotonic()
@@ -159,28 +162,11 @@ class Learner:
 
     # --- learning ----------------------------------------------------------------------------------------------------
 
-    def _compared(self, batch: Sequence[Step], found: Sequence[Rewarded], steps: Sequence[Step]) -> list[float | None]:
-        """What the answers of a batch are compared by; None for one that was never given or never judged."""
-        if self.settings.baseline == "group":
-            told = [one.reward for one in found]
-        else:
-            most = self.settings.most_gain
-            told = [gain(one, steps[step.parent or 0], most) for one, step in zip(found, batch, strict=True)]
-        return [one if "tokens" in _kept(step) else None for one, step in zip(told, batch, strict=True)]
-
-    def _groups(
-        self, batch: Sequence[Step], advantages: Sequence[np.ndarray | None], context: ContextOf
-    ) -> "Iterator[Group | None]":
-        """The groups of a batch in their order, None for one that teaches nothing."""
-        size = self.settings.group
-        for place, found in enumerate(advantages):
-            members = batch[place * size : (place + 1) * size]
-            if found is None:
-                yield None
-                continue
-            known = np.isfinite(found)
-            answers = tuple(_sampled(step) for step, one in zip(members, known, strict=True) if one)
-            yield self._made(_prompt(members), answers, context(members[0]), found[known])
+    def _of(self, question: Question, advantages: np.ndarray, context: Context) -> "Group":
+        """The answers to a question that teach something."""
+        known = np.isfinite(advantages)
+        answers = [one.sampled for one, has in zip(question.given, known, strict=True) if has and one.sampled]
+        return self._made(question.prompt, answers, context, advantages[known])
 
     def _made(
         self, prompt: Sequence[int], answers: Sequence[Sampled], context: Context, advantages: np.ndarray
@@ -208,21 +194,6 @@ class Learner:
         if worst > self.settings.alarm:
             return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
         return update
-
-
-def _kept(step: Step) -> Mapping[str, Any]:
-    found = step.usage.get(KEPT, {})
-    return found if isinstance(found, Mapping) else {}
-
-
-def _sampled(step: Step) -> Sampled:
-    kept = _kept(step)
-    return Sampled(tuple(kept["tokens"]), tuple(kept["logprobs"]))
-
-
-def _prompt(members: Sequence[Step]) -> list[int]:
-    """The question of a group, which the first of its steps that has an answer keeps."""
-    return next((list(_kept(one)["prompt"]) for one in members if "prompt" in _kept(one)), [])
 
 
 def _mean(numbers: Sequence[float | None]) -> float | None:

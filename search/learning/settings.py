@@ -8,10 +8,12 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from search.learning.advantages import BASELINES, WAYS
-from search.policy.asking import TRIES
+from search.policy.asking import ANSWERS
 
 #: A model of so many parameters or more is one that others trained on much text.
 LARGE = 50_000_000
+#: Who says what an answer is worth: the fit of the search, or a first look.
+JUDGES = ("fit", "look")
 #: Adam's step. For a policy of a million parameters 1e-4 changes hardly anything in 32 updates of 8 answers, 3e-4 raises the
 #: share of answers that gain by a third, 1e-3 goes astray (search/LOG.md, 2026-11-22).
 RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
@@ -21,14 +23,15 @@ RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
 class LearningSettings:
     """How answers are drawn in groups, and what one update does with their rewards.
 
-    `contexts` : questions of a batch. `group` : answers to each. `tries` : an answer that leads to a known structure is drawn
-    again, so many times in all; what is drawn again counts as never given. `epochs` : updates from each batch. `rate` :
-    Adam's step; None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`, `decay2` : of Adam's moments.
+    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each batch. `rate` : Adam's step;
+    None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`, `decay2` : of Adam's moments.
     `longest_gradient` : norm to which a gradient is cut.
 
+    `judge` : "fit", every answer is evaluated as in the paper, or "look", a first look judges all answers to a question by what
+    they gain on the candidate that they edit, and one of them is evaluated (`search.policy.asking`).
     `baseline` : "group", answers to the same question are compared by their rewards as in the paper, or "parent", all of a
-    batch are by what they gain on the candidate that they edit, `most_gain` at most; one answer to a question is then
-    enough. `advantages` : "mean", distances from the mean in standard deviations as in the paper, or "entropic", which is
+    batch are by what they gain on the candidate that they edit; one answer to a question is then enough. `most_gain` : that
+    counts. `advantages` : "mean", distances from the mean in standard deviations as in the paper, or "entropic", which is
     after the best answer. `floor` : least standard deviation of what is compared, for the noise of a fit is no signal.
 
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
@@ -42,12 +45,12 @@ class LearningSettings:
 
     contexts: int = 32
     group: int = 16
-    tries: int = 1
     epochs: int = 1
     rate: float | None = None
     decay1: float = 0.9
     decay2: float = 0.98
     longest_gradient: float = 1.0
+    judge: str = "fit"
     baseline: str = "group"
     advantages: str = "mean"
     most_gain: float = 1.0
@@ -71,6 +74,21 @@ class LearningSettings:
         """Answers between two updates."""
         return self.contexts * self.group
 
+    @property
+    def handed_in(self) -> int:
+        """Answers to a question that are evaluated."""
+        return 1 if self.judge == "look" else self.group
+
+    @property
+    def by_gain(self) -> bool:
+        """Whether answers are compared by what they gain, in place of their rewards."""
+        return self.judge == "look" or self.baseline == "parent"
+
+    @property
+    def steps(self) -> int:
+        """Of a search between two updates."""
+        return self.contexts * self.handed_in
+
     def rate_of(self, parameters: int) -> float:
         """Adam's step for a model with so many parameters."""
         if self.rate is not None:
@@ -83,6 +101,7 @@ class LearningSettings:
 def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     """Whether a law holds, the law in words, and what was found."""
     yield one.contexts >= 1, "a batch needs 1 context or more", one.contexts
+    yield one.judge in JUDGES, f"judge must be {' or '.join(JUDGES)}", one.judge
     yield one.baseline in BASELINES, f"baseline must be {' or '.join(BASELINES)}", one.baseline
     if one.baseline == "group":
         yield (
@@ -94,7 +113,6 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
         )
     yield one.group >= 1, "a group needs 1 answer or more", one.group
     yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
-    yield one.tries >= 1, "an answer needs 1 try or more", one.tries
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
     yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages
@@ -114,9 +132,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
 PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
-        "small": LearningSettings(
-            contexts=8, group=1, tries=TRIES, epochs=2, baseline="parent", advantages="entropic", divergence=0.1
-        ),
+        "small": LearningSettings(contexts=8, group=ANSWERS, judge="look", advantages="entropic", divergence=0.1),
     }
 )
 

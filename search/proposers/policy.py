@@ -1,11 +1,11 @@
 """The learned proposer: the small policy answers, offline and on one core."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from search.policy.asking import TRIES, first_new
+from search.first_look import LOOKED_AT
+from search.policy.asking import ANSWERS, asked
 from search.policy.interface import Policy
 from search.policy.small_policy import SmallPolicy
 from search.policy.tokens import LanguageError
@@ -13,11 +13,11 @@ from search.proposal import Context, Proposal
 
 
 class PolicyProposer:
-    """Asks a policy and takes its answer as it comes, also an illegal one; only one that leads to a known structure, or to
-    its parent's, is followed by another.
+    """Asks a policy for several answers. Every other time a first look at the data chooses among them; else the first is taken,
+    also an illegal one, unless it leads to a known structure or to its parent's.
 
-    folder : the policy's weights; None: those that ship. policy : in place of a folder. tries : answers to one question at
-    most. `usage` of a proposal counts them, see `search.policy.asking.Asked`.
+    folder : the policy's weights; None: those that ship. policy : in place of a folder. answers : to one question.
+    looked_at : how often a first look chooses. `usage` of a proposal counts the answers, see `search.policy.asking.Asked`.
     Raises IbridError where torch is missing.
     """
 
@@ -25,16 +25,23 @@ class PolicyProposer:
     attempts = 1
     window: int | None = None
 
-    def __init__(self, folder: str | Path | None = None, *, policy: Policy | None = None, tries: int = TRIES) -> None:
+    def __init__(
+        self,
+        folder: str | Path | None = None,
+        *,
+        policy: Policy | None = None,
+        answers: int = ANSWERS,
+        looked_at: float = LOOKED_AT,
+    ) -> None:
         self.policy: Policy = SmallPolicy(folder) if policy is None else policy
-        self.tries = tries
+        self.answers, self.looked_at = answers, looked_at
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """The first answer that does not lead to a known structure; else the last one."""
+        """The edit of one of the answers."""
         try:
             prompt = self.policy.prompt(context)
         except LanguageError as error:
             return Proposal("", failure=str(error))
-        seed = int(rng.integers(2**31))
-        found = first_new(self.policy, self.policy.sample([prompt], [context], self.tries, seed)[0], context)
-        return replace(found.proposal, usage={**found.proposal.usage, **found.usage})
+        drawn = self.policy.sample([prompt], [context], self.answers, int(rng.integers(2**31)))[0]
+        looks = bool(rng.random() < self.looked_at)
+        return asked(self.policy, drawn, context, rng, look=looks, best=looks).proposal

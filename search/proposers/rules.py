@@ -9,9 +9,9 @@ import numpy as np
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES
 from ibrid.structure.diagram import Diagram
+from search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
 from search.proposal import Context, Proposal
 from search.proposers.edited import edited, new_structure, proposal_of
-from search.proposers.first_look import first_look
 from search.proposers.moves.components import COMPONENTS
 from search.proposers.moves.family import Family, Move, View, views_of
 from search.proposers.moves.sub_loops import SUB_LOOPS
@@ -30,10 +30,8 @@ LEAST_RELEVANCE = 0.1
 #: A parent's NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a
 #: smaller one for a detail.
 GROSS, ABOVE_NOISE = 0.03, 2.0
-#: Edits that a first look compares, and the share of proposals that are chosen so.
-LOOKS, LOOKED_AT = 6, 0.5
-#: Name of the seconds of first looks in the usage of a proposal.
-LOOKING = "first_look_seconds"
+#: Edits that a first look compares.
+COMPARED = 6
 
 
 class Rules:
@@ -53,7 +51,7 @@ class Rules:
     attempts = 1
     window: int | None = None
 
-    def __init__(self, families: Sequence[Family] = FAMILIES, *, looks: int = LOOKS) -> None:
+    def __init__(self, families: Sequence[Family] = FAMILIES, *, looks: int = COMPARED) -> None:
         self.families, self.looks = tuple(families), looks
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
@@ -98,9 +96,9 @@ class _Edit:
 def _most_promising(edits: Sequence[_Edit], context: Context, rng: np.random.Generator) -> Proposal:
     """The edit that a first look at all of them finds best. Their number and seconds are kept beside it."""
     began = time.perf_counter()
-    worth = [first_look(one.diagram, context, rng) for one in edits]
+    worth = [first_look(one.diagram, context, rng).worth for one in edits]
     proposal = edits[int(np.argmin(worth))].proposal
-    looked = {"first_looks": len(edits), LOOKING: time.perf_counter() - began}
+    looked = {LOOKS: len(edits), LOOKING: time.perf_counter() - began}
     return replace(proposal, usage={**proposal.usage, **looked})
 
 

@@ -12,10 +12,10 @@ from search.report.run_data import RunData
 _SHARES = ("valid", "unchanged", "duplicates", "siblings", "refused", "failed")
 _WORDS = (
     "An update makes the better answers of a batch more likely: those of higher reward among the answers to the same question, "
-    "or, where a gain is told, those that gain most on the candidate they edit. Valid: fitted, repetitions within the batch "
-    "included. Known before: duplicates of structures older than the batch; siblings: answers that repeat another of their "
-    "batch. Divergence: how far the policy is from the one that the search began with, in nats per token (KL). Entropy: how "
-    "undecided it is, in nats per token."
+    "or, where a gain is told, those that gain most on the candidate they edit. Valid: fitted or, where first looks judge, "
+    "looked at, repetitions within the batch included. Known before: duplicates of structures older than the batch; siblings: "
+    "answers that repeat another of their batch. Divergence: how far the policy is from the one that the search began with, in "
+    "nats per token (KL). Entropy: how undecided it is, in nats per token."
 )
 _EXACT = (
     "Importance weight: what training and sampling think of the same token, 1 when they agree; drift: the mean difference of "

@@ -27,12 +27,14 @@ PROFILE = "small"
 
 @dataclass(frozen=True)
 class Arm:
-    """`proposer` : as for `search.run`. `learns` : whether `learn` is given. `rate` : Adam's step; None: as asked for."""
+    """`proposer` : as for `search.run`. `learns` : whether `learn` is given. `rate` : Adam's step; None: as asked for. `blind` :
+    True where the policy takes no first looks."""
 
     words: str
     proposer: str
     learns: bool = False
     rate: float | None = None
+    blind: bool = False
 
     @property
     def asks_policy(self) -> bool:
@@ -42,19 +44,20 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: The last is no arm of the comparison but its control: all that `learning` does, results by the batch among it, but for the
-#: change of the weights. It is made when it is asked for.
+#: The last two are no arms of the comparison but its controls, made when they are asked for: all that `learning` does,
+#: results by the batch among it, but for the change of the weights; and what the policy is without first looks.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
         "rules": Arm("rules of thumb and a first look at the data", "rules"),
-        "frozen": Arm("the policy as it ships", "policy"),
-        "learning": Arm("the policy, trained on the rewards of the run", "policy", learns=True),
+        "frozen": Arm("the policy as it ships, with first looks at its answers", "policy"),
+        "learning": Arm("the policy, trained on the way", "policy", learns=True),
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
         "untrained": Arm("as learning, results by the batch, weights unchanged", "policy", learns=True, rate=NO_STEP),
+        "blind": Arm("the policy as it ships, without first looks", "policy", blind=True),
     }
 )
-ARMS = tuple(ALL_ARMS)[:-1]
+ARMS = tuple(ALL_ARMS)[:-2]
 
 
 @dataclass(frozen=True)
@@ -98,17 +101,16 @@ class Case:
 
 
 def size(settings: LearningSettings) -> str:
-    """Of a batch: questions x answers to each, and how often a question is asked again, "8x1 tries 4"."""
-    tries = f" tries {settings.tries}" if settings.tries > 1 else ""
-    return f"{settings.contexts}x{settings.group}{tries}"
+    """Of a batch: questions x answers to each, and who judges them where the search does not, "8x8 look"."""
+    judge = "" if settings.judge == "fit" else f" {settings.judge}"
+    return f"{settings.contexts}x{settings.group}{judge}"
 
 
-def control(label: str) -> str:
-    """Label of what tells learning of a label from what comes with it."""
+def controls(label: str) -> tuple[str, str]:
+    """Labels of the policy that learning of a label begins with, and of what tells it from what comes with it."""
     told = label.split()[1:]
-    if told[0] in PROFILES:
-        return f"untrained {size(PROFILES[told[0]])}"
-    return " ".join(["untrained", *told[: 3 if told[1:2] == ["tries"] else 1]])
+    name = size(PROFILES[told[0]]) if told[0] in PROFILES else " ".join(told[: 2 if told[1:2] == ["look"] else 1])
+    return "frozen" if name.endswith("look") else "blind", f"untrained {name}"
 
 
 def _changes(settings: LearningSettings) -> dict[str, Any]:

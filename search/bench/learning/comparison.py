@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from search.bench.learning.arms import ALL_ARMS, INVERTERS, arm_of, control
+from search.bench.learning.arms import ALL_ARMS, INVERTERS, arm_of, controls
 from search.bench.learning.course import area, evaluations_to, final_error
 from search.bench.learning.statistics import Estimate, Strata, differences, estimate, mean, median
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR
@@ -84,11 +84,13 @@ def of_arm(rows: Rows, measure: Measure) -> Estimate | None:
 
 
 def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
-    """Arms whose difference says something: learning and its controls, the policy and chance, and what it adds to rules."""
+    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, and what it adds
+    to rules."""
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
-        wanted += [(label, "frozen"), (label, control(label))]
-    wanted += [("frozen", "random"), ("mixed", "rules")]
+        wanted += [(label, other) for other in dict.fromkeys((*controls(label), "blind"))]
+    wanted += [("frozen", "blind"), ("frozen", "random")]
+    wanted += [(label, "rules") for label in found if arm_of(label) == "mixed"]
     return [pair for pair in wanted if set(pair) <= set(found)]
 
 

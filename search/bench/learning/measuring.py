@@ -16,8 +16,10 @@ from search.bench.scoring import Answer, Row
 from search.bench.trials import EXACT_MODE
 from search.learning.settings import LearningSettings
 from search.learning.updates import META, Update, read_updates
+from search.policy.asking import NOTHING_NEW
+from search.proposers.policy import PolicyProposer
 from search.run_folder import ARCHIVE
-from search.step import Step
+from search.step import REFUSED, Step
 from search.store import Store
 from search.tally import Tally, counts
 
@@ -50,7 +52,7 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
     run = search(
         hidden.sweep,
         folder,
-        proposer=arm.proposer,
+        proposer=((PolicyProposer(looked_at=0.0), 1.0),) if arm.blind else arm.proposer,
         budget=case.budget,
         seed=case.seed,
         learn=_settings(case) if arm.learns else False,
@@ -87,8 +89,8 @@ def hidden_of(case: Case) -> Hidden:
 def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
     """For each proposer how many of its proposals ended in which way (`search.tally.Tally`).
 
-    `answers` : those behind the proposals, and `known` : of these the ones that led to a known structure or to the parent's;
-    the policy alone is asked again after such an answer.
+    `answers` : those behind the proposals, several to a question where the policy is asked. Of these `known` led to a known
+    structure or to the parent's, `refused` were no legal edit, `failed` had no fit, and the rest is `valid`.
     """
     by_name: dict[str, list[Step]] = {}
     for step in steps:
@@ -98,9 +100,10 @@ def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
     for name, own in sorted(by_name.items()):
         tally = Tally.of(counts(own))
         answers = sum(_number(step, "samples", 1) for step in own)
-        again = {"unchanged", "duplicate"}
-        known = sum(_number(step, "known", int(str(step.status) in again)) for step in own)
-        found[name] = {**asdict(tally), "answers": answers, "known": known}
+        known = sum(_number(step, "known", int(step.status in NOTHING_NEW)) for step in own)
+        refused = sum(_number(step, "refused", int(step.status in REFUSED)) for step in own)
+        valid = answers - known - refused - tally.failed
+        found[name] = asdict(tally) | {"answers": answers, "known": known, "refused": refused, "valid": valid}
     return found
 
 

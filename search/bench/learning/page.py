@@ -17,8 +17,9 @@ from search.learning.settings import PROFILES
 _TOP = """# Does learning help?
 
 Made by `make bench-learning`, which keeps what it has measured and goes on where it was stopped; no number here is typed
-by hand. The same searches by five proposers, at equal numbers of evaluations. A sixth, `untrained`, tells learning from what
-comes with it, results only after a batch:
+by hand. The same searches by five proposers, at equal numbers of evaluations, and two controls: `untrained` tells
+learning from what comes with it, results only after a batch; `blind` tells what first looks do. A first look is a few steps
+of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
 
 {arms}
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
@@ -39,9 +40,9 @@ seeds on these inverters.
 _PAIRS = """Differences are means over pairs of the same inverter and seed; a limit that was not reached counts as the budget.
 Negative is better but for F1. A star: zero lies outside the interval.
 """
-_ANSWERS = """Valid: led to a fit; known: to a structure met before or to the parent's; refused: no legal edit; failed: no fit.
-Random edits and rules pass over known structures unseen; the policy, frozen or learning with `tries`, is asked again after one,
-and these answers count here. Seconds: of a run, its page included. Drawn inverters are included.
+_ANSWERS = """Of all answers, several to a question where the policy is asked. Valid: a legal edit that leads to something new;
+known: to a structure met before or to the parent's; refused: no legal edit; failed: no fit. Random edits and rules pass over
+known structures unseen. Seconds: of a run, its page included. Drawn inverters are included.
 """
 _DRAWN = "Another inverter for every seed, so intervals speak of other inverters of these families.\n"
 _INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"

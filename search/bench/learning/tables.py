@@ -132,8 +132,8 @@ def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
     valid, known, refused = (share(frozen, name) for name in ("valid", "known", "refused"))
     if valid is not None:
         told.append(
-            f"Of the answers of the frozen policy {_percent(valid)} led to a fit, {_percent(known)} to a structure met before "
-            f"or to the parent's, {_percent(refused)} were no legal edit; asked: 80 % valid."
+            f"Of the answers of the frozen policy {_percent(valid)} were legal edits to something new, {_percent(known)} legal "
+            f"ones to a structure met before or to the parent's, {_percent(refused)} no legal edit; asked: 80 % valid."
         )
     if frozen and chance:
         found = [(of_arm(own, TO_PAPER_ERROR), own[0]["budget"]) for own in (frozen, chance)]
@@ -142,7 +142,9 @@ def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
             f"To {PAPER_ERROR:g} the frozen policy needs {needed[0]} evaluations in the median, random edits {needed[1]}; asked: "
             "a third of theirs."
         )
-    for first, second in (pair for pair in pairs(labels(rows)) if arm_of(pair[0]) == "learning"):
+    for first, second in pairs(labels(rows)):
+        if arm_of(first) != "learning" and second != "blind":
+            continue
         for place, inverters in PLACES.values():
             found = of_pair([row for row in rows if row["inverter"] in inverters], first, second, AREA)
             if found is not None:

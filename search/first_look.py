@@ -3,6 +3,7 @@
 An upper end of what the fit will find, at a tenth of its cost: enough to tell which of several usual edits the data ask for.
 """
 
+from dataclasses import dataclass
 from math import inf, log, sqrt
 
 import numpy as np
@@ -27,12 +28,30 @@ DRAWS, KEPT, STEPS = 16, 3, 24
 LIMIT = 10.0
 #: What a free number must gain in ln(error) where the noise is not known, as where parents are ranked.
 PRICE = SearchSettings().parsimony
+#: How often a proposer that can looks at several edits and proposes the best; otherwise one is proposed unseen, since what needs
+#: a second edit before it gains looks worthless.
+LOOKED_AT = 0.5
+#: Names of the number of first looks and of their seconds in the usage of a proposal.
+LOOKS, LOOKING = "first_looks", "first_look_seconds"
 
 
-def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> float:
-    """ln(error) after the look, plus a price for every free number of an operating point; infinite where there is no response.
+@dataclass(frozen=True)
+class Look:
+    """`error` : ln(NRMSE) after the look, infinite where there is no response. `price` : of all free numbers of a point."""
 
-    The price is that of the Bayesian information criterion where the noise is known, else `PRICE`.
+    error: float
+    price: float = 0.0
+
+    @property
+    def worth(self) -> float:
+        """What edits are compared by; the lower the better."""
+        return self.error + self.price
+
+
+def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> Look:
+    """How well the diagram answers after a few steps of the fit from the parent's values.
+
+    The price of a free number is that of the Bayesian information criterion where the noise is known, else `PRICE`.
 
     Whatever the code of a user's own kind raises makes the edit look worthless; its evaluation would say why.
     """
@@ -49,12 +68,12 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
             problems = [Problem(model, group) for group in groups]
             error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
     except (Exception, SystemExit):
-        return inf
+        return Look(inf)
     if not np.isfinite(error):
-        return inf
+        return Look(inf)
     known = objective_for(points) == "sigma"
     price = information_price(measured_numbers(points), len(groups)) if known else PRICE
-    return log(max(error, EXACT)) + price * problems[0].size
+    return Look(log(max(error, EXACT)), price * problems[0].size)
 
 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:
