@@ -2,7 +2,7 @@
 
 Proposal k is made from the results of the steps up to k - window and from random numbers that follow from the seed and k
 alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
-With a proposer that learns, a whole batch of its answers is made from the results of the batches before.
+With a proposer that learns from evaluations, a whole batch of its answers is made from the results of the batches before.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -130,7 +130,7 @@ class Loop:
         return max(len(self.steps) - self.window if self.learner is None else self.learner.rounds.horizon, 0)
 
     def _learn(self) -> None:
-        """Train the proposer that learns once all results of its batch are in."""
+        """Train the proposer that learns once its batch is complete, and the results in where they matter."""
         if self.learner is not None and self.learner.due and not self.stop_asked:
             self.learner.learn(self.steps, self._asked_again)
 

@@ -432,7 +432,7 @@ def test_rows_of_other_weights_are_left_out_and_arms_keep_their_order():
     assert ("learning 4x8 look", "frozen") in pairs(found)
     assert ("learning 2x4 rate 0.001", "blind") in pairs(found)
     assert ("learning 2x4 rate 0.001", "frozen") not in pairs(found)
-    assert ("learning small", "untrained 8x8 look") in pairs(["learning small", "untrained 8x1", "untrained 8x8 look"])
+    assert ("learning small", "untrained 1x8 look") in pairs(["learning small", "untrained 8x1", "untrained 1x8 look"])
     assert ("learning 8x1 parent", "untrained 8x1") in pairs(["learning 8x1 parent", "untrained 8x1"])
     assert {("frozen", "blind"), ("frozen", "random")} <= set(pairs(found))
     assert ("mixed blind", "rules") in pairs(["rules", "mixed blind"])
@@ -497,7 +497,7 @@ def test_the_page_says_how_much_is_measured():
     assert page([*many(), row("paper_like", "rules", 0, 0.1, budget=500)]).count("\n## ") == 2
     assert max(map(len, page([]).splitlines())) < 130
     odd = row("paper_like", "rules", 77, 0.1)  # beyond the ten seeds, and the control, are no part of the whole
-    assert f"60 of the {whole} runs" in measured_of([*small, odd, row("gfm_dvoc", "untrained 8x8 look", 0, 0.1)])
+    assert f"60 of the {whole} runs" in measured_of([*small, odd, row("gfm_dvoc", "untrained 1x8 look", 0, 0.1)])
 
 
 # the command
@@ -527,7 +527,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
     assert seen[-1][1]["learn"] == replace(PROFILES["small"], group=4)
-    assert "learning 8x4 look entropic - frozen" in capsys.readouterr().out
+    assert "learning 1x4 look entropic - frozen" in capsys.readouterr().out
     other = ("--arm", "learning", "--profile", "paper", "--contexts", "1", "--epochs", "2")
     assert main(options(tmp_path, *other), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 7
@@ -535,7 +535,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert "learning 1x16 epochs 2" in capsys.readouterr().out
     assert main(options(tmp_path, "--arm", "untrained"), search=scripted(seen), ready=at_once) == 0
     assert 0 < seen[-1][1]["learn"].rate < 1e-20
-    assert "untrained 8x8 look" in capsys.readouterr().out
+    assert "untrained 1x8 look" in capsys.readouterr().out
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(tmp_path, capsys):

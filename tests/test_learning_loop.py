@@ -40,7 +40,7 @@ pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers hav
 PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0, patience=1000)
 SMALL = LearningSettings(contexts=2, group=4, rate=0.03)
 SINGLE = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
-LOOKING = replace(PROFILES["small"], rate=0.03)
+LOOKING = replace(PROFILES["small"], contexts=8, rate=0.03)
 
 
 def more_gain(program: str, number: int) -> str:
@@ -346,8 +346,8 @@ class Killed(Exception):
 
 @pytest.mark.parametrize(
     ("beside", "learn"),
-    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), LOOKING)],
-    ids=["alone", "mixed", "single answers", "looks"],
+    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), LOOKING), ((), replace(LOOKING, contexts=1))],
+    ids=["alone", "mixed", "single answers", "looks", "a question each"],
 )
 def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, sighted, beside, learn):
     options = {

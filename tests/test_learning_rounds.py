@@ -6,9 +6,11 @@ from search.learning.rounds import Place, Rounds
 from search.step import Status, Step
 
 
-def fed(words: str, contexts: int = 2, group: int = 3, window: int = 4) -> tuple[Rounds, list[int]]:
+def fed(
+    words: str, contexts: int = 2, group: int = 3, window: int = 4, *, waits: bool = True
+) -> tuple[Rounds, list[int]]:
     """Rounds that saw steps: `L` of the one that learns, `-` of others; and the horizon before each step that follows."""
-    rounds, horizons = Rounds("toy", contexts, group, window), []
+    rounds, horizons = Rounds("toy", contexts, group, window, waits=waits), []
     for number, word in enumerate(words):
         proposer = {"L": "toy", "-": "pruning", "0": ""}[word]
         rounds.add(Step(number, proposer=proposer, status=Status.OK))
@@ -44,6 +46,11 @@ def test_many_steps_of_others_in_a_row_see_what_they_would_without_learning():
     _, horizons = fed("0LL------LL")
     # the fourth of the others is step 6; from then on the last but `window`
     assert [max(one, 0) for one in horizons] == [0, 0, 0, 0, 0, 0, 3, 4, 5, 5, 5]
+
+
+def test_where_an_update_needs_no_results_every_step_sees_what_it_would_without_learning():
+    _, horizons = fed("0LL-L----LLLL", waits=False)
+    assert [max(one, 0) for one in horizons] == [0, 0, 0, *range(10)]
 
 
 def test_what_a_step_may_see_never_becomes_less():

@@ -134,7 +134,7 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
 def test_a_profile_is_given_by_its_name(tmp_path):
     learnt(tmp_path / "run", learn="small", budget=14)
     told = (tmp_path / "run" / "run.toml").read_text()
-    for line in ("contexts = 8", "group = 8", 'judge = "look"', 'baseline = "group"', 'advantages = "entropic"'):
+    for line in ("contexts = 1", "group = 8", 'judge = "look"', 'baseline = "group"', 'advantages = "entropic"'):
         assert f"\n{line}\n" in told
     assert "gain, mean" in (tmp_path / "run" / "report.html").read_text()
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):

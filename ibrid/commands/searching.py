@@ -24,7 +24,7 @@ MODEL_HELP = (
 
 #: Settings of learning that have an option: what it takes, how it is read, and what it is for.
 LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
-    "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 8)"),
+    "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 1)"),
     "group": ("N", inputs.natural, "answers to each question (paper 16, small 8)"),
     "epochs": ("N", inputs.natural, "updates from each batch (1)"),
     "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
@@ -115,8 +115,8 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn-profile",
         metavar="NAME",
-        help="settings to begin with: paper (default), 512 answers to an update; small, for a few hundred evaluations, 64 of which "
-        "8 are evaluated",
+        help="settings to begin with: paper (default), 512 answers to an update; small, for a few hundred evaluations, 8 of "
+        "which one is evaluated",
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
         search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)

@@ -49,7 +49,7 @@ class Learner:
     def __init__(self, policy: Policy, settings: LearningSettings, *, seed: int, window: int) -> None:
         self.policy, self.settings, self.seed = policy, settings, seed
         self.name = policy.name
-        self.rounds = Rounds(policy.name, settings.contexts, settings.handed_in, window)
+        self.rounds = Rounds(policy.name, settings.contexts, settings.handed_in, window, waits=settings.judge == "fit")
         self.progress = LearningState(policy, settings, seed)
         self._answers: tuple[int, list[Sampled]] | None = None  # of the context under way
         self._prompt: tuple[int, list[int]] | None = None  # of the context under way
@@ -99,7 +99,8 @@ class Learner:
         return self.rounds.complete and self.progress.seen < self.rounds.batches
 
     def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
-        """Update the weights from the last batch, all results of which are in; kept on disk before this returns."""
+        """Update the weights from the last batch, all results of which are in where they matter; kept on disk before this
+        returns."""
         began, settings = time.monotonic(), self.settings
         self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]

@@ -132,7 +132,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
 PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
-        "small": LearningSettings(contexts=8, group=ANSWERS, judge="look", advantages="entropic", divergence=0.1),
+        "small": LearningSettings(contexts=1, group=ANSWERS, judge="look", advantages="entropic", divergence=0.1),
     }
 )
 

@@ -44,8 +44,8 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: The last two are no arms of the comparison but its controls, made when they are asked for: all that `learning` does,
-#: results by the batch among it, but for the change of the weights; and what the policy is without first looks.
+#: The last two are no arms of the comparison but its controls, made when they are asked for: all that `learning` does but for
+#: the change of the weights; and what the policy is without first looks.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
@@ -53,7 +53,7 @@ ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
         "frozen": Arm("the policy as it ships, with first looks at its answers", "policy"),
         "learning": Arm("the policy, trained on the way", "policy", learns=True),
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
-        "untrained": Arm("as learning, results by the batch, weights unchanged", "policy", learns=True, rate=NO_STEP),
+        "untrained": Arm("as learning, weights unchanged", "policy", learns=True, rate=NO_STEP),
         "blind": Arm("the policy as it ships, without first looks", "policy", blind=True),
     }
 )

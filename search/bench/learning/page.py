@@ -18,8 +18,8 @@ _TOP = """# Does learning help?
 
 Made by `make bench-learning`, which keeps what it has measured and goes on where it was stopped; no number here is typed
 by hand. The same searches by five proposers, at equal numbers of evaluations, and two controls: `untrained` tells
-learning from what comes with it, results only after a batch; `blind` tells what first looks do. A first look is a few steps
-of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
+learning from what comes with it, such as results only after a batch; `blind` tells what first looks do. A first look is a few
+steps of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
 
 {arms}
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
