@@ -4,7 +4,7 @@ import importlib.util
 import math
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count, groupby
@@ -22,11 +22,11 @@ from toy_policy import ASK, FIRST, Change, ToyPolicy
 
 from ibrid.errors import IbridError
 from ibrid.structure.program import program_text
-from search.first_look import Look
+from search.first_look import LOOKING, Look
 from search.learning.advantages import entropic_advantages
 from search.learning.learner import Learner
 from search.learning.settings import PROFILES, LearningSettings
-from search.learning.trainer import fingerprint
+from search.learning.trainer import Group, fingerprint
 from search.learning.updates import META, Update, read_updates
 from search.loop import BUDGET, TARGET, Loop
 from search.policy.interface import Policy
@@ -40,7 +40,7 @@ pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers hav
 PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0, patience=1000)
 SMALL = LearningSettings(contexts=2, group=4, rate=0.03)
 SINGLE = LearningSettings(contexts=8, group=1, rate=0.03, baseline="parent")
-LOOKING = replace(PROFILES["small"], contexts=8, rate=0.03)
+BY_LOOKS = replace(PROFILES["small"], contexts=8, rate=0.03)
 
 
 def more_gain(program: str, number: int) -> str:
@@ -207,16 +207,23 @@ def question(parent: int | None) -> list[int]:
     return [ASK, FIRST + (parent or 0) % 6]
 
 
-def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(tmp_path):
-    with learning(tmp_path / "run", Asked(more_gain, 6), SINGLE, budget=60) as loop:
+def taught_by(
+    folder: Path, learn: LearningSettings
+) -> tuple[list[Step], list[Step], tuple[Update, ...], list[Sequence[Group]]]:
+    """A search that learns: all its steps, those of the policy, the updates, and the groups that each was made from."""
+    batches: list[Sequence[Group]] = []
+    with learning(folder, Asked(more_gain, 6), learn, budget=60) as loop:
         assert loop.learner is not None
-        trainer, batches = loop.learner.progress.trainer, []
+        trainer = loop.learner.progress.trainer
         update = trainer.update
         trainer.update = lambda groups: (batches.append(groups), update(groups))[1]
         loop.run(NAIVE)
-    steps = steps_of(tmp_path / "run" / "archive.sqlite")
-    mine = [step for step in steps if step.proposer == "toy"]
-    updates = told(tmp_path / "run")
+    steps = steps_of(folder / "archive.sqlite")
+    return steps, [step for step in steps if step.proposer == "toy"], told(folder), batches
+
+
+def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(tmp_path):
+    steps, mine, updates, batches = taught_by(tmp_path / "run", SINGLE)
     assert len(batches) == len(updates) == len(mine) // 8 > 4
     for number, groups in enumerate(batches):
         batch = mine[8 * number : 8 * number + 8]
@@ -250,15 +257,7 @@ def sighted(monkeypatch) -> list[str]:
 
 
 def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_one_is_evaluated(tmp_path, sighted):
-    with learning(tmp_path / "run", Asked(more_gain, 6), LOOKING, budget=60) as loop:
-        assert loop.learner is not None
-        trainer, batches = loop.learner.progress.trainer, []
-        update = trainer.update
-        trainer.update = lambda groups: (batches.append(groups), update(groups))[1]
-        loop.run(NAIVE)
-    steps = steps_of(tmp_path / "run" / "archive.sqlite")
-    mine = [step for step in steps if step.proposer == "toy"]
-    updates = told(tmp_path / "run")
+    steps, mine, updates, batches = taught_by(tmp_path / "run", BY_LOOKS)
     assert len(updates) == len(mine) // 8 > 4
     assert len(sighted) == sum(step.usage.get("first_looks", 0) for step in mine) > len(mine)
     taught = iter(group for groups in batches for group in groups)
@@ -278,7 +277,7 @@ def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_o
             if len(set(own)) > 1:
                 group = next(taught)
                 assert list(group.prompt) == question(step.parent) == kept["prompt"]
-                np.testing.assert_allclose(group.advantages, entropic_advantages(own, LOOKING.floor), atol=1e-6)
+                np.testing.assert_allclose(group.advantages, entropic_advantages(own, BY_LOOKS.floor), atol=1e-6)
         assert one.gain == pytest.approx(np.mean(worths))
         assert one.valid == ends.count("ok") / 64
         assert one.refused == ends.count("illegal") / 64
@@ -296,7 +295,7 @@ def test_a_policy_learns_from_looks_what_pays(tmp_path, sighted):
         ToyPolicy(never_known(), 6),
         budget=110,
         settings=settings,
-        learn=replace(LOOKING, rate=0.1, divergence=0.0),
+        learn=replace(BY_LOOKS, rate=0.1, divergence=0.0),
     )
     mine = [step for step in steps if step.proposer == "toy"]
 
@@ -321,10 +320,7 @@ def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
 
 
 def untimed(steps: list[Step]) -> list[Step]:
-    return [
-        replace(step, usage={name: one for name, one in step.usage.items() if name != "first_look_seconds"})
-        for step in steps
-    ]
+    return [replace(step, usage={name: one for name, one in step.usage.items() if name != LOOKING}) for step in steps]
 
 
 def same(first: tuple[list[Step], Learner], second: tuple[list[Step], Learner]) -> None:
@@ -346,7 +342,7 @@ class Killed(Exception):
 
 @pytest.mark.parametrize(
     ("beside", "learn"),
-    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), LOOKING), ((), replace(LOOKING, contexts=1))],
+    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), BY_LOOKS), ((), replace(BY_LOOKS, contexts=1))],
     ids=["alone", "mixed", "single answers", "looks", "a question each"],
 )
 def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, sighted, beside, learn):

@@ -67,7 +67,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--group", type=count, help="answers to each question")
     parser.add_argument("--epochs", type=count, help="updates from each batch")
     parser.add_argument("--rate", type=positive, help="learning rate")
-    parser.add_argument("--judge", metavar="WHO", help="every answer by its fit, or all but one by a first look alone")
+    parser.add_argument(
+        "--judge", metavar="WHO", help="fit: every answer is evaluated; look: a first look judges all, one is"
+    )
     parser.add_argument("--baseline", metavar="WAY", help="answers are compared with their group, or with their parent")
     parser.add_argument(
         "--advantages", metavar="WAY", help="what is made better: the mean answer, or the best (entropic)"

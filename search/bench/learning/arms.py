@@ -57,7 +57,7 @@ ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
         "blind": Arm("the policy as it ships, without first looks", "policy", blind=True),
     }
 )
-ARMS = tuple(ALL_ARMS)[:-2]
+ARMS = tuple(name for name, one in ALL_ARMS.items() if one.rate is None and not one.blind)
 
 
 @dataclass(frozen=True)
