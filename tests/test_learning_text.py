@@ -10,11 +10,17 @@ import scripted_server
 from scripted_search import context_of
 
 import ibrid
+import search
 from ibrid.errors import IbridError
+from search.first_look import LOOKS
 from search.judging import judge, judge_program
 from search.learning.edit_automaton import EditAutomaton, Slot
+from search.learning.settings import LearningSettings
+from search.learning.updates import META, read_updates
 from search.proposal import Proposal
+from search.proposers.policy import PolicyProposer
 from search.step import Status
+from search.store import Store
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers", "tokenizers"))
 needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")
@@ -257,7 +263,6 @@ def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_pa
 def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
     from search.learning.choose import learning
     from search.learning.learner import Learner
-    from search.learning.settings import LearningSettings
     from search.learning.text_policy import TextPolicy
     from search.proposal import Proposer
     from search.proposers.choose import choose_proposers
@@ -274,3 +279,19 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
         learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, seed=0, window=8)
     with pytest.raises(IbridError, match="one of several"):
         learning(choose_proposers("llm", [str(folder), str(folder)]), settings, seed=0, window=8)
+
+
+@needs_torch
+def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_path):
+    from search.learning.text_policy import TextPolicy
+
+    policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
+    search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
+    with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
+        updates = read_updates(store.meta[META])
+        looks = sum(step.usage.get(LOOKS, 0) for step in store.steps())
+    assert looks >= 1
+    assert any(one.updated for one in updates)
+    assert all(one.drift is None or one.drift < 1e-3 for one in updates)
