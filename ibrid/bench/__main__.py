@@ -16,7 +16,7 @@ from ibrid.structure.library import textbook
 
 
 def main() -> None:
-    """Run all parts; about ten minutes."""
+    """Run all parts; a quarter of an hour."""
     _speed()
     _paper()
     _known_structure()
