@@ -130,6 +130,18 @@ def split(rewards: list[float | None], group: int, baseline: str) -> list[list[f
     return [None if one is None else list(one) for one in found]
 
 
+def test_where_no_answer_is_good_enough_nothing_is_taught():
+    def taught(baseline: str, least: float) -> list[bool]:
+        rewards = [-0.3, 0.0, 0.2, None]
+        found = batch_advantages(rewards, 2, advantages="entropic", baseline=baseline, floor=0.02, least=least)
+        return [one is not None for one in found]
+
+    assert taught("group", -math.inf) == [True, False]  # one that is known has nothing to be compared with
+    assert taught("group", 0.0) == [False, False]
+    assert taught("parent", 0.0) == [True, True]
+    assert taught("parent", 0.2) == [False, False]
+
+
 def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
     rewards = [0.0, 1.0, 0.5, 0.5]
     root = math.sqrt(0.125)
@@ -299,6 +311,7 @@ def test_the_default_profile_is_the_papers():
         ({"baseline": "best"}, "baseline must be group or parent, found best"),
         ({"advantages": "most"}, "advantages must be mean or entropic, found most"),
         ({"most_gain": 0.0}, "most_gain must be above zero, found 0"),
+        ({"only_gains": True}, "only_gains needs the judge look or the baseline parent, found fit"),
         ({"contexts": 0}, "a batch needs 1 context or more, found 0"),
         ({"rate": -1.0}, "the learning rate must be above zero, found -1"),
         ({"rate": math.nan}, "the learning rate must be above zero, found nan"),

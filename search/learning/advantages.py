@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import log
+from math import inf, log
 from types import MappingProxyType
 
 import numpy as np
@@ -64,17 +64,22 @@ WAYS: Mapping[str, Callable[[Sequence[float | None], float], np.ndarray | None]]
 
 
 def batch_advantages(
-    rewards: Sequence[float | None], group: int, *, advantages: str, baseline: str, floor: float
+    rewards: Sequence[float | None], group: int, *, advantages: str, baseline: str, floor: float, least: float = -inf
 ) -> list[np.ndarray | None]:
     """Advantages of the answers of a batch, an array for each group of so many.
 
     advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of each group, "parent" those of the batch.
-    None for a group that teaches nothing: what is compared is all alike as far as it is known, or none of the group is known.
+    least : what the best of those compared must lie above. None for a group that teaches nothing: what is compared is all alike
+    as far as it is known, the best of it is not good enough, or none of the group is known.
     """
-    way = WAYS[advantages]
+
+    def compared(some: Sequence[float | None]) -> np.ndarray | None:
+        best = max((one for one in some if one is not None), default=-inf)
+        return WAYS[advantages](some, floor) if best > least else None
+
     if baseline == "group":
-        return [way(rewards[first : first + group], floor) for first in range(0, len(rewards), group)]
-    found = way(rewards, floor)
+        return [compared(rewards[first : first + group]) for first in range(0, len(rewards), group)]
+    found = compared(rewards)
     if found is None:
         return [None] * (len(rewards) // group)
     return [part if np.isfinite(part).any() else None for part in found.reshape(-1, group)]

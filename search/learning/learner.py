@@ -112,6 +112,7 @@ class Learner:
             advantages=settings.advantages,
             baseline=settings.baseline,
             floor=settings.floor,
+            least=settings.least,
         )
         taught = [(question, one) for question, one in zip(found, advantages, strict=True) if one is not None]
         groups = [self._of(question, one, context(question.step)) for question, one in taught]

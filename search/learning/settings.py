@@ -33,6 +33,8 @@ class LearningSettings:
     batch are by what they gain on the candidate that they edit; one answer to a question is then enough. `most_gain` : that
     counts. `advantages` : "mean", distances from the mean in standard deviations as in the paper, or "entropic", which is
     after the best answer. `floor` : least standard deviation of what is compared, for the noise of a fit is no signal.
+    `only_gains` : where answers are compared by what they gain, those among which none gains teach nothing; else they teach to
+    avoid what is illegal or known, and with Adam's even steps carry the policy away from what it knew.
 
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
     of the importance weights.
@@ -54,6 +56,7 @@ class LearningSettings:
     baseline: str = "group"
     advantages: str = "mean"
     most_gain: float = 1.0
+    only_gains: bool = False
     clip_low: float = 0.2
     clip_high: float = 0.28
     most_weight: float = 2.0
@@ -85,6 +88,11 @@ class LearningSettings:
         return self.judge == "look" or self.baseline == "parent"
 
     @property
+    def least(self) -> float:
+        """What the best of the answers that are compared must lie above to teach anything."""
+        return 0.0 if self.only_gains else -inf
+
+    @property
     def steps(self) -> int:
         """Of a search between two updates."""
         return self.contexts * self.handed_in
@@ -111,6 +119,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
             ),
             one.group,
         )
+    yield one.by_gain or not one.only_gains, "only_gains needs the judge look or the baseline parent", one.judge
     yield one.group >= 1, "a group needs 1 answer or more", one.group
     yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
@@ -132,7 +141,9 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
 PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
-        "small": LearningSettings(contexts=1, group=ANSWERS, judge="look", advantages="entropic", divergence=0.1),
+        "small": LearningSettings(
+            contexts=1, group=ANSWERS, judge="look", advantages="entropic", only_gains=True, divergence=0.1
+        ),
     }
 )
 
