@@ -14,6 +14,7 @@ import ibrid
 import search
 from ibrid import cli
 from ibrid.errors import IbridError
+from search.first_look import LOOKS
 from search.learning.settings import LearningSettings
 from search.learning.updates import META, Update, read_updates, updates_json
 from search.page import write_run_page
@@ -137,6 +138,14 @@ def test_a_profile_is_given_by_its_name(tmp_path):
     for line in ("contexts = 1", "group = 8", 'judge = "look"', 'baseline = "group"', 'advantages = "entropic"'):
         assert f"\n{line}\n" in told
     assert "gain, mean" in (tmp_path / "run" / "report.html").read_text()
+    with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
+        steps = [step for step in store.steps() if step.number > 0]
+    # half of the questions are answered by the policy as it began, without looks
+    assert 'proposer = "toy:0.5,toy_start:0.5"' in told
+    assert {step.proposer for step in steps} >= {"toy", "toy_start"}
+    for step in steps:
+        assert ("answers" in step.usage.get("learning", {})) == (step.proposer == "toy")
+        assert LOOKS not in step.usage or step.proposer == "toy"
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
         learnt(tmp_path / "other", learn="large")
 
