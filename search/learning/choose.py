@@ -20,8 +20,8 @@ def learning(
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; the others stay as they are.
 
-    Where first looks judge, it answers as often as looks choose, and the rest of its share has its policy as it is now, without
-    looks: what needs a second edit before it gains looks worthless, and who learns from looks would unlearn it.
+    Where first looks judge, it answers as often as looks choose, and the rest of its share has a copy of its policy, which is never trained,
+    without looks: what needs a second edit before it gains looks worthless, and who learns from looks would unlearn it.
 
     seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
     language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
@@ -44,7 +44,9 @@ def _shares(one: Proposer, weight: float) -> Iterator[tuple[Proposer, float]]:
     if not isinstance(one, Learner) or one.settings.judge != "look":
         yield one, weight
         return
-    start = PolicyProposer(policy=deepcopy(one.policy), looked_at=0.0, name=f"{one.name}_start")
+    start = PolicyProposer(
+        policy=deepcopy(one.policy), answers=one.settings.group, looked_at=0.0, name=f"{one.name}_start"
+    )
     yield from ((one, weight * LOOKED_AT), (start, weight * (1.0 - LOOKED_AT)))
 
 
