@@ -20,8 +20,8 @@ def learning(
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; the others stay as they are.
 
-    Where first looks judge, it answers as often as looks choose, and the rest of its share has a copy of its policy, which is never trained,
-    without looks: what needs a second edit before it gains looks worthless, and who learns from looks would unlearn it.
+    Where first looks judge, it answers as often as looks choose, and a copy of its policy that is never trained, without looks,
+    has the rest of its share: what needs a second edit before it gains looks worthless, and who learns from looks unlearns it.
 
     seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
     language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
