@@ -206,7 +206,7 @@ def test_every_row_is_printed_and_kept_and_nothing_is_measured_twice(tmp_path, c
     whole = list(tasks(INVERTERS, TASKS, 40))
     assert text.count(NOT_YET) == len(whole) - number - 1
     assert "the hidden effect named first in 1 of 3" in text
-    assert "1 of 1 reach 1e-3, 1 are found" in text
+    assert "1 of 1 answers come to 1e-3, 1 are found" in text
     again = run()
     assert (len(asked), len(searched)) == (number, 1)
     assert again == shown
