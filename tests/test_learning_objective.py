@@ -140,6 +140,9 @@ def test_where_no_answer_is_good_enough_nothing_is_taught():
     assert taught("group", 0.0) == [False, False]
     assert taught("parent", 0.0) == [True, True]
     assert taught("parent", 0.2) == [False, False]
+    # rewards, which are no gains, may be good below zero
+    assert LearningSettings(only_gains=True).least == -math.inf
+    assert LearningSettings(only_gains=True, judge="look").least == 0.0
 
 
 def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
@@ -311,7 +314,6 @@ def test_the_default_profile_is_the_papers():
         ({"baseline": "best"}, "baseline must be group or parent, found best"),
         ({"advantages": "most"}, "advantages must be mean or entropic, found most"),
         ({"most_gain": 0.0}, "most_gain must be above zero, found 0"),
-        ({"only_gains": True}, "only_gains needs the judge look or the baseline parent, found fit"),
         ({"contexts": 0}, "a batch needs 1 context or more, found 0"),
         ({"rate": -1.0}, "the learning rate must be above zero, found -1"),
         ({"rate": math.nan}, "the learning rate must be above zero, found nan"),

@@ -90,7 +90,7 @@ class LearningSettings:
     @property
     def least(self) -> float:
         """What the best of the answers that are compared must lie above to teach anything."""
-        return 0.0 if self.only_gains else -inf
+        return 0.0 if self.only_gains and self.by_gain else -inf
 
     @property
     def steps(self) -> int:
@@ -119,7 +119,6 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
             ),
             one.group,
         )
-    yield one.by_gain or not one.only_gains, "only_gains needs the judge look or the baseline parent", one.judge
     yield one.group >= 1, "a group needs 1 answer or more", one.group
     yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
