@@ -80,7 +80,7 @@ class Learner:
         try:
             group = self._group(place, context)
             if self.settings.judge == "look":
-                found = asked(self.policy, group, context, rng, look=True, best=True)
+                found = asked(self.policy, group, context, rng, look=True)
                 proposal, told = found.proposal, kept_answers(found)
             else:
                 one = group[place.member]

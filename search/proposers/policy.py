@@ -43,5 +43,5 @@ class PolicyProposer:
         except LanguageError as error:
             return Proposal("", failure=str(error))
         drawn = self.policy.sample([prompt], [context], self.answers, int(rng.integers(2**31)))[0]
-        looks = bool(rng.random() < self.looked_at)
-        return asked(self.policy, drawn, context, rng, look=looks, best=looks).proposal
+        look = bool(rng.random() < self.looked_at)
+        return asked(self.policy, drawn, context, rng, look=look).proposal

@@ -66,8 +66,8 @@ where nothing is hidden; else named first, and nothing beside it.
         "The search",
         """From the naive diagram, proposer `rules`, seed 0, one run each; the answer is fitted anew. **Found**: NRMSE at most
 1e-3, stable, and F1 of modules and of connections against the truth at least 0.9. **To 1e-3**: evaluations until some
-candidate had that error; the answer may have a larger one, since a sound plant is chosen before an absurd one. **s**:
-seconds of the run, one core of a shared machine. More seeds, noise and other inverters: `docs/search_results.md`.
+candidate had that error; the answer may have a larger one (`docs/searching.md`: which answer is chosen). **s**: seconds of
+the run, one core of a shared machine. More seeds, noise and other inverters: `docs/search_results.md`.
 """,
     ),
     "nearest": (
