@@ -27,7 +27,8 @@ LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
     "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 1)"),
     "group": ("N", inputs.natural, "answers to each question (paper 16, small 8)"),
     "epochs": ("N", inputs.natural, "updates from each batch (1)"),
-    "rate": ("X", inputs.positive, "learning rate of Adam (by the size of the model)"),
+    "optimizer": ("WAY", str, "what makes a step of the weights from a gradient: adam (paper), or sgd (small)"),
+    "rate": ("X", inputs.positive, "learning rate (by the optimizer and the size of the model)"),
     "judge": (
         "WHO",
         str,

@@ -14,17 +14,23 @@ from search.policy.asking import ANSWERS
 LARGE = 50_000_000
 #: Who says what an answer is worth: the fit of the search, or a first look.
 JUDGES = ("fit", "look")
+#: What makes a step of the weights from a gradient; see `LearningSettings`.
+OPTIMIZERS = ("adam", "sgd")
 #: Adam's step. For a policy of a million parameters 1e-4 changes hardly anything in 32 updates of 8 answers, 3e-4 raises the
 #: share of answers that gain by a third, 1e-3 goes astray (search/LOG.md, 2026-11-22).
 RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
+#: Step along the gradient itself. For the small policy 0.1 begins to unlearn what it was trained for (search/LOG.md, 2026-11-23).
+RATE_SGD = 0.05
 
 
 @dataclass(frozen=True)
 class LearningSettings:
     """How answers are drawn in groups, and what one update does with their rewards.
 
-    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each batch. `rate` : Adam's step;
-    None: by the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`). `decay1`, `decay2` : of Adam's moments.
+    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each batch. `optimizer` : "adam" as in
+    the paper, or "sgd", a step along the gradient. Adam moves every weight as far as any other, however little a small batch
+    says of it, so that a policy which is trained after every question forgets. `rate` : of the step; None: by the optimizer
+    and the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`, `RATE_SGD`). `decay1`, `decay2` : of Adam's moments.
     `longest_gradient` : norm to which a gradient is cut.
 
     `judge` : "fit", every answer is evaluated as in the paper, or "look", a first look judges all answers to a question by what
@@ -48,6 +54,7 @@ class LearningSettings:
     contexts: int = 32
     group: int = 16
     epochs: int = 1
+    optimizer: str = "adam"
     rate: float | None = None
     decay1: float = 0.9
     decay2: float = 0.98
@@ -98,9 +105,11 @@ class LearningSettings:
         return self.contexts * self.handed_in
 
     def rate_of(self, parameters: int) -> float:
-        """Adam's step for a model with so many parameters."""
+        """The step for a model with so many parameters."""
         if self.rate is not None:
             return self.rate
+        if self.optimizer == "sgd":
+            return RATE_SGD
         if self.lora:
             return RATE_LORA
         return RATE_LARGE if parameters >= LARGE else RATE_SMALL
@@ -124,6 +133,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
     yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages
+    yield one.optimizer in OPTIMIZERS, f"optimizer must be {' or '.join(OPTIMIZERS)}", one.optimizer
     yield one.rate is None or 0 < one.rate < inf, "the learning rate must be above zero", one.rate
     for name in ("decay1", "decay2"):
         yield 0 <= getattr(one, name) < 1, f"{name} must be from 0 to below 1", getattr(one, name)
@@ -141,7 +151,13 @@ PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
     {
         "paper": LearningSettings(),
         "small": LearningSettings(
-            contexts=1, group=ANSWERS, judge="look", advantages="entropic", only_gains=True, divergence=0.1
+            contexts=1,
+            group=ANSWERS,
+            optimizer="sgd",
+            judge="look",
+            advantages="entropic",
+            only_gains=True,
+            divergence=0.1,
         ),
     }
 )

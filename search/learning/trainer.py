@@ -1,4 +1,4 @@
-"""One update from a batch of groups: gradient of the objective, Adam, and what it did to the policy; torch.
+"""One update from a batch of groups: gradient of the objective, a step, and what it did to the policy; torch.
 
 One trainer has one model, the one that is sampled from, so what is served after an update is what was trained.
 """
@@ -51,7 +51,7 @@ class Trained:
 
 
 class Trainer:
-    """Adam on the objective of `search.learning.objective`; everything on the device and in the threads of `settings`."""
+    """Steps up the objective of `search.learning.objective`; everything on the device and in the threads of `settings`."""
 
     def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
         self.model, self.settings = model.eval(), settings
@@ -62,8 +62,7 @@ class Trainer:
             add_adapters(model, settings.lora, seed)
         self.trained = {name: one for name, one in model.named_parameters() if one.requires_grad}
         self.rate = settings.rate_of(sum(one.numel() for one in model.parameters()))
-        decays = (settings.decay1, settings.decay2)
-        self.optimizer = torch.optim.Adam(self.trained.values(), lr=self.rate, betas=decays)
+        self.optimizer = _optimizer(list(self.trained.values()), self.rate, settings)
 
     def score(self, group: Group) -> Scored:
         """Log-probabilities of a group's answers under the model as it is."""
@@ -108,7 +107,7 @@ class Trainer:
         )
 
     def state(self) -> dict[str, Any]:
-        """Weights that are trained, the state of Adam and of torch's random numbers."""
+        """Weights that are trained, the state of the optimizer and of torch's random numbers."""
         weights = {name: one.detach().cpu() for name, one in self.trained.items()}
         return {"weights": weights, "optimizer": self.optimizer.state_dict(), "random": torch.get_rng_state()}
 
@@ -158,6 +157,12 @@ class Trainer:
     def _threads(self) -> AbstractContextManager[None]:
         """The number decides in which order sums are made, so it is part of the result."""
         return threads(self.settings.threads)
+
+
+def _optimizer(weights: list[torch.Tensor], rate: float, settings: LearningSettings) -> torch.optim.Optimizer:
+    if settings.optimizer == "sgd":
+        return torch.optim.SGD(weights, lr=rate)
+    return torch.optim.Adam(weights, lr=rate, betas=(settings.decay1, settings.decay2))
 
 
 def fingerprint(model: Any) -> str:

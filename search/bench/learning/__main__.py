@@ -66,6 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--contexts", type=count, help="questions of a batch (the profile's, as all of these)")
     parser.add_argument("--group", type=count, help="answers to each question")
     parser.add_argument("--epochs", type=count, help="updates from each batch")
+    parser.add_argument("--optimizer", metavar="WAY", help="what makes a step from a gradient: adam or sgd")
     parser.add_argument("--rate", type=positive, help="learning rate")
     parser.add_argument(
         "--judge", metavar="WHO", help="fit: every answer is evaluated; look: a first look judges all, one is"
@@ -80,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _benchmark(options: argparse.Namespace, search: Search, ready: Callable[[], None]) -> int:
-    names = ("contexts", "group", "epochs", "rate", "advantages", "judge", "baseline")
+    names = ("contexts", "group", "epochs", "optimizer", "rate", "advantages", "judge", "baseline")
     asked = {name: found for name in names if (found := getattr(options, name)) is not None}
     settings = replace(profile(options.profile), **asked)
     wanted = list(

@@ -27,7 +27,7 @@ PROFILE = "small"
 
 @dataclass(frozen=True)
 class Arm:
-    """`proposer` : as for `search.run`. `learns` : whether `learn` is given. `rate` : Adam's step; None: as asked for. `blind` :
+    """`proposer` : as for `search.run`. `learns` : whether `learn` is given. `rate` : of the step; None: as asked for. `blind` :
     True where the policy takes no first looks."""
 
     words: str
@@ -84,7 +84,7 @@ class Case:
         if found := [name for name, profile in PROFILES.items() if profile == settings]:
             return f"{self.arm} {found[0]}"
         changes = _changes(settings)
-        ways = [changes[name] for name in ("baseline", "advantages") if name in changes]
+        ways = [changes[name] for name in ("baseline", "advantages", "optimizer") if name in changes]
         numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs") if name in changes]
         return " ".join([self.arm, size(settings), *ways, *numbers])
 
