@@ -527,7 +527,7 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
     assert seen[-1][1]["learn"] == replace(PROFILES["small"], group=4)
-    assert "learning 1x4 look entropic - frozen" in capsys.readouterr().out
+    assert "learning 1x4 look entropic sgd - frozen" in capsys.readouterr().out
     other = ("--arm", "learning", "--profile", "paper", "--contexts", "1", "--epochs", "2")
     assert main(options(tmp_path, *other), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 7

@@ -131,21 +131,34 @@ def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
     assert trained.divergence > 0.5  # it has left the start
 
 
-def test_one_epoch_moves_weights_by_the_gradient_of_the_objective():
+@pytest.mark.parametrize(
+    ("optimizer", "rate", "direction"),
+    [("adam", 1e-3, torch.sign), ("sgd", 0.1, lambda slope: slope)],  # Adam's first step is the rate, with its sign
+)
+def test_one_epoch_moves_weights_by_the_gradient_of_the_objective(optimizer, rate, direction):
     model = tiny_model(FIRST + 3)
     group = a_group(model, lambda token: float(token))
     before = {name: one.detach().clone() for name, one in model.named_parameters()}
     told = torch.cat([plain_logprobs(model, [ASK], one.tokens) for one in group.answers])
     objective = (told * torch.tensor(group.advantages).float()).mean()  # ratio and weight are 1, its gradient the same
     gradient = torch.autograd.grad(objective, list(model.parameters()))
-    trainer = Trainer(model, LearningSettings(rate=1e-3, longest_gradient=1e9))
+    trainer = Trainer(model, LearningSettings(optimizer=optimizer, rate=rate, longest_gradient=1e9))
     trained = trainer.update([group])
     norm = torch.sqrt(sum((one**2).sum() for one in gradient)).item()
     assert trained.gradient == pytest.approx(norm, rel=1e-4)
     for (name, one), slope in zip(model.named_parameters(), gradient, strict=True):
         moved, strong = one.detach() - before[name], slope.abs() > 1e-5
-        # Adam's first step is the rate, against the sign of the loss
-        np.testing.assert_allclose(moved[strong], 1e-3 * slope.sign()[strong], rtol=2e-2)
+        np.testing.assert_allclose(moved[strong], rate * direction(slope[strong]), rtol=2e-2, atol=1e-8)
+
+
+def test_a_step_along_the_gradient_is_no_longer_than_the_rate_times_the_longest_gradient():
+    model = tiny_model(FIRST + 3)
+    before = {name: one.detach().clone() for name, one in model.named_parameters()}
+    settings = LearningSettings(optimizer="sgd", rate=0.05, longest_gradient=0.01)
+    trained = Trainer(model, settings).update([a_group(model, lambda token: float(token))])
+    moved = torch.sqrt(sum(((one.detach() - before[name]) ** 2).sum() for name, one in model.named_parameters())).item()
+    assert trained.gradient > 0.01
+    assert moved == pytest.approx(0.05 * 0.01, rel=1e-3)
 
 
 def test_dropped_answers_and_other_epochs_count_as_they_should():
@@ -188,13 +201,14 @@ def test_the_divergence_holds_a_policy_back():
 # what is kept
 
 
-def test_a_trainer_that_is_restored_goes_on_as_if_nothing_had_been(tmp_path):
+@pytest.mark.parametrize("optimizer", ["adam", "sgd"])
+def test_a_trainer_that_is_restored_goes_on_as_if_nothing_had_been(tmp_path, optimizer):
     def go_on(trainer: Trainer, seeds: range) -> str:
         for seed in seeds:
             trainer.update([a_group(trainer.model, float, seed=seed)])
         return fingerprint(trainer.model)
 
-    settings = LearningSettings(rate=0.01)
+    settings = LearningSettings(optimizer=optimizer, rate=0.01)
     whole = go_on(Trainer(tiny_model(6), settings), range(6))
     first = Trainer(tiny_model(6), settings)
     go_on(first, range(3))

@@ -17,7 +17,7 @@ from search.learning.advantages import (
     mean_advantages,
     rewarded,
 )
-from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SMALL, LearningSettings
+from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SGD, RATE_SMALL, LearningSettings
 from search.step import Status, Step
 
 needs_torch = pytest.mark.skipif(
@@ -291,18 +291,19 @@ def test_a_token_whose_ratio_has_left_the_clip_pulls_no_further():
 # settings
 
 
-def test_the_learning_rate_follows_from_the_size_of_the_model_unless_it_is_given():
+def test_the_learning_rate_follows_from_the_optimizer_and_the_size_of_the_model_unless_it_is_given():
     assert LearningSettings().rate_of(2_000_000) == RATE_SMALL
     assert LearningSettings().rate_of(135_000_000) == RATE_LARGE == 1e-6
     assert LearningSettings(lora=8).rate_of(135_000_000) == RATE_LORA
-    assert LearningSettings(rate=0.5).rate_of(1) == 0.5
+    assert LearningSettings(optimizer="sgd").rate_of(135_000_000) == RATE_SGD
+    assert LearningSettings(rate=0.5).rate_of(1) == LearningSettings(rate=0.5, optimizer="sgd").rate_of(1) == 0.5
 
 
 def test_the_default_profile_is_the_papers():
     one = LearningSettings()
     assert (one.contexts, one.group, one.batch, one.epochs) == (32, 16, 512, 1)
     assert (one.clip_low, one.clip_high, one.most_weight, one.divergence) == (0.2, 0.28, 2.0, 0.0)
-    assert (one.decay1, one.decay2) == (0.9, 0.98)
+    assert (one.optimizer, one.decay1, one.decay2) == ("adam", 0.9, 0.98)
 
 
 @pytest.mark.parametrize(
@@ -313,6 +314,7 @@ def test_the_default_profile_is_the_papers():
         ({"group": 0, "baseline": "parent"}, "a group needs 1 answer or more, found 0"),
         ({"baseline": "best"}, "baseline must be group or parent, found best"),
         ({"advantages": "most"}, "advantages must be mean or entropic, found most"),
+        ({"optimizer": "newton"}, "optimizer must be adam or sgd, found newton"),
         ({"most_gain": 0.0}, "most_gain must be above zero, found 0"),
         ({"contexts": 0}, "a batch needs 1 context or more, found 0"),
         ({"rate": -1.0}, "the learning rate must be above zero, found -1"),
