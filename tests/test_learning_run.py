@@ -135,17 +135,22 @@ def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sen
 def test_a_profile_is_given_by_its_name(tmp_path):
     learnt(tmp_path / "run", learn="small", budget=14)
     told = (tmp_path / "run" / "run.toml").read_text()
-    for line in ("contexts = 1", "group = 8", 'judge = "look"', 'baseline = "group"', 'advantages = "entropic"'):
+    for line in (
+        "contexts = 1",
+        "group = 8",
+        'judge = "look"',
+        'baseline = "group"',
+        'optimizer = "sgd"',
+        'advantages = "entropic"',
+    ):
         assert f"\n{line}\n" in told
     assert "gain, mean" in (tmp_path / "run" / "report.html").read_text()
     with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
         steps = [step for step in store.steps() if step.number > 0]
-    # half of the questions are answered by the policy as it began, without looks
-    assert 'proposer = "toy:0.5,toy_start:0.5"' in told
-    assert {step.proposer for step in steps} >= {"toy", "toy_start"}
-    for step in steps:
-        assert ("answers" in step.usage.get("learning", {})) == (step.proposer == "toy")
-        assert LOOKS not in step.usage or step.proposer == "toy"
+    mine = [step for step in steps if step.proposer == "toy"]
+    assert len(mine) > 4
+    assert all(len(step.usage["learning"]["answers"]) == 8 for step in mine)
+    assert any(LOOKS in step.usage for step in mine)
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
         learnt(tmp_path / "other", learn="large")
 

@@ -1,10 +1,8 @@
 """Which of the proposers of a run learns, and what each that can becomes when it does."""
 
-from collections.abc import Iterator, Sequence
-from copy import deepcopy
+from collections.abc import Sequence
 
 from ibrid.errors import IbridError
-from search.first_look import LOOKED_AT
 from search.learning.adapters import require_peft
 from search.learning.learner import Learner
 from search.learning.settings import LearningSettings
@@ -20,16 +18,11 @@ def learning(
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; the others stay as they are.
 
-    Where first looks judge, it answers as often as looks choose, and a copy of its policy that is never trained, without looks,
-    has the rest of its share: what needs a second edit before it gains looks worthless, and who learns from looks unlearns it.
-
     seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
     language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
     without peft.
     """
-    found = tuple(
-        pair for one, weight in proposers for pair in _shares(_learner(one, settings, seed, window) or one, weight)
-    )
+    found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
     if number != 1:
         names = ", ".join(one.name for one, _ in proposers)
@@ -38,16 +31,6 @@ def learning(
             "--proposer llm with one --model FOLDER on this machine"
         )
     return found
-
-
-def _shares(one: Proposer, weight: float) -> Iterator[tuple[Proposer, float]]:
-    if not isinstance(one, Learner) or one.settings.judge != "look":
-        yield one, weight
-        return
-    start = PolicyProposer(
-        policy=deepcopy(one.policy), answers=one.settings.group, looked_at=0.0, name=f"{one.name}_start"
-    )
-    yield from ((one, weight * LOOKED_AT), (start, weight * (1.0 - LOOKED_AT)))
 
 
 def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) -> Learner | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ibrid.errors import IbridError
+from search.first_look import LOOKED_AT
 from search.learning.advantages import batch_advantages
 from search.learning.checkpoint import CHECKPOINT
 from search.learning.given import KEPT, Question, kept, kept_answer, kept_answers, questions
@@ -80,7 +81,8 @@ class Learner:
         try:
             group = self._group(place, context)
             if self.settings.judge == "look":
-                found = asked(self.policy, group, context, rng, look=True)
+                best = bool(rng.random() < LOOKED_AT)
+                found = asked(self.policy, group, context, rng, look=True, best=best)
                 proposal, told = found.proposal, kept_answers(found)
             else:
                 one = group[place.member]

@@ -19,10 +19,7 @@ from search.proposers.local_model import LocalModel
 
 
 class TrainableModel(LocalModel):
-    """A local model whose weights are at hand, in float32, which training needs. A deep copy reads the folder again."""
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "TrainableModel":
-        return TrainableModel(self.folder)
+    """A local model whose weights are at hand, in float32, which training needs."""
 
     @cached_property
     def weights(self) -> Any:

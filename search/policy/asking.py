@@ -59,11 +59,13 @@ class Asked:
         return replace(self.chosen.proposal, usage={**self.chosen.proposal.usage, **usage})
 
 
-def asked(policy: Policy, drawn: Sequence[Sampled], context: Context, rng: np.random.Generator, *, look: bool) -> Asked:
+def asked(
+    policy: Policy, drawn: Sequence[Sampled], context: Context, rng: np.random.Generator, *, look: bool, best: bool
+) -> Asked:
     """Judge the answers that a policy gave to a question, one at least, and choose among them.
 
-    look : take a first look at each that leads to something new, and hand in the one that these looks find best. Without, and
-    where none leads to something new, the first that is not just known, be it illegal; else the last.
+    look : take a first look at each that leads to something new. best : hand in the one that these looks find best; else, and
+    where there is none, the first that is not just known, be it illegal; else the last.
     """
     answers = _judged(policy, drawn, context)
     began = time.perf_counter()
@@ -71,7 +73,7 @@ def asked(policy: Policy, drawn: Sequence[Sampled], context: Context, rng: np.ra
         answers = _looked_at(answers, context, rng)
     seconds = time.perf_counter() - began
     looked = [(one.look.worth, place) for place, one in enumerate(answers) if one.look is not None]
-    if looked:
+    if best and looked:
         return Asked(answers, answers[min(looked)[1]], seconds)
     first = next((one for one in answers if one.status not in NOTHING_NEW), answers[-1])
     return Asked(answers, first, seconds)

@@ -17,10 +17,11 @@ class PolicyProposer:
     also an illegal one, unless it leads to a known structure or to its parent's.
 
     folder : the policy's weights; None: those that ship. policy : in place of a folder. answers : to one question.
-    looked_at : how often a first look chooses. name : in the store. `usage` of a proposal counts the answers, see
-    `search.policy.asking.Asked`. Raises IbridError where torch is missing.
+    looked_at : how often a first look chooses. `usage` of a proposal counts the answers, see `search.policy.asking.Asked`.
+    Raises IbridError where torch is missing.
     """
 
+    name = "policy"
     attempts = 1
     window: int | None = None
 
@@ -31,10 +32,9 @@ class PolicyProposer:
         policy: Policy | None = None,
         answers: int = ANSWERS,
         looked_at: float = LOOKED_AT,
-        name: str = "policy",
     ) -> None:
         self.policy: Policy = SmallPolicy(folder) if policy is None else policy
-        self.answers, self.looked_at, self.name = answers, looked_at, name
+        self.answers, self.looked_at = answers, looked_at
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The edit of one of the answers."""
@@ -44,4 +44,4 @@ class PolicyProposer:
             return Proposal("", failure=str(error))
         drawn = self.policy.sample([prompt], [context], self.answers, int(rng.integers(2**31)))[0]
         look = bool(rng.random() < self.looked_at)
-        return asked(self.policy, drawn, context, rng, look=look).proposal
+        return asked(self.policy, drawn, context, rng, look=look, best=look).proposal
