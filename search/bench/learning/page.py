@@ -22,8 +22,9 @@ learning from what comes with it, such as results only after a batch; `blind` te
 steps of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
 
 {arms}
-A learning arm names its profile, or the questions of a batch x the answers to each and what is not the default. What is
-called `alone` (the policy that learns answers every question) and `tries` was tried and is gone, as `search/LOG.md` tells.
+A learning arm names its profile, or the questions of a batch x the answers to each and what is not the default. Tried and
+gone, as `search/LOG.md` tells: `alone` (questions to which no answer gains teach too), `halved` (half of the questions go to
+the policy as it ships) and `tries` (the policy is asked again after an answer that leads to nothing new).
 
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
 equilibrium, one parameter set. The policy was trained on drawn inverters of the families of

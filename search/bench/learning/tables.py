@@ -129,11 +129,11 @@ def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
     """
     told = []
     frozen, chance = part(rows, "frozen", INVERTERS), chance or part(rows, "random", INVERTERS)
-    valid, known, refused = (share(frozen, name) for name in ("valid", "known", "refused"))
-    if valid is not None:
+    valid, known = (share(frozen, name) for name in ("valid", "known"))
+    if valid is not None and known is not None:
         told.append(
-            f"Of the answers of the frozen policy {_percent(valid)} were legal edits to something new, {_percent(known)} legal "
-            f"ones to a structure met before or to the parent's, {_percent(refused)} no legal edit; asked: 80 % valid."
+            f"Of the answers of the frozen policy {_percent(valid + known)} were legal edits, {_percent(valid)} to something new "
+            f"and {_percent(known)} to a structure met before or to the parent's; asked: 80 % valid."
         )
     if frozen and chance:
         found = [(of_arm(own, TO_PAPER_ERROR), own[0]["budget"]) for own in (frozen, chance)]
