@@ -22,7 +22,7 @@ from toy_policy import ASK, FIRST, Change, ToyPolicy
 
 from ibrid.errors import IbridError
 from ibrid.structure.program import program_text
-from search.first_look import LOOKING, Look
+from search.first_look import LOOKED_AT, LOOKING, Look
 from search.learning.advantages import entropic_advantages
 from search.learning.learner import Learner
 from search.learning.settings import PROFILES, LearningSettings
@@ -282,6 +282,22 @@ def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_o
         assert one.valid == ends.count("ok") / 64
         assert one.refused == ends.count("illegal") / 64
     assert {step.status for step in mine} <= {Status.OK, Status.ILLEGAL, Status.DUPLICATE, Status.UNCHANGED}
+
+
+def test_every_other_time_the_look_chooses_what_is_evaluated_and_else_it_is_the_first_that_is_new(tmp_path, sighted):
+    steps, mine, _, _ = taught_by(tmp_path / "run", BY_LOOKS)
+    by_look = by_place = 0
+    for step in mine:
+        told = step.usage["learning"]["answers"]
+        found = [
+            more_gain(_program(steps, step.parent), one["tokens"][0] - FIRST) for one in told if one["status"] == "ok"
+        ]
+        first = next((one["status"] for one in told if one["status"] not in ("duplicate", "unchanged")), "")
+        if first == "ok" and by_gain(found[0]) > min(map(by_gain, found)):  # the two ways differ
+            by_look += by_gain(step.program or "") == min(map(by_gain, found))
+            by_place += step.program == found[0]
+    assert by_look + by_place > 10
+    assert by_look / (by_look + by_place) == pytest.approx(LOOKED_AT, abs=0.3)
 
 
 def _program(steps: list[Step], number: int | None) -> str:
