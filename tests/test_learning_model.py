@@ -133,7 +133,7 @@ def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
 
 @pytest.mark.parametrize(
     ("optimizer", "rate", "direction"),
-    [("adam", 1e-3, torch.sign), ("sgd", 0.1, lambda slope: slope)],  # Adam's first step is the rate, with its sign
+    [("adam", 1e-3, torch.sign), ("sgd", 1.0, lambda slope: slope)],  # Adam's first step is the rate, with its sign
 )
 def test_one_epoch_moves_weights_by_the_gradient_of_the_objective(optimizer, rate, direction):
     model = tiny_model(FIRST + 3)
@@ -148,7 +148,7 @@ def test_one_epoch_moves_weights_by_the_gradient_of_the_objective(optimizer, rat
     assert trained.gradient == pytest.approx(norm, rel=1e-4)
     for (name, one), slope in zip(model.named_parameters(), gradient, strict=True):
         moved, strong = one.detach() - before[name], slope.abs() > 1e-5
-        np.testing.assert_allclose(moved[strong], rate * direction(slope[strong]), rtol=2e-2, atol=1e-8)
+        np.testing.assert_allclose(moved[strong], rate * direction(slope[strong]), rtol=2e-2)
 
 
 def test_a_step_along_the_gradient_is_no_longer_than_the_rate_times_the_longest_gradient():

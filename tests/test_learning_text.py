@@ -283,9 +283,12 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
 
 @needs_torch
 def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_path):
+    import torch
+
     from search.learning.text_policy import TextPolicy
 
     policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)
+    begun = [one.clone() for one in policy.model().parameters()]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
     search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
@@ -295,3 +298,4 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     assert looks >= 1
     assert any(one.updated for one in updates)
     assert all(one.drift is None or one.drift < 1e-3 for one in updates)
+    assert not all(torch.equal(one, other) for one, other in zip(begun, policy.model().parameters(), strict=True))
