@@ -48,6 +48,7 @@ from search.bench.learning.tables import (
     table,
     updates_table,
 )
+from search.bench.learning.updates import told
 from search.learning.settings import PROFILES, LearningSettings
 from search.learning.updates import META, Update, updates_json
 from search.policy.experience.drawn_diagram import drawn_diagram
@@ -287,7 +288,7 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     assert row["curve"] == [[1, 0.9], [2, 0.8], [3, 0.04]]
     assert (row["modules_f1"], row["connections_f1"]) == (1.0, 1.0)
     assert (row["arm"], row["weights"], row["evaluations"]) == ("learning 4x8", "abc", 4)
-    assert row["updates"][0]["reward"] == 0.1235
+    assert row["updates"] == told([UPDATE])
     assert json.loads(json.dumps(row)) == row
     frozen = measured(replace(case, arm="frozen"), tmp_path / "other", scripted(seen))
     assert seen[1][1]["learn"] is False
@@ -296,6 +297,16 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     assert (seen[2][1]["proposer"], chance["weights"]) == ("random", "")
     mixed = measured(replace(case, arm="mixed"), tmp_path / "fourth", scripted(seen))
     assert (seen[3][1]["proposer"], mixed["weights"]) == ("policy:0.5,rules:0.5", "abc")
+
+
+def test_of_the_updates_means_over_eight_parts_of_a_run_are_kept():
+    updates = [replace(UPDATE, reward=float(number), gain=None) for number in range(20)]
+    found = told(updates)
+    assert [one["reward"] for one in found] == [0.5, 3, 5.5, 8, 10.5, 13, 15.5, 18]  # of 2, 3, 2, 3, ... updates
+    assert [one["gain"] for one in found] == [None] * 8
+    assert [one["reward"] for one in told(updates[:3])] == [0, 1, 2]
+    assert told([UPDATE])[0]["reward"] == 0.1235
+    assert told([]) == []
 
 
 def test_an_answer_that_is_missing_has_no_module_right(tmp_path):
@@ -328,7 +339,7 @@ def row(inverter: str, arm: str, seed: int, error: float, at: int = 1, **changes
         "key": f"{inverter}-{arm}-{seed}", "inverter": inverter, "arm": arm, "seed": seed, "budget": 100,
         "weights": "" if arm in ("random", "rules") else "new", "curve": [[at, error]], "evaluations": 100, "ending": "",
         "modules_f1": 0.5, "connections_f1": 0.25, "proposed": endings(STEPS), "seconds": 2.0,
-        "updates": [{**vars(UPDATE)}] if arm.startswith(("learning", "untrained")) else [], **changes,
+        "updates": told([UPDATE]) if arm.startswith(("learning", "untrained")) else [], **changes,
     }  # fmt: skip
 
 

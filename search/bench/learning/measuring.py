@@ -1,9 +1,9 @@
 """One search of the comparison made, and the row that is kept of it."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from ibrid.structure.compare import compare
 from ibrid.structure.program import parse_program
@@ -12,22 +12,17 @@ from search.bench.inverters import inverter
 from search.bench.learning.arms import ALL_ARMS, Case
 from search.bench.learning.course import course_of
 from search.bench.learning.drawn import FAMILIES, drawn_inverter
+from search.bench.learning.updates import told
 from search.bench.scoring import Answer, Row
 from search.bench.trials import EXACT_MODE
 from search.learning.settings import LearningSettings
-from search.learning.updates import META, Update, read_updates
+from search.learning.updates import META, read_updates
 from search.policy.asking import NOTHING_NEW
 from search.proposers.policy import PolicyProposer
 from search.run_folder import ARCHIVE
 from search.step import REFUSED, Step
 from search.store import Store
 from search.tally import Tally, counts
-
-#: What is kept of each update.
-TOLD = (
-    "number", "reward", "best_reward", "gain", "valid", "unchanged", "duplicates", "siblings", "refused", "failed", "dropped",
-    "entropy", "divergence", "weight", "clipped", "drift", "gradient", "updated", "remark",
-)  # fmt: skip
 
 
 class Ended(Answer, Protocol):
@@ -45,7 +40,7 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
     """Make the search in `folder`, with one worker, on clean data; the row is plain data.
 
     `curve` : see `search.bench.learning.course`. `proposed` : of each proposer how its proposals ended, see `endings`.
-    `modules_f1`, `connections_f1` : of the answer against the truth, 0 without an answer. `updates` : of what learns.
+    `modules_f1`, `connections_f1` : of the answer against the truth, 0 without an answer. `updates` : see `told`.
     `seconds` : of the wall clock, the page of the run included. Raises KeyboardInterrupt when the search was stopped by one.
     """
     arm, hidden = ALL_ARMS[case.arm], hidden_of(case)
@@ -74,7 +69,7 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
         "ending": run.ending,
         **_overlap(run.answer_program, hidden),
         "proposed": endings(steps),
-        "updates": [_told(one) for one in updates],
+        "updates": told(updates),
         "seconds": round(run.seconds, 2),
     }
 
@@ -123,13 +118,3 @@ def _overlap(program: str, hidden: Hidden) -> dict[str, float]:
         return {"modules_f1": 0.0, "connections_f1": 0.0}
     found = compare(parse_program(program, "the answer"), truth)
     return {"modules_f1": round(found.modules.f1, 4), "connections_f1": round(found.connections.f1, 4)}
-
-
-def _told(update: Update) -> Mapping[str, Any]:
-    plain = asdict(update)
-    return {name: _short(plain[name]) for name in TOLD}
-
-
-def _short(value: Any) -> Any:
-    """Four digits of a number."""
-    return float(f"{value:.4g}") if isinstance(value, float) else value

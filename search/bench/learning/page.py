@@ -3,7 +3,16 @@
 from collections.abc import Iterable
 
 from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
-from search.bench.learning.comparison import Row, Rows, budgets, current, longest_of_chance, newest_weights
+from search.bench.learning.comparison import (
+    Row,
+    Rows,
+    budgets,
+    current,
+    labels,
+    longest_of_chance,
+    newest_weights,
+    pairs,
+)
 from search.bench.learning.tables import (
     answers_table,
     arms_table,
@@ -22,10 +31,6 @@ learning from what comes with it, such as results only after a batch; `blind` te
 steps of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
 
 {arms}
-A learning arm names its profile, or the questions of a batch x the answers to each and what is not the default. Tried and
-gone, as `search/LOG.md` tells: `alone` (questions to which no answer gains teach too), `halved` (half of the questions go to
-the policy as it ships) and `tries` (the policy is asked again after an answer that leads to nothing new).
-
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
 equilibrium, one parameter set. The policy was trained on drawn inverters of the families of
 {known};
@@ -50,9 +55,15 @@ known structures unseen. Seconds: of a run, its page included. Drawn inverters a
 """
 _DRAWN = "Another inverter for every seed, so intervals speak of other inverters of these families.\n"
 _INVERTERS = "The median of the best error at the end, and how many runs came to 0.0435.\n"
-_UPDATES = """Means over the runs, those on drawn inverters included. Reward: of an answer; siblings: answers that repeat another
-of their batch; entropy and divergence from the start in nats per token; clipped: share of the tokens whose gradient was cut off;
-drift: between the weights that answer and those that are trained.
+_UPDATES = """Means over eight parts of the updates of each run, then over the runs, those on drawn inverters included. Reward and
+gain on the parent: of an answer; siblings: answers that repeat another of their batch; entropy and divergence from the start in
+nats per token; clipped: share of the tokens whose gradient was cut off; drift: between the weights that answer and those that
+are trained.
+"""
+_TRIED = """What was measured on the way to the profile `{profile}`, on fewer seeds. A label names the questions of a batch x the
+answers to each, and what is not the default. From before first looks: `blind`, `rate`, `epochs`, `parent`; tried and gone, as
+`search/LOG.md` tells: `alone` (questions to which no answer gains teach too), `halved` (half of the questions go to the policy
+as it ships) and `tries` (the policy is asked again after an answer that leads to nothing new).
 """
 
 
@@ -75,36 +86,58 @@ def page(rows: Iterable[Row]) -> str:
 def measured_of(rows: Rows) -> str:
     """How much of the comparison with one budget is there, in a sentence."""
     whole = len(INVERTERS) * len(ARMS) * SEEDS
-    labels = {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in ARMS}
+    compared = _labels(ARMS)
     asked = {
         (row["inverter"], row["arm"], row["seed"])
         for row in rows
-        if row["arm"] in labels and row["inverter"] in INVERTERS and row["seed"] < SEEDS
+        if row["arm"] in compared and row["inverter"] in INVERTERS and row["seed"] < SEEDS
     }
-    if not asked:
-        return (
-            f"None of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) is measured yet."
-        )
-    return (
-        f"{len(asked)} of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) are measured."
-    )
+    number = f"{len(asked) or 'None'} of the {whole} runs"
+    verb = "are" if asked else "is"
+    return f"{number} ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) {verb} measured{'' if asked else ' yet'}."
+
+
+def _labels(arms: Iterable[str]) -> set[str]:
+    """What the rows of these arms are called, those of learning with the profile that is compared."""
+    return {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in arms}
 
 
 def _section(rows: Rows, budget: int, chance: Rows) -> str:
-    told = "".join(f"- {one}\n" for one in sentences(rows, chance))
-    drawn = arms_table(rows, DRAWN) if any(row["inverter"] in DRAWN for row in rows) else ""
+    known = _labels(ALL_ARMS)
+    compared = [row for row in rows if row["arm"] in known]
+    told = "".join(f"- {one}\n" for one in sentences(compared, chance))
     parts = [
         f"## {budget} evaluations\n\n{measured_of(rows)}\n\n{told}",
-        f"### Every arm, all inverters\n\n{arms_table(rows)}",
-        f"### Every arm, families it was trained on\n\n{arms_table(rows, KNOWN)}",
-        f"### Every arm, held-out families\n\n{arms_table(rows, HELD_OUT)}",
-        *([f"### Every arm, drawn inverters of held-out families\n\n{_DRAWN}\n{drawn}"] if drawn else []),
-        f"### Differences\n\n{_PAIRS}\n{pairs_table(rows)}",
-        f"### What became of the answers\n\n{_ANSWERS}\n{answers_table(rows)}",
-        f"### Every inverter\n\n{_INVERTERS}\n{inverters_table(rows)}",
-        f"### The updates\n\n{_UPDATES}\n{updates_table(rows)}",
+        f"### Every arm, all inverters\n\n{arms_table(compared)}",
+        f"### Every arm, families it was trained on\n\n{arms_table(compared, KNOWN)}",
+        f"### Every arm, held-out families\n\n{arms_table(compared, HELD_OUT)}",
+        *_of_drawn("### Every arm", compared),
+        f"### Differences\n\n{_PAIRS}\n{pairs_table(compared)}",
+        f"### What became of the answers\n\n{_ANSWERS}\n{answers_table(compared)}",
+        f"### Every inverter\n\n{_INVERTERS}\n{inverters_table(compared)}",
+        f"### The updates\n\n{_UPDATES}\n{updates_table(compared)}",
     ]
-    return "\n".join(parts) + "\n"
+    return "\n".join([*parts, *_tried(rows)]) + "\n"
+
+
+def _of_drawn(title: str, rows: Rows) -> list[str]:
+    if not any(row["inverter"] in DRAWN for row in rows):
+        return []
+    return [f"{title}, drawn inverters of held-out families\n\n{_DRAWN}\n{arms_table(rows, DRAWN)}"]
+
+
+def _tried(rows: Rows) -> list[str]:
+    """Other ways of learning beside the arms that they are compared with."""
+    known = _labels(ALL_ARMS)
+    tried = [row for row in rows if row["arm"] not in known]
+    if not tried:
+        return []
+    of_tried = [pair for pair in pairs(labels(rows)) if not known.issuperset(pair)]
+    return [
+        f"### Other ways of learning\n\n{_TRIED.format(profile=PROFILE)}\n{arms_table(tried)}",
+        *_of_drawn("#### The same", tried),
+        f"#### Differences\n\n{pairs_table(rows, of_tried)}",
+    ]
 
 
 def _names(names: Iterable[str]) -> str:

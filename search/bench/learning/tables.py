@@ -24,6 +24,7 @@ from search.bench.learning.comparison import (
 )
 from search.bench.learning.course import final_error
 from search.bench.learning.statistics import Estimate
+from search.bench.learning.updates import TOLD
 from search.bench.scoring import PAPER_ERROR
 
 #: Where the inverters come from, as the tables call them.
@@ -83,10 +84,13 @@ def answers_table(rows: Rows) -> str:
     return table(["arm", "runs", *names, "seconds"], lines)
 
 
-def pairs_table(rows: Rows) -> str:
-    """Mean differences of two arms over pairs of the same inverter and seed, with 95 % intervals; "*" where zero lies outside."""
+def pairs_table(rows: Rows, wanted: Sequence[tuple[str, str]] | None = None) -> str:
+    """Mean differences of two arms over pairs of the same inverter and seed, with 95 % intervals; "*" where zero lies outside.
+
+    wanted : the arms; None: all whose difference says something.
+    """
     lines = []
-    for first, second in pairs(labels(rows)):
+    for first, second in pairs(labels(rows)) if wanted is None else wanted:
         for place, (_, inverters) in PLACES.items():
             own = [row for row in rows if row["inverter"] in inverters]
             found = [of_pair(own, first, second, one) for one in MEASURES]
@@ -111,15 +115,15 @@ def inverters_table(rows: Rows) -> str:
 
 
 def updates_table(rows: Rows) -> str:
-    """What learning tells of itself: means over the runs, drawn inverters included, for each update and size of batch."""
-    names = ("reward", "valid", "siblings", "entropy", "divergence", "clipped", "gradient", "drift")
+    """What learning tells of itself in each part of a run (`search.bench.learning.updates.told`): means over the runs of an
+    arm, drawn inverters included."""
     lines = []
     for label in (one for one in labels(rows) if ALL_ARMS[arm_of(one)].learns):
         own = [row["updates"] for row in part(rows, label, (*INVERTERS, *DRAWN))]
         for number in range(max(map(len, own), default=0)):
             there = [updates[number] for updates in own if len(updates) > number]
-            lines.append([label, str(number + 1), str(len(there)), *(_mean(there, name) for name in names)])
-    return table(["arm", "update", "runs", *names], lines)
+            lines.append([label, str(number + 1), str(len(there)), *(_mean(there, name) for name in TOLD)])
+    return table(["arm", "part", "runs", *TOLD], lines)
 
 
 def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
