@@ -496,6 +496,18 @@ def test_the_page_tells_of_drawn_inverters_alone():
     assert "| learning small | 3 " in text
 
 
+def test_other_ways_of_learning_stand_apart_with_what_they_are_compared_with():
+    compared = [one | {"arm": one["arm"].replace("4x8 look", "small")} for one in many()]
+    tried = [one for one in many(0.5) if one["arm"] == "learning 4x8 look"]
+    assert "### Other ways of learning" not in page(compared)
+    main, _, other = squeezed(page([*compared, *tried])).partition("### Other ways of learning")
+    assert "learning 4x8 look" not in main
+    assert "learning small" in main
+    assert "| learning 4x8 look | 20 |" in other
+    assert "| learning 4x8 look - frozen | held out | 10 |" in other
+    assert "learning small" not in other
+
+
 def test_the_page_says_how_much_is_measured():
     whole = len(INVERTERS) * 5 * SEEDS
     assert f"None of the {whole} runs" in page([])
