@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from search.learning.trainer import Group
 
 #: Answers that are drawn to prove that the served weights are the trained ones.
-PROBES = 1
+PROBES = 4
 #: Share of answers with the same structure as one before in their batch above which the page warns.
 COLLAPSE = 0.5
 #: The context of a step, from the step; for masks, which know the parent and the scale alone.
