@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property
 from math import pi
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class ReferenceInverter:
             field.name for field in fields(self.parameters) if not is_dataclass(getattr(self.parameters, field.name))
         }
         known = own | set(self.family.fields) | {"f0_hz"}
-        values: dict[str, float | str] = {}
+        values: dict[str, Any] = {}
         for name, value in overrides.items():
             if name not in known:
                 raise IbridError(f"{self.name} has no parameter {name}; {near(name, known)}")
@@ -106,7 +107,7 @@ class ReferenceInverter:
         told = ", ".join(f"{name} = {value}" for name, value in overrides.items())
         found = replace(
             self,
-            parameters=replace(self.parameters, **values),  # type: ignore[arg-type]
+            parameters=replace(self.parameters, **values),
             f0_hz=f0_hz,
             source=f"{self.source} Changed: {told}.",
         )

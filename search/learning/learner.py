@@ -16,7 +16,7 @@ from search.learning.given import KEPT, Question, kept, kept_answer, kept_answer
 from search.learning.rounds import Place, Rounds
 from search.learning.settings import LearningSettings
 from search.learning.state import LearningState
-from search.learning.updates import Update, counted
+from search.learning.updates import Update, counted, mean_of_known
 from search.policy.asking import asked
 from search.policy.backend import threads
 from search.policy.interface import Policy, Sampled
@@ -120,7 +120,7 @@ class Learner:
             number=self.progress.seen + 1,
             first=batch[0].number,
             last=batch[-1].number,
-            gain=_mean([one.worth for one in given]) if settings.by_gain else None,
+            gain=mean_of_known(one.worth for one in given) if settings.by_gain else None,
             dropped=settings.contexts - len(taught),
             tokens=float(np.mean([len(one.sampled.tokens) if one.sampled else 0 for one in given])),
             seconds_sampling=self._sampling,
@@ -196,11 +196,6 @@ class Learner:
         if worst > self.settings.alarm:
             return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
         return update
-
-
-def _mean(numbers: Sequence[float | None]) -> float | None:
-    known = [one for one in numbers if one is not None]
-    return sum(known) / len(known) if known else None
 
 
 def _sentence(what: str, drift: float | None, word: str) -> str:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -59,12 +59,18 @@ def counted(found: Sequence[Rewarded]) -> dict[str, Any]:
     known = [one.reward for one in found if one.reward is not None]
     ends = Counter(_place(one) for one in found)
     return {
-        "reward": sum(known) / len(known) if known else None,
+        "reward": mean_of_known(known),
         "best_reward": max(known, default=None),
         **{name: ends[name] / len(found) for name in ("valid", "unchanged", "duplicates", "refused", "failed")},
         "siblings": sum(one.sibling for one in found) / len(found),
         "lost": len(found) - len(known),
     }
+
+
+def mean_of_known(values: Iterable[float | None]) -> float | None:
+    """The mean of those that are not None; None where there are none."""
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
 
 
 def updates_json(updates: Sequence[Update]) -> str:

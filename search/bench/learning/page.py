@@ -60,10 +60,10 @@ gain on the parent: of an answer; siblings: answers that repeat another of their
 nats per token; clipped: share of the tokens whose gradient was cut off; drift: between the weights that answer and those that
 are trained.
 """
-_TRIED = """What was measured on the way to the profile `{profile}`, on fewer seeds. A label names the questions of a batch x the
-answers to each, and what is not the default. From before first looks: `blind`, `rate`, `epochs`, `parent`; tried and gone, as
-`search/LOG.md` tells: `alone` (questions to which no answer gains teach too), `halved` (half of the questions go to the policy
-as it ships) and `tries` (the policy is asked again after an answer that leads to nothing new).
+_TRIED = """Other settings than the profile `{profile}`, most of them measured on the way to it, on fewer seeds. A label names the
+questions of a batch x the answers to each, and what is not the default. From before first looks: `blind`, `rate`, `epochs`,
+`parent`; tried and gone, as `search/LOG.md` tells: `alone` (questions to which no answer gains teach too), `halved` (half of
+the questions go to the policy as it ships) and `tries` (the policy is asked again after an answer that leads to nothing new).
 """
 
 
@@ -86,24 +86,23 @@ def page(rows: Iterable[Row]) -> str:
 def measured_of(rows: Rows) -> str:
     """How much of the comparison with one budget is there, in a sentence."""
     whole = len(INVERTERS) * len(ARMS) * SEEDS
-    compared = _labels(ARMS)
+    compared = _compared(ARMS)
     asked = {
         (row["inverter"], row["arm"], row["seed"])
         for row in rows
         if row["arm"] in compared and row["inverter"] in INVERTERS and row["seed"] < SEEDS
     }
-    number = f"{len(asked) or 'None'} of the {whole} runs"
-    verb = "are" if asked else "is"
-    return f"{number} ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds) {verb} measured{'' if asked else ' yet'}."
+    runs = f"of the {whole} runs ({len(INVERTERS)} inverters, {len(ARMS)} arms, {SEEDS} seeds)"
+    return f"{len(asked)} {runs} are measured." if asked else f"None {runs} is measured yet."
 
 
-def _labels(arms: Iterable[str]) -> set[str]:
+def _compared(arms: Iterable[str]) -> set[str]:
     """What the rows of these arms are called, those of learning with the profile that is compared."""
     return {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in arms}
 
 
 def _section(rows: Rows, budget: int, chance: Rows) -> str:
-    known = _labels(ALL_ARMS)
+    known = _compared(ALL_ARMS)
     compared = [row for row in rows if row["arm"] in known]
     told = "".join(f"- {one}\n" for one in sentences(compared, chance))
     parts = [
@@ -128,7 +127,7 @@ def _of_drawn(title: str, rows: Rows) -> list[str]:
 
 def _tried(rows: Rows) -> list[str]:
     """Other ways of learning beside the arms that they are compared with."""
-    known = _labels(ALL_ARMS)
+    known = _compared(ALL_ARMS)
     tried = [row for row in rows if row["arm"] not in known]
     if not tried:
         return []
@@ -137,6 +136,7 @@ def _tried(rows: Rows) -> list[str]:
         f"### Other ways of learning\n\n{_TRIED.format(profile=PROFILE)}\n{arms_table(tried)}",
         *_of_drawn("#### The same", tried),
         f"#### Differences\n\n{pairs_table(rows, of_tried)}",
+        f"#### The updates\n\n{updates_table(tried)}",
     ]
 
 

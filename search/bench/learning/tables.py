@@ -26,6 +26,7 @@ from search.bench.learning.course import final_error
 from search.bench.learning.statistics import Estimate
 from search.bench.learning.updates import TOLD
 from search.bench.scoring import PAPER_ERROR
+from search.learning.updates import mean_of_known
 
 #: Where the inverters come from, as the tables call them.
 PLACES: Mapping[str, tuple[str, Collection[str]]] = {
@@ -200,8 +201,8 @@ def _percent(value: float | None) -> str:
 
 
 def _mean(updates: Sequence[dict[str, Any]], name: str) -> str:
-    known = [one[name] for one in updates if one[name] is not None]
-    return f"{fmean(known):.3g}" if known else "-"
+    found = mean_of_known(one[name] for one in updates)
+    return "-" if found is None else f"{found:.3g}"
 
 
 def _fixed(cells: Sequence[str]) -> str:

@@ -1,10 +1,9 @@
 """What is kept of the updates of a run, short enough for a ledger of hundreds of runs."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from statistics import fmean
 
-from search.learning.updates import Update
+from search.learning.updates import Update, mean_of_known
 
 #: Of `search.learning.updates.Update`.
 TOLD = ("reward", "gain", "valid", "siblings", "entropy", "divergence", "clipped", "gradient", "drift")
@@ -16,9 +15,8 @@ def told(updates: Sequence[Update]) -> list[dict[str, float | None]]:
     nothing is known. A part for each update where there are fewer."""
     ends = [len(updates) * number // PARTS for number in range(PARTS + 1)]
     parts = [updates[begin:end] for begin, end in pairwise(ends) if end > begin]
-    return [{name: _mean(getattr(one, name) for one in part) for name in TOLD} for part in parts]
+    return [{name: _short(mean_of_known(getattr(one, name) for one in part)) for name in TOLD} for part in parts]
 
 
-def _mean(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(f"{fmean(known):.4g}") if known else None
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.4g}")
