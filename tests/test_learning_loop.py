@@ -453,7 +453,7 @@ def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_first_p
 
 def test_a_policy_that_is_handed_the_new_weights_says_so_at_every_update(tmp_path):
     _, learner = ended(tmp_path / "run", budget=60, learn=replace(SMALL, rate=1e-4))
-    shares = [one.handed for one in learner.updates if one.updated]
+    shares = [one.handed or 0.0 for one in learner.updates if one.updated]
     assert len(shares) > 3
     np.testing.assert_allclose(shares, 1.0, atol=0.05)
 

@@ -1,6 +1,7 @@
 """Which of the proposers of a run learns, and what each that can becomes when it does."""
 
 from collections.abc import Sequence
+from copy import deepcopy
 
 from ibrid.errors import IbridError
 from search.learning.adapters import require_peft
@@ -16,7 +17,7 @@ from search.proposers.policy import PolicyProposer
 def learning(
     proposers: Sequence[tuple[Proposer, float]], settings: LearningSettings, *, seed: int, window: int
 ) -> tuple[tuple[Proposer, float], ...]:
-    """The proposers with the one that can learn in its learning form; the others stay as they are.
+    """The proposers with the one that can learn in its learning form; all that are given stay as they are.
 
     seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
     language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
@@ -47,7 +48,7 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
 
 def _policy(one: Proposer) -> Policy | None:
     if isinstance(one, PolicyProposer):
-        return one.policy
+        return deepcopy(one.policy)  # whoever gave it may search with it again
     if not isinstance(one, LanguageModel):
         return None
     if len(one.models) != 1 or not isinstance(one.models[0], LocalModel):
