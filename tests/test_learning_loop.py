@@ -326,6 +326,22 @@ def test_a_policy_learns_from_looks_what_pays(tmp_path, sighted):
     assert [step.usage["learning"]["context"] for step in mine] == list(range(len(mine)))
 
 
+def test_an_answer_whose_look_finds_no_response_has_failed(tmp_path, monkeypatch):
+    def look(diagram, context, rng):
+        gain = float(re.search(r'"gain", k=([\d.]+)\)', program_text(diagram))[1])  # type: ignore[index]
+        return Look(math.inf if gain > 0.004 else -gain)
+
+    monkeypatch.setattr("search.policy.asking.first_look", look)
+    steps, learner = ended(tmp_path / "run", budget=12, learn=replace(BY_LOOKS, contexts=1))
+    first = next(step for step in steps if step.proposer == "toy").usage["learning"]["answers"]
+    ends = [(one["tokens"][0] - FIRST, one["status"]) for one in first]
+    assert {(number, end) for number, end in ends if number > 3} <= {(4, "failed"), (5, "failed")}
+    failed = sum(end == "failed" for _, end in ends)
+    assert failed > 0
+    assert learner.updates[0].failed == failed / 8
+    assert learner.updates[0].valid == sum(end == "ok" for _, end in ends) / 8
+
+
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
     steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6, masked=False), budget=12)
     assert Status.NO_EDIT in {step.status for step in steps}
