@@ -23,8 +23,12 @@ class TrainableModel(LocalModel):
 
     @cached_property
     def weights(self) -> Any:
-        """The torch module."""
-        return self._loaded[1].float()
+        """The torch module; IbridError when it cannot be loaded or is no causal language model."""
+        from search.learning.sampling import require_causal
+
+        model = self._loaded[1].float()
+        require_causal(model, self.name)
+        return model
 
     @property
     def tokenizer(self) -> Any:
