@@ -14,6 +14,7 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 from safetensors.torch import load_file, save_file
+from scripted_search import NAIVE, task
 
 import ibrid
 import search
@@ -146,4 +147,4 @@ def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monke
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     proposers = [(PolicyProposer(policy=Absent("the model was asked for")), 1.0)]  # type: ignore[arg-type]
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[lora\]'"):
-        learning(proposers, LearningSettings(lora=4), seed=0, window=8)
+        learning(proposers, LearningSettings(lora=4), seed=0, window=8, task=task(), start=NAIVE)
