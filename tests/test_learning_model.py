@@ -9,6 +9,7 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
     pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
 
 import torch
+from many_models import made
 from toy_policy import ASK, END, FIRST, tiny_model
 
 from ibrid.errors import IbridError
@@ -232,6 +233,15 @@ def test_a_damaged_checkpoint_is_one_sentence(tmp_path):
         read_checkpoint(path)
 
 
+def test_a_checkpoint_of_other_shapes_is_refused_though_they_could_be_stretched():
+    trainer = Trainer(tiny_model(6), LearningSettings())
+    state = trainer.state()
+    name = "lm_head.weight"
+    state["weights"][name] = state["weights"][name][:1]
+    with pytest.raises(ValueError, match=r"lm_head.weight has other numbers of rows or columns"):
+        trainer.restore(state)
+
+
 def test_threads_and_the_random_state_are_left_as_they_were():
     before = torch.get_rng_state()
     model = tiny_model(6)
@@ -256,6 +266,16 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
     for name, one in model.named_parameters():
         if "lora_" not in name:
             assert torch.equal(one.detach(), base[name.replace(".base_layer", "")])
+
+
+@pytest.mark.parametrize("name", ["llama", "gpt2", "mistral", "gemma2"])
+def test_adapters_wider_than_every_layer_are_one_sentence(name):
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
+    with pytest.raises(IbridError, match=r"^adapters of rank 1000000 are wider .* a rank of 16 or less"):
+        Trainer(made(name), LearningSettings(lora=1_000_000))
+    trainer = Trainer(made(name), LearningSettings(lora=16))
+    assert len(trainer.trained) >= 2 * 2 * 4  # two matrices for each of four layers or more in both blocks
+    assert not any("lm_head" in one or "embed" in one for one in trainer.trained)
 
 
 def test_adapters_without_peft_are_one_sentence(monkeypatch):

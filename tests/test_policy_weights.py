@@ -66,6 +66,10 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
         reconfigured("hidden_size", 64),
         r"must be \[\d+, 64\] numbers as config.json says, found \[\d+, 128\]",
     ),
+    "a word for a number": (reconfigured("hidden_size", "wide"), "cannot be loaded .*expected int, got str"),
+    "no heads": (reconfigured("num_attention_heads", 0), "cannot be loaded"),
+    "no keys": (reconfigured("num_key_value_heads", 0), "cannot be loaded"),
+    "numbers of no kind": (reconfigured("dtype", "x"), "cannot be loaded"),
     "no config": (lambda folder: (folder / CONFIG_FILE).write_text("[]"), "cannot be loaded"),
     "other tokens": (lambda folder: (folder / VOCABULARY_FILE).write_text('["a"]'), "other tokens than this version's"),
 }

@@ -5,7 +5,7 @@ from copy import deepcopy
 from typing import Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
-from search.learning.adapters import require_peft
+from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
 from search.learning.settings import LearningSettings
 from search.policy.interface import Policy
@@ -37,7 +37,8 @@ def learning(
 
     seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with. Raises
     IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine. Also
-    where its weights cannot be loaded, it has no room for a question, or adapters are asked for without peft.
+    where its weights cannot be loaded, it has no room for a question, or adapters are asked
+    for without peft or wider than it.
     """
     found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
@@ -61,7 +62,9 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
         return None
     if settings.lora:
         require_peft()
-    policy.model()  # what cannot be loaded ends the run here, before anything is fitted
+    model = policy.model()  # what cannot be loaded or trained ends the run here, before anything is fitted
+    if settings.lora:
+        require_rank(model, settings.lora)
     return Learner(policy, settings, seed=seed, window=window)
 
 

@@ -123,6 +123,9 @@ class Trainer:
         """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of another model."""
         if set(state["weights"]) != set(self.trained):
             raise ValueError("it holds the weights of another model")
+        for name, one in self.trained.items():
+            if state["weights"][name].shape != one.shape:
+                raise ValueError(f"{name} has other numbers of rows or columns")
         self._put(state["weights"])
         self.optimizer.load_state_dict(state["optimizer"])
         torch.set_rng_state(state["random"])
