@@ -336,4 +336,7 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     assert looks >= 1
     assert any(one.updated for one in updates)
     assert all(one.drift is None or one.drift < 1e-3 for one in updates)
-    assert not all(torch.equal(one, other) for one, other in zip(begun, policy.model().parameters(), strict=True))
+    learnt = torch.load(tmp_path / "run" / "learning.pt", weights_only=True)["weights"]
+    given = dict(policy.model().named_parameters())
+    assert not all(torch.equal(one, given[name]) for name, one in learnt.items())
+    assert all(torch.equal(one, other) for one, other in zip(begun, given.values(), strict=True))  # a copy learns

@@ -1,7 +1,9 @@
 """Low-rank adapters (LoRA) in place of training everything; the package peft does it, when it is installed."""
 
+import copy
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from ibrid.errors import IbridError
@@ -24,6 +26,32 @@ def add_adapters(model: Any, rank: int, seed: int) -> None:
         peft.inject_adapter_in_model(wanted, model)
     for name, one in model.named_parameters():
         one.requires_grad_("lora_" in name)
+
+
+@contextmanager
+def without_adapters(model: Any) -> Iterator[None]:
+    """Within, the model says what it said before it was given adapters."""
+    from peft.tuners.tuners_utils import BaseTunerLayer  # pyright: ignore[reportMissingImports]
+
+    layers = [one for one in model.modules() if isinstance(one, BaseTunerLayer)]
+    for one in layers:
+        one.enable_adapters(False)
+    try:
+        yield
+    finally:
+        for one in layers:
+            one.enable_adapters(True)
+
+
+def merged(model: Any) -> Any:
+    """A copy in which the adapters are part of the weights; a copy as it is of a model without adapters."""
+    model = copy.deepcopy(model)
+    for name, one in list(model.named_modules()):
+        if hasattr(one, "lora_A"):
+            one.merge()
+            above, _, own = name.rpartition(".")
+            setattr(model.get_submodule(above), own, one.get_base_layer())
+    return model
 
 
 def require_rank(model: Any, rank: int) -> None:
