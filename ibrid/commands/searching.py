@@ -43,6 +43,7 @@ LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
     ),
     "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
     "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
+    "longest": ("N", inputs.natural, "tokens of an answer of a language model at most (512)"),
     "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
 }
 

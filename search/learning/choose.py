@@ -2,26 +2,43 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
+from typing import Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
-from search.learning.adapters import require_peft
+from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
 from search.learning.settings import LearningSettings
 from search.policy.interface import Policy
-from search.proposal import Proposer
+from search.proposal import Proposer, Task
 from search.proposers.language_model import LanguageModel
 from search.proposers.local_model import LocalModel
 from search.proposers.policy import PolicyProposer
 
 
+@runtime_checkable
+class Bounded(Protocol):
+    """A policy that holds only so many tokens."""
+
+    def require_room(self, task: Task, program: str) -> None:
+        """Raise IbridError unless a question about this program and an answer to it fit."""
+        ...
+
+
 def learning(
-    proposers: Sequence[tuple[Proposer, float]], settings: LearningSettings, *, seed: int, window: int
+    proposers: Sequence[tuple[Proposer, float]],
+    settings: LearningSettings,
+    *,
+    seed: int,
+    window: int,
+    task: Task,
+    start: str,
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; all that are given stay as they are.
 
-    seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
-    language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
-    without peft.
+    seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with. Raises
+    IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine. Also
+    where its weights cannot be loaded, it has no room for a question, or adapters are asked
+    for without peft or wider than it.
     """
     found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
@@ -31,22 +48,27 @@ def learning(
             f"--learn needs a proposer that learns, and one alone: found {number} among {names}; give --proposer policy, or "
             "--proposer llm with one --model FOLDER on this machine"
         )
+    for one, _ in found:
+        if isinstance(one, Learner) and isinstance(one.policy, Bounded):
+            one.policy.require_room(task, start)
     return found
 
 
 def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) -> Learner | None:
     if isinstance(one, Learner):
         return one
-    policy = _policy(one)
+    policy = _policy(one, settings)
     if policy is None:
         return None
     if settings.lora:
         require_peft()
-    policy.model()  # what cannot be loaded ends the run here, before anything is fitted
+    model = policy.model()  # what cannot be loaded or trained ends the run here, before anything is fitted
+    if settings.lora:
+        require_rank(model, settings.lora)
     return Learner(policy, settings, seed=seed, window=window)
 
 
-def _policy(one: Proposer) -> Policy | None:
+def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
     if isinstance(one, PolicyProposer):
         return deepcopy(one.policy)  # whoever gave it may search with it again
     if not isinstance(one, LanguageModel):
@@ -58,6 +80,6 @@ def _policy(one: Proposer) -> Policy | None:
         )
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
-    from search.learning.text_policy import TextPolicy
+    from search.learning.text_policy import LONGEST, TextPolicy
 
-    return TextPolicy(one.models[0].folder, prompt_tokens=one.prompt_tokens)
+    return TextPolicy(one.models[0].folder, prompt_tokens=one.prompt_tokens, longest=settings.longest or LONGEST)

@@ -45,7 +45,8 @@ class LearningSettings:
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
     of the importance weights.
     `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of low-rank adapters, 0 for
-    training everything. `threads` : of torch on the CPU; they are part of the result, so the number of workers is not.
+    training everything. `longest` : tokens of an answer of a language model at most; None: 512. `threads` : of torch on the
+    CPU; they are part of the result, so the number of workers is not.
 
     `alarm`, `stop` : mean |log-probability served - trained| above which the page warns, and above which nothing is
     trained any more.
@@ -70,6 +71,7 @@ class LearningSettings:
     floor: float = 0.02
     divergence: float = 0.0
     lora: int = 0
+    longest: int | None = None
     threads: int = 1
     alarm: float = 0.02
     stop: float = 0.1
@@ -143,6 +145,7 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     for name in ("floor", "divergence"):
         found = getattr(one, name)
         yield isfinite(found) and found >= 0, f"{name} must not be negative", found
+    yield one.longest is None or one.longest >= 1, "an answer needs 1 token or more", one.longest
     yield one.lora >= 0, "the rank of adapters must be 0 or more", one.lora
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 
-from search.learning.adapters import add_adapters
+from search.learning.adapters import add_adapters, without_adapters
 from search.learning.objective import divergence, group_objective, over_answers
 from search.learning.probe import Probe, probe
 from search.learning.scoring import Scored, score
@@ -57,7 +57,7 @@ class Trainer:
     def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
         self.model, self.settings = model.eval(), settings
         self.start = fingerprint(model)
-        self.reference = copy.deepcopy(model).requires_grad_(False)
+        self.reference = None if settings.lora else copy.deepcopy(model).requires_grad_(False)
         model.requires_grad_(True)
         if settings.lora:
             add_adapters(model, settings.lora, seed)
@@ -123,6 +123,9 @@ class Trainer:
         """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of another model."""
         if set(state["weights"]) != set(self.trained):
             raise ValueError("it holds the weights of another model")
+        for name, one in self.trained.items():
+            if state["weights"][name].shape != one.shape:
+                raise ValueError(f"{name} has other numbers of rows or columns")
         self._put(state["weights"])
         self.optimizer.load_state_dict(state["optimizer"])
         torch.set_rng_state(state["random"])
@@ -138,8 +141,7 @@ class Trainer:
             low=settings.clip_low, high=settings.clip_high, most=settings.most_weight,
         )  # fmt: skip
         with torch.no_grad():
-            answers = [one.tokens for one in group.answers]
-            begun = score(self.reference, group.prompt, answers, group.masks).logprobs
+            begun = self._begun(group)
         away = divergence(scored.logprobs, begun)
         loss = -found.value
         if settings.divergence:
@@ -154,6 +156,14 @@ class Trainer:
             "largest_weight": found.largest_weight,
             "clipped": found.clipped,
         }
+
+    def _begun(self, group: Group) -> torch.Tensor:
+        """Log-probabilities of a group's answers under the policy at the start: a copy, or the model without its adapters."""
+        answers = [one.tokens for one in group.answers]
+        if self.reference is not None:
+            return score(self.reference, group.prompt, answers, group.masks).logprobs
+        with without_adapters(self.model):
+            return score(self.model, group.prompt, answers, group.masks).logprobs
 
     @contextmanager
     def _as_before(self) -> Iterator[None]:
