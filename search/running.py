@@ -116,7 +116,7 @@ def run(
     sweep : measured operating points. folder : where the run lives; refused when it holds one already, and with
         `resume` when it holds none.
     start : diagram or program text to begin from; the naive one when not given.
-    proposer : "rules", "random", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
+    proposer : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
     models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
         may spend in the whole run, `search.proposers.spending.Limits`. prices : of a million tokens in and a million out;
         one pair for all models, or one for each.
