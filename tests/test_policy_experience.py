@@ -16,6 +16,7 @@ from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
+from search.bench.inverters import inverter, inverter_names
 from search.policy.experience.choices import PARTS, apart, consistent, in_the_paper
 from search.policy.experience.damage import legal, merged, spoiled, taken_apart
 from search.policy.experience.drawn_diagram import drawn_diagram
@@ -136,7 +137,19 @@ def test_a_slip_can_be_carried_over_to_a_repaired_diagram():
     assert legal(both, VOCABULARY, "exact")
 
 
-def test_examples_repeat_and_none_has_the_benchmark_s_structure(examples):
+def test_the_structures_of_all_benchmark_inverters_are_kept_from_training():
+    barred = held_out_structures()
+    for name in inverter_names():
+        truth = inverter(name).truth
+        assert structure_hash(truth, VOCABULARY, equilibrium="exact") in barred, name
+    printed = textbook("gfl_pll_filter")
+    for one in (textbook("gfl_pll_filter_exact"), printed):
+        assert structure_hash(one, VOCABULARY, equilibrium="exact") in barred
+    assert structure_hash(printed, PAPER_VOCABULARY, equilibrium="paper") in barred
+    assert structure_hash(textbook("naive"), VOCABULARY, equilibrium="exact") not in barred
+
+
+def test_examples_repeat_and_none_has_a_benchmark_s_structure(examples):
     first = examples[0]
     again = next(draw_examples(11, first.inverter))
     assert (again.parent, again.child, again.error) == (first.parent, first.child, first.error)
@@ -271,7 +284,8 @@ def test_shards_made_on_other_machines_are_written_on_this_one(tmp_path, monkeyp
 
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
     here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir(), there.mkdir()
+    for one in (here, there):
+        one.mkdir()
     monkeypatch.chdir(here)
     folder = Path("experience")
     assert list(make_shards(folder, 0, range(2), Elsewhere(there))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
