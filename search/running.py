@@ -30,6 +30,7 @@ from search.learning.settings import LearningSettings, profile
 from search.loop import STOPPED, Goal, Loop
 from search.merit import criterion
 from search.page import write_run_page
+from search.policy.weights_folder import WEIGHTS_FILE
 from search.progress import Progress
 from search.proposal import Proposer, Task
 from search.proposers.agent import Agent
@@ -149,7 +150,9 @@ def run(
     proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
-    lessons: dict[str, Any] = {} if policy is None else {"policy": str(policy)}
+    lessons: dict[str, Any] = {}
+    if policy is not None:
+        lessons = {"policy": str(policy), "policy_sha256": digest((Path(policy) / WEIGHTS_FILE).read_bytes())}
     if learn or isinstance(learn, str):  # an empty name is refused as any other
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
