@@ -275,6 +275,13 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
     assert isinstance(mine, Proposer)
     assert isinstance(mine.policy, TextPolicy)
     assert (mine.name, weight, mine.rounds.batch, other.name) == ("llm", 0.5, 6, "rules")
+    assert not mine.policy.constrained
+    short = LearningSettings(constrained=True, longest=220, question=4000)
+    ((mine, _),) = learning(choose_proposers("llm", [str(folder)]), short, seed=0, window=8)
+    assert isinstance(mine, Learner)
+    assert isinstance(mine.policy, TextPolicy)
+    assert (mine.policy.constrained, mine.policy.longest, mine.policy.prompt_tokens) == (True, 220, 4000)
+    assert mine.policy.lines == 3  # 30 tokens of marks, and of each line of SEARCH and REPLACE as many
     with pytest.raises(IbridError, match="limits of tokens and seconds do not hold"):
         learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, seed=0, window=8)
     with pytest.raises(IbridError, match="one of several"):

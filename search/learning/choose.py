@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from ibrid.errors import IbridError
 from search.learning.adapters import require_peft
 from search.learning.learner import Learner
-from search.learning.settings import LearningSettings
+from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
 from search.policy.interface import Policy
 from search.proposal import Proposer
 from search.proposers.language_model import LanguageModel
@@ -36,7 +36,7 @@ def learning(
 def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) -> Learner | None:
     if isinstance(one, Learner):
         return one
-    policy = _policy(one)
+    policy = _policy(one, settings)
     if policy is None:
         return None
     if settings.lora:
@@ -45,8 +45,9 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
     return Learner(policy, settings, seed=seed, window=window)
 
 
-def _policy(one: Proposer) -> Policy | None:
+def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
     if isinstance(one, PolicyProposer):
+        _require_none_of_language_models(settings)
         return one.policy
     if not isinstance(one, LanguageModel):
         return None
@@ -59,4 +60,20 @@ def _policy(one: Proposer) -> Policy | None:
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
     from search.learning.text_policy import TextPolicy
 
-    return TextPolicy(one.models[0].folder, prompt_tokens=one.prompt_tokens)
+    return TextPolicy(
+        one.models[0].folder,
+        longest=settings.longest,
+        prompt_tokens=min(one.prompt_tokens, settings.question),
+        constrained=settings.constrained,
+        lines=settings.lines,
+    )
+
+
+def _require_none_of_language_models(settings: LearningSettings) -> None:
+    """Raise IbridError for a setting that says nothing to the policy, whose answers are short and legal edits anyway."""
+    for name in OF_LANGUAGE_MODELS:
+        if getattr(settings, name) != getattr(LearningSettings, name):
+            raise IbridError(
+                f"--learn-{name} belongs to a language model, and the policy writes short, legal edits anyway; leave it out, or "
+                "give --proposer llm with one --model FOLDER on this machine"
+            )
