@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from ibrid.errors import IbridError
 from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
-from search.learning.settings import LearningSettings
+from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
 from search.policy.interface import Policy
 from search.proposal import Proposer, Task
 from search.proposers.language_model import LanguageModel
@@ -70,6 +70,7 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
 
 def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
     if isinstance(one, PolicyProposer):
+        _require_none_of_language_models(settings)
         return deepcopy(one.policy)  # whoever gave it may search with it again
     if not isinstance(one, LanguageModel):
         return None
@@ -80,6 +81,22 @@ def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
         )
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
-    from search.learning.text_policy import LONGEST, TextPolicy
+    from search.learning.text_policy import TextPolicy
 
-    return TextPolicy(one.models[0].folder, prompt_tokens=one.prompt_tokens, longest=settings.longest or LONGEST)
+    return TextPolicy(
+        one.models[0].folder,
+        longest=settings.longest,
+        prompt_tokens=min(one.prompt_tokens, settings.question),
+        constrained=settings.constrained,
+        lines=settings.lines,
+    )
+
+
+def _require_none_of_language_models(settings: LearningSettings) -> None:
+    """Raise IbridError for a setting that says nothing to the policy, whose answers are short and legal edits anyway."""
+    for name in OF_LANGUAGE_MODELS:
+        if getattr(settings, name) != getattr(LearningSettings, name):
+            raise IbridError(
+                f"--learn-{name} belongs to a language model, and the policy writes short, legal edits anyway; leave it out, or "
+                "give --proposer llm with one --model FOLDER on this machine"
+            )

@@ -18,7 +18,6 @@ from search.proposers.language_model import read_answer
 from search.proposers.local_model import LocalModel
 
 #: Tokens of an answer at most, where nothing else is said.
-LONGEST = 512
 #: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
 BESIDE = 300
 
@@ -64,7 +63,7 @@ class TextPolicy:
         self,
         folder: str | Path,
         *,
-        longest: int = LONGEST,
+        longest: int = 512,
         prompt_tokens: int = 16_000,
         constrained: bool = False,
         lines: int = 6,
