@@ -17,7 +17,6 @@ from search.proposal import Context, Proposal, Task
 from search.proposers.language_model import read_answer
 from search.proposers.local_model import LocalModel
 
-#: Tokens of an answer at most, where nothing else is said.
 #: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
 BESIDE = 300
 
