@@ -112,7 +112,9 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn",
         action="store_true",
-        help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER",
+        help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER, "
+        "or --model FOLDER@http://host:port/v1 where a server with log-probabilities answers for the weights of the folder and "
+        "loads them after every update (SGLang)",
     )
     search.add_argument(
         "--learn-profile",
