@@ -11,6 +11,7 @@ from search.learning.learner import Learner
 from search.learning.settings import LearningSettings
 from search.learning.weights_reload import reload_from_disk
 from search.policy.interface import Policy
+from search.policy.small_policy import SmallPolicy
 from search.proposal import Proposer, Task
 from search.proposers.chat_server import ChatServer
 from search.proposers.language_model import LanguageModel
@@ -79,27 +80,24 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int, 
 
 def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy | None:
     if isinstance(one, PolicyProposer):
-        return deepcopy(one.policy)  # whoever gave it may search with it again
+        policy = deepcopy(one.policy)  # whoever gave it may search with it again
+        if isinstance(policy, SmallPolicy):
+            policy.threads = settings.threads
+        return policy
     if not isinstance(one, LanguageModel):
         return None
-    chat = one.models[0]
-    local, served = (
-        isinstance(chat, LocalModel),
-        isinstance(chat, ChatServer) and Path(chat.model).expanduser().is_dir(),
-    )
-    if len(one.models) != 1 or not (local or served):
-        raise IbridError(
-            "--learn trains a model whose weights are at hand: one --model FOLDER on this machine, or FOLDER@http://host:port/v1 "
-            "where a server answers for it; a model of a server alone, or one of several, cannot be trained"
-        )
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
     from search.learning.served_policy import ServedPolicy, Server
     from search.learning.text_policy import LONGEST, TextPolicy
 
-    sizes = {"prompt_tokens": one.prompt_tokens, "longest": settings.longest or LONGEST}
-    if isinstance(chat, LocalModel):
-        return TextPolicy(chat.folder, **sizes)
-    key = chat.key()
-    server = Server(chat.model, chat.url, key, chat.timeout, reload_from_disk(chat.url, key))
-    return ServedPolicy(Path(chat.model).expanduser(), server, folder / SERVED, **sizes)
+    chat, longest = one.models[0], settings.longest or LONGEST
+    if len(one.models) == 1 and isinstance(chat, LocalModel):
+        return TextPolicy(chat.folder, prompt_tokens=one.prompt_tokens, longest=longest)
+    if len(one.models) == 1 and isinstance(chat, ChatServer) and (weights := Path(chat.model).expanduser()).is_dir():
+        server = Server(chat.model, chat.url, chat.key(), chat.timeout, reload_from_disk(chat.url, chat.key()))
+        return ServedPolicy(weights, server, folder / SERVED, prompt_tokens=one.prompt_tokens, longest=longest)
+    raise IbridError(
+        "--learn trains a model whose weights are at hand: one --model FOLDER on this machine, or FOLDER@http://host:port/v1 "
+        "where a server answers for it; a model of a server alone, or one of several, cannot be trained"
+    )

@@ -58,7 +58,7 @@ class LocalModel:
     ) -> Answer:
         """The next turn; see `search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
         started = time.monotonic()
-        _, model, tokenizer = self._loaded
+        model, tokenizer = self._loaded
         prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
         number = int(prompt["input_ids"].shape[1])
         room = getattr(model.config, "max_position_embeddings", None)
@@ -80,11 +80,11 @@ class LocalModel:
 
     def tokens(self, text: str) -> int:
         """Number of tokens of a text."""
-        return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
+        return len(self._loaded[1](text, add_special_tokens=False)["input_ids"])
 
     def _generated(self, prompt: Any, most: int, seed: int) -> list[int]:
         """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
-        torch, model, tokenizer = self._loaded
+        torch, (model, tokenizer) = _require("torch"), self._loaded
         padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
         threads = torch.get_num_threads()
         torch.set_num_threads(self.threads)
@@ -108,7 +108,8 @@ class LocalModel:
         return found[0].tolist()
 
     @cached_property
-    def _loaded(self) -> tuple[Any, Any, Any]:
+    def _loaded(self) -> tuple[Any, Any]:
+        """Model and tokenizer."""
         torch, transformers = _require("torch"), _require("transformers")
         transformers.utils.logging.disable_progress_bar()  # the search shows its own
         try:
@@ -118,7 +119,7 @@ class LocalModel:
             )
         except damage() as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
-        return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
+        return model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 
     def _templated(self, tokenizer: Any, messages: Sequence[Message]) -> str:
         """The conversation in the model's own form; models without a system turn get it in front of the first question."""
