@@ -10,7 +10,7 @@ STAMP := $(VENV)/.ibrid-ready
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
 TEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning docs lint clean
+.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -55,10 +55,15 @@ bench-baselines: $(STAMP)
 bench-inverters: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
 
-# two or three hours: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it:
+# about four hours: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it, twelve:
 # make bench-learning ARGS="--seeds 10 --out docs/measured/learning --page docs/learning_results.md"
 bench-learning: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.learning $(ARGS)
+
+# half an hour on a CPU: how often SmolLM2, or ARGS="--model FOLDER", writes an edit that a search can use: free, within the grammar
+# of edits, and after learning; ARGS="--out docs/measured/language_model --page docs/language_model_results.md" makes the page
+bench-lm: setup-llm
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.language_model $(ARGS)
 
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)

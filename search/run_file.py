@@ -48,9 +48,9 @@ def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) 
             raise IbridError(f"{where}: the run was made with {what}; resume with the same, or choose another folder")
 
 
-def digest(text: str) -> str:
-    """What stands for a text among the options, under a name that ends in _sha256."""
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+def digest(content: str | bytes) -> str:
+    """What stands for a text or a file among the options, under a name that ends in _sha256."""
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()[:32]
 
 
 def _flat(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from search.learning.settings import LearningSettings, profile
 from search.loop import STOPPED, Goal, Loop
 from search.merit import criterion
 from search.page import write_run_page
+from search.policy.weights_folder import WEIGHTS_FILE
 from search.progress import Progress
 from search.proposal import Proposer, Task
 from search.proposers.agent import Agent
@@ -116,7 +117,7 @@ def run(
     sweep : measured operating points. folder : where the run lives; refused when it holds one already, and with
         `resume` when it holds none.
     start : diagram or program text to begin from; the naive one when not given.
-    proposer : "rules", "random", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
+    proposer : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
     models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
         may spend in the whole run, `search.proposers.spending.Limits`. prices : of a million tokens in and a million out;
         one pair for all models, or one for each.
@@ -150,7 +151,9 @@ def run(
     proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
-    lessons: dict[str, Any] = {} if policy is None else {"policy": str(policy)}
+    lessons: dict[str, Any] = {}
+    if policy is not None:
+        lessons = {"policy": str(policy), "policy_sha256": digest((Path(policy) / WEIGHTS_FILE).read_bytes())}
     if learn or isinstance(learn, str):  # an empty name is refused as any other
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 

@@ -124,6 +124,12 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
         (["--learn", "--learn-judge", "chance"], "judge must be fit or look, found chance"),
         (["--learn-group", "4"], "--learn-group says how a proposer learns; add --learn"),
         (["--learn", "--learn-rate", "-1"], "--learn-rate"),
+        (["--learn-constrained"], "--learn-constrained says how a proposer learns; add --learn"),
+        (["--learn", "--learn-longest", "40"], "an answer needs 90 tokens or more, found 40"),
+        (
+            ["--learn", "--learn-constrained", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"],
+            "a model of a server, or one of several, cannot be trained",
+        ),
     ],
 )
 def test_what_cannot_learn_is_refused_in_a_sentence(tmp_path, capsys, words, sentence):
@@ -161,6 +167,15 @@ def test_a_profile_is_given_by_its_name(tmp_path):
     assert any(LOOKS in step.usage for step in mine)
     with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
         learnt(tmp_path / "other", learn="large")
+
+
+@needs_torch
+@pytest.mark.parametrize("words", [["--learn-constrained"], ["--learn-longest", "200"], ["--learn-question", "900"]])
+def test_what_belongs_to_a_language_model_is_refused_for_the_policy(tmp_path, capsys, words):
+    folder = tmp_path / "run"
+    assert cli.main(["search", "paper_like", "--out", str(folder), "--proposer", "policy", "--learn", *words]) == 2
+    assert f"{words[0]} belongs to a language model" in capsys.readouterr().err
+    assert not folder.exists()
 
 
 @needs_torch

@@ -281,6 +281,13 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     assert isinstance(mine.policy, TextPolicy)
     assert (mine.name, weight, mine.rounds.batch, other.name) == ("llm", 0.5, 6, "rules")
     assert mine.policy.longest == 512
+    assert not mine.policy.constrained
+    short = LearningSettings(constrained=True, longest=220, question=4000)
+    ((mine, _),) = learning(choose_proposers("llm", [str(folder)]), short, **of_run)
+    assert isinstance(mine, Learner)
+    assert isinstance(mine.policy, TextPolicy)
+    assert (mine.policy.constrained, mine.policy.longest, mine.policy.prompt_tokens) == (True, 220, 4000)
+    assert mine.policy.lines == 3  # 30 tokens of marks, and of each line of SEARCH and REPLACE as many
     with pytest.raises(IbridError, match="limits of tokens and seconds do not hold"):
         learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, **of_run)
     with pytest.raises(IbridError, match="one of several"):
@@ -288,7 +295,7 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
 
 
 @needs_torch
-@pytest.mark.parametrize(("positions", "longest"), [(300, None), (2_000, None), (40_000, 39_000)])
+@pytest.mark.parametrize(("positions", "longest"), [(300, 512), (2_000, 512), (40_000, 39_000)])
 def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is_fitted(
     folder, tmp_path, monkeypatch, positions, longest
 ):
@@ -298,7 +305,7 @@ def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is
     monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(longest=longest)
-    told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest or 512}; train"
+    told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest}; train"
     with pytest.raises(IbridError, match=told):
         search.run(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
     assert not (tmp_path / "run").exists()

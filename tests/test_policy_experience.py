@@ -1,7 +1,10 @@
 """Experience for the policy: plausible inverters, taken apart step by step, each example a damaged parent and its repair."""
 
+import contextlib
+import importlib.util
 import itertools
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
+from search.bench.inverters import inverter, inverter_names
 from search.policy.experience.choices import PARTS, apart, consistent, in_the_paper
 from search.policy.experience.damage import legal, merged, spoiled, taken_apart
 from search.policy.experience.drawn_diagram import drawn_diagram
@@ -26,7 +30,7 @@ from search.policy.experience.examples import (
     held_out_structures,
 )
 from search.policy.experience.inverter import draw_inverter, drawn_choices
-from search.policy.experience.shards import IN_A_SHARD, Processes, make_shards, read_shards
+from search.policy.experience.shards import IN_A_SHARD, Processes, RayCluster, make_shards, read_shards, shard_path
 from search.policy.lessons import batches, lesson_of, lessons_of, scale_of, weight_of
 from search.policy.record_words import residual_words, sector, size_level, total_level
 from search.policy.residual import Residual, residual_of
@@ -134,7 +138,19 @@ def test_a_slip_can_be_carried_over_to_a_repaired_diagram():
     assert legal(both, VOCABULARY, "exact")
 
 
-def test_examples_repeat_and_none_has_the_benchmark_s_structure(examples):
+def test_the_structures_of_all_benchmark_inverters_are_kept_from_training():
+    barred = held_out_structures()
+    for name in inverter_names():
+        truth = inverter(name).truth
+        assert structure_hash(truth, VOCABULARY, equilibrium="exact") in barred, name
+    printed = textbook("gfl_pll_filter")
+    for one in (textbook("gfl_pll_filter_exact"), printed):
+        assert structure_hash(one, VOCABULARY, equilibrium="exact") in barred
+    assert structure_hash(printed, PAPER_VOCABULARY, equilibrium="paper") in barred
+    assert structure_hash(textbook("naive"), VOCABULARY, equilibrium="exact") not in barred
+
+
+def test_examples_repeat_and_none_has_a_benchmark_s_structure(examples):
     first = examples[0]
     again = next(draw_examples(11, first.inverter))
     assert (again.parent, again.child, again.error) == (first.parent, first.child, first.error)
@@ -254,3 +270,54 @@ def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):
         list(read_shards(tmp_path, [7]))
     back = list(read_shards(tmp_path, [0]))
     assert [one.parent for one in back[:2]] == [one.parent for one in examples[:2]]
+
+
+class Elsewhere:
+    """A crew whose processes have a disk of their own: there the path of a folder means another place."""
+
+    def __init__(self, place):
+        self.place = place
+
+    def work(self, task, arguments):
+        for one in arguments:
+            with contextlib.chdir(self.place):
+                done = task(*one)
+            yield one, done
+
+
+def test_shards_made_on_other_machines_are_written_on_this_one(tmp_path, monkeypatch, examples):
+    from search.policy.experience import shards
+
+    monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
+    here, there = tmp_path / "here", tmp_path / "there"
+    for one in (here, there):
+        one.mkdir()
+    monkeypatch.chdir(here)
+    folder = Path("experience")
+    assert list(make_shards(folder, 0, range(2), Elsewhere(there))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
+    assert len(list(read_shards(folder, range(2)))) == 4 * IN_A_SHARD
+    assert not list(there.iterdir())
+    made = [shard_path(folder, one).read_bytes() for one in range(2)]
+    list(make_shards(Path("again"), 0, range(2), Processes(1)))
+    assert made == [shard_path(Path("again"), one).read_bytes() for one in range(2)]
+
+
+def test_a_ray_cluster_sends_its_shards_back_here(tmp_path, monkeypatch, examples):
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    from search.evaluation.ray_session import open_session
+    from search.policy.experience import shards
+
+    few = [one.to_json() for one in examples[:2]]
+    monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: map(Example.from_json, few))
+    monkeypatch.chdir(tmp_path)
+    session = open_session(1)
+    try:
+        session.ray.cloudpickle.register_pickle_by_value(shards)  # workers draw these two as well
+        assert list(make_shards(Path("experience"), 0, range(2), RayCluster())) == [(0, 20), (1, 20)]
+    finally:
+        session.ray.cloudpickle.unregister_pickle_by_value(shards)
+        session.close()
+    list(make_shards(Path("again"), 0, range(2), Processes(1)))
+    for shard in range(2):
+        assert shard_path(Path("experience"), shard).read_bytes() == shard_path(Path("again"), shard).read_bytes()

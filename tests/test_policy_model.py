@@ -310,6 +310,8 @@ def test_training_from_the_command_line_refuses_what_cannot_be(tmp_path, capsys)
     assert "holds something already" in capsys.readouterr().err
     assert main(["policy", "train", "--out", str(tmp_path / "new"), "--resume"]) == 2
     assert "no training to resume" in capsys.readouterr().err
+    assert main(["policy", "train", "--out", str(tmp_path / "new"), "--size", "huge"]) == 2
+    assert "the size of a policy is small or large, found 'huge'" in capsys.readouterr().err
     assert main(["policy", "train", "--out", str(tmp_path / "new"), "--workers", "0"]) == 2
     assert "--workers" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
@@ -326,7 +328,8 @@ def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monk
         return [replace(one, inverter=number, family=families[0] if families else "") for one in examples[:3]]
 
     monkeypatch.setattr(shards, "draw_examples", few)
-    order = making.Order(40, 0, TrainingSettings(steps=3, batch=8), TINY)
+    monkeypatch.setattr(making, "SIZES", {"small": TINY, "large": {**TINY, "num_hidden_layers": 3}})
+    order = making.Order(40, 0, TrainingSettings(steps=3, batch=8))
     found = making.train_policy(tmp_path / "made", order, show="silent")
     assert found["other inverters"].questions > 0
     card = (tmp_path / "made" / "MODEL_CARD.md").read_text(encoding="utf-8")
@@ -334,8 +337,27 @@ def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monk
     assert SmallPolicy(tmp_path / "made").model().config.hidden_size == TINY["hidden_size"]
     again = making.train_policy(tmp_path / "made", order, resume=True, show="silent")
     assert again == found
+    with pytest.raises(IbridError, match="begun with other sizes"):
+        making.train_policy(tmp_path / "made", replace(order, size="large"), resume=True)
     with pytest.raises(IbridError, match="begun with other training"):
         making.train_policy(tmp_path / "made", replace(order, training=TrainingSettings(steps=4)), resume=True)
+
+
+def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(tmp_path, monkeypatch, examples, capsys):
+    from ibrid.cli import main
+    from search.policy import making
+    from search.policy.experience import shards
+
+    monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:1]))
+    monkeypatch.setattr(making, "MOST_QUESTIONS", 1)
+    asked = ["--inverters", "40", "--steps", "1", "--size", "large", "--workers", "1"]
+    assert main(["policy", "train", "--out", str(tmp_path / "made"), *asked]) == 0
+    capsys.readouterr()
+    card = (tmp_path / "made" / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "`ibrid policy train --inverters 40 --steps 1 --seed 0 --size large`" in card
+    # 798 tokens x 256, in each of 6 layers 4 x 256^2 + 3 x 256 x 704 + 512, 256 at the end
+    assert "5,024,512 parameters, hidden_size 256" in card
+    assert SmallPolicy(tmp_path / "made").model().config.hidden_size == 256
 
 
 def test_no_other_command_imports_torch():

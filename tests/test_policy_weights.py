@@ -121,6 +121,15 @@ def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
         search.run(sweep, mine.folder, proposer="policy", budget=8, resume=True)
 
 
+def test_a_run_goes_on_with_the_weights_that_it_was_made_with_alone(folder, tmp_path):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    options = {"proposer": "policy", "policy": folder, "budget": 1}
+    search.run(sweep, tmp_path / "run", **options)
+    changed(folder, lambda tensors: tensors.update({ONE: tensors[ONE] * 2}))
+    with pytest.raises(IbridError, match="the run was made with policy of other content; resume with the same"):
+        search.run(sweep, tmp_path / "run", resume=True, **options)
+
+
 def test_weights_that_nobody_reads_are_told(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="--policy belongs to the proposer policy, found random, rules alone"):

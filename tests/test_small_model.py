@@ -8,21 +8,25 @@ import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from small_model import missing, small_model
 
 import ibrid
+from ibrid import cli
 from ibrid.modules import VOCABULARY
 from search.context import prompt
+from search.learning.updates import META, read_updates
 from search.proposal import Complaint, Context, Evaluated, Proposal, Task
 from search.proposers.chat import ChatError, estimated_tokens
 from search.proposers.language_model import LanguageModel
 from search.proposers.local_model import LocalModel
+from search.proposers.smollm2 import missing, smollm2
+from search.store import Store
 
 pytestmark = [
     pytest.mark.skipif(bool(missing()), reason=missing()),
@@ -34,7 +38,7 @@ HELLO = [{"role": "system", "content": "You are brief."}, {"role": "user", "cont
 
 @pytest.fixture(scope="module")
 def folder() -> Path:
-    return small_model()
+    return smollm2()
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +109,35 @@ def test_a_damaged_folder_is_one_sentence(folder, tmp_path):
     (tmp_path / "model.safetensors").write_bytes(b"garbage")
     with pytest.raises(ChatError, match="cannot be loaded"):
         LocalModel(tmp_path).complete(HELLO)
+
+
+def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(folder, tmp_path, monkeypatch, capsys):
+    def program_alone(context: Context, **_: Any) -> list[dict[str, str]]:
+        return [{"role": "user", "content": ibrid.program_text(context.parent.diagram)}]
+
+    # the whole question is read in the test above; with its 2600 tokens an update takes a core two minutes
+    monkeypatch.setattr("search.learning.text_policy.prompt", program_alone)
+    run = tmp_path / "run"
+    learn = "--learn --learn-constrained --learn-contexts 1 --learn-group 2 --learn-judge look --learn-optimizer sgd"
+    asked = f"--proposer llm --model {folder} --budget 3 --workers 1 {learn} --learn-longest 150"
+    assert cli.main(["search", "paper_like", "--out", str(run), *asked.split()]) == 0
+    assert "3 evaluations" in capsys.readouterr().out
+    with Store.open(run / "archive.sqlite", read_only=True) as store:
+        updates = read_updates(store.meta[META])
+        steps = [one for one in store.steps() if one.proposer == "llm"]
+    assert [one.number for one in updates] == list(range(1, len(steps) + 1))
+    for update, step in zip(updates, steps, strict=True):
+        answers = step.usage["learning"]["answers"]
+        assert all(len(one["tokens"]) <= 150 for one in answers)
+        assert {one["status"] for one in answers}.isdisjoint({"no edit", "no match", "ambiguous", "unreadable"})
+        assert update.updated == (update.dropped == 0)  # two answers of the same worth teach nothing
+    assert updates[-1].valid > 0
+    for update in updates:
+        if update.updated:
+            assert update.drift is not None
+            assert update.drift < 1e-3
+            assert update.probe is not None
+            assert update.probe < 1e-3
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,11 @@ def declare(commands: Any) -> None:
     train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
     train.add_argument("--inverters", type=inputs.natural, default=2500, metavar="N", help="drawn to learn from (2500)")
     train.add_argument("--steps", type=inputs.natural, default=16000, metavar="N", help="of training (16000)")
+    train.add_argument(
+        "--size",
+        default="small",
+        help="of the model: small, as shipped, 1.1 million parameters (default) | large, 5 million",
+    )
     train.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
     train.add_argument("--workers", type=inputs.natural, metavar="N", help="processes that draw and fit (all cores)")
     train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")
@@ -35,7 +40,8 @@ def run_train(arguments: Namespace) -> int:
     workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
     if workers < 1:
         raise IbridError(f"--workers must be 1 or more, found {workers}")
-    order = Order(arguments.inverters, arguments.seed, TrainingSettings(steps=arguments.steps, seed=arguments.seed))
+    training = TrainingSettings(steps=arguments.steps, seed=arguments.seed)
+    order = Order(arguments.inverters, arguments.seed, training, arguments.size)
     session = None if arguments.ray is None else open_session(workers, arguments.ray)
     try:
         crew = Processes(workers) if session is None else RayCluster()

@@ -43,7 +43,8 @@ LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
     ),
     "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
     "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
-    "longest": ("N", inputs.natural, "tokens of an answer of a language model at most (512)"),
+    "longest": ("N", inputs.natural, "tokens of a language model's answer at most (512)"),
+    "question": ("N", inputs.natural, "tokens of a question to a language model at most; details are left out (16000)"),
     "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
 }
 
@@ -124,6 +125,12 @@ def declare(commands: Any) -> None:
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
         search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)
+    search.add_argument(
+        "--learn-constrained",
+        action="store_true",
+        default=None,
+        help="a language model can write nothing but edits with lines, modules and ports that exist, as the proposer policy",
+    )
     search.add_argument("--resume", action="store_true", help="go on with the run in the folder")
     search.set_defaults(run=run_search)
     tools = commands.add_parser("mcp", help="the evaluator as tools for coding agents, an MCP server on stdio")
@@ -193,7 +200,7 @@ def run_search(arguments: Namespace) -> int:
 
 def _learning(arguments: Namespace) -> "LearningSettings | bool":
     """Settings of learning as given; False without --learn."""
-    names = ("profile", *LEARNING)
+    names = ("profile", "constrained", *LEARNING)
     given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:

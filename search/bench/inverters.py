@@ -119,6 +119,13 @@ def inverter(name: str) -> Hidden:
     raise IbridError(f"there is no hidden inverter called {name}; {near(name, (*inverter_names(), *HARDWARE))}")
 
 
+def true_programs() -> Iterator[str]:
+    """Program texts of all hidden inverters with a known truth; nothing is swept."""
+    for name in inverter_names():
+        plant = plant_of(name)
+        yield _program(name) if plant is None else plant.program
+
+
 def hardware() -> Iterator[Hidden]:
     """Measured inverters whose truth nobody published, where their data lie on this machine."""
     found = hardware_sweeps()

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
 from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
-from search.learning.settings import LearningSettings
+from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
 from search.learning.weights_reload import reload_from_disk
 from search.policy.interface import Policy
 from search.policy.small_policy import SmallPolicy
@@ -80,6 +80,7 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int, 
 
 def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy | None:
     if isinstance(one, PolicyProposer):
+        _require_none_of_language_models(settings)
         policy = deepcopy(one.policy)  # whoever gave it may search with it again
         if isinstance(policy, SmallPolicy):
             policy.threads = settings.threads
@@ -89,15 +90,32 @@ def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy |
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
     from search.learning.served_policy import ServedPolicy, Server
-    from search.learning.text_policy import LONGEST, TextPolicy
+    from search.learning.text_policy import TextPolicy
 
-    chat, longest = one.models[0], settings.longest or LONGEST
-    if len(one.models) == 1 and isinstance(chat, LocalModel):
-        return TextPolicy(chat.folder, prompt_tokens=one.prompt_tokens, longest=longest)
-    if len(one.models) == 1 and isinstance(chat, ChatServer) and (weights := Path(chat.model).expanduser()).is_dir():
-        server = Server(chat.model, chat.url, chat.key(), chat.timeout, reload_from_disk(chat.url, chat.key()))
-        return ServedPolicy(weights, server, folder / SERVED, prompt_tokens=one.prompt_tokens, longest=longest)
+    if len(one.models) == 1:
+        (chat,) = one.models
+        options: dict[str, Any] = {
+            "longest": settings.longest,
+            "prompt_tokens": min(one.prompt_tokens, settings.question),
+            "constrained": settings.constrained,
+            "lines": settings.lines,
+        }
+        if isinstance(chat, LocalModel):
+            return TextPolicy(chat.folder, **options)
+        if isinstance(chat, ChatServer) and (weights := Path(chat.model).expanduser()).is_dir():
+            server = Server(chat.model, chat.url, chat.key(), chat.timeout, reload_from_disk(chat.url, chat.key()))
+            return ServedPolicy(weights, server, folder / SERVED, **options)
     raise IbridError(
         "--learn trains a model whose weights are at hand: one --model FOLDER on this machine, or FOLDER@http://host:port/v1 "
         "where a server answers for it; a model of a server alone, or one of several, cannot be trained"
     )
+
+
+def _require_none_of_language_models(settings: LearningSettings) -> None:
+    """Raise IbridError for a setting that says nothing to the policy, whose answers are short and legal edits anyway."""
+    for name in OF_LANGUAGE_MODELS:
+        if getattr(settings, name) != getattr(LearningSettings, name):
+            raise IbridError(
+                f"--learn-{name} belongs to a language model, and the policy writes short, legal edits anyway; leave it out, or "
+                "give --proposer llm with one --model FOLDER on this machine"
+            )

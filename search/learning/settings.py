@@ -16,6 +16,10 @@ LARGE = 50_000_000
 JUDGES = ("fit", "look")
 #: What makes a step of the weights from a gradient; see `LearningSettings`.
 OPTIMIZERS = ("adam", "sgd")
+#: Tokens of a language model's answer that changes one line: two lines of 20 to 30 tokens, and the marks of the block.
+LEAST_ANSWER = 90
+#: Settings of a language model alone.
+OF_LANGUAGE_MODELS = ("constrained", "longest", "question")
 #: Adam's step. For a policy of a million parameters 1e-4 changes hardly anything in 32 updates of 8 answers, 3e-4 raises the
 #: share of answers that gain by a third, 1e-3 goes astray (search/LOG.md, 2026-11-22).
 RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
@@ -45,8 +49,10 @@ class LearningSettings:
     `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
     of the importance weights.
     `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of low-rank adapters, 0 for
-    training everything. `longest` : tokens of an answer of a language model at most; None: 512. `threads` : of torch on the
-    CPU; they are part of the result, so the number of workers is not.
+    training everything. `threads` : of torch on the CPU; they are part of the result, so the number of workers is not.
+
+    Of a language model: `constrained` : its answers can only be edits of the parent (`search.learning.edit_automaton`).
+    `longest` : tokens of an answer at most. `question` : tokens of a question at most; details are left out of a longer one.
 
     `alarm`, `stop` : mean |log-probability served - trained| above which the page warns, and above which nothing is
     trained any more.
@@ -71,8 +77,10 @@ class LearningSettings:
     floor: float = 0.02
     divergence: float = 0.0
     lora: int = 0
-    longest: int | None = None
     threads: int = 1
+    constrained: bool = False
+    longest: int = 512
+    question: int = 16_000
     alarm: float = 0.02
     stop: float = 0.1
 
@@ -106,6 +114,11 @@ class LearningSettings:
         """Of a search between two updates."""
         return self.contexts * self.handed_in
 
+    @property
+    def lines(self) -> int:
+        """Lines of SEARCH, and as many of REPLACE, for which a constrained answer has room; six at most."""
+        return min(6, (self.longest - 30) // 60)
+
     def rate_of(self, parameters: int) -> float:
         """The step for a model with so many parameters."""
         if self.rate is not None:
@@ -134,6 +147,8 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
+    yield one.longest >= LEAST_ANSWER, f"an answer needs {LEAST_ANSWER} tokens or more", one.longest
+    yield one.question >= 1, "a question needs 1 token or more", one.question
     yield one.advantages in WAYS, f"advantages must be {' or '.join(WAYS)}", one.advantages
     yield one.optimizer in OPTIMIZERS, f"optimizer must be {' or '.join(OPTIMIZERS)}", one.optimizer
     yield one.rate is None or 0 < one.rate < inf, "the learning rate must be above zero", one.rate
@@ -145,7 +160,6 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
     for name in ("floor", "divergence"):
         found = getattr(one, name)
         yield isfinite(found) and found >= 0, f"{name} must not be negative", found
-    yield one.longest is None or one.longest >= 1, "an answer needs 1 token or more", one.longest
     yield one.lora >= 0, "the rank of adapters must be 0 or more", one.lora
 
 

@@ -17,8 +17,6 @@ from search.proposal import Context, Proposal, Task
 from search.proposers.language_model import read_answer
 from search.proposers.local_model import LocalModel
 
-#: Tokens of an answer at most, where nothing else is said.
-LONGEST = 512
 #: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
 BESIDE = 300
 
@@ -35,18 +33,18 @@ class TrainableModel(LocalModel):
         """The torch module; IbridError when it cannot be loaded or is no causal language model."""
         from search.learning.sampling import require_causal
 
-        model = self._loaded[0].float()
+        model = self._loaded[1].float()
         require_causal(model, self.name)
         return model
 
     @property
     def tokenizer(self) -> Any:
-        return self._loaded[1]
+        return self._loaded[2]
 
     @property
     def room(self) -> int:
         """Tokens of question and answer together at most."""
-        return int(getattr(self._loaded[0].config, "max_position_embeddings", 1 << 30))
+        return int(getattr(self._loaded[1].config, "max_position_embeddings", 1 << 30))
 
     def question(self, context: Context, most: int) -> list[int]:
         """Tokens of the search's prompt in the model's own form, `most` at most."""
@@ -68,7 +66,7 @@ class TextPolicy:
         self,
         folder: str | Path,
         *,
-        longest: int = LONGEST,
+        longest: int = 512,
         prompt_tokens: int = 16_000,
         constrained: bool = False,
         lines: int = 6,

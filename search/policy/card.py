@@ -44,8 +44,8 @@ the way; each damaged diagram was fitted briefly, in one of two settings: {setti
 A lesson is a damaged diagram with its residual, and the edit that undoes one damage (or two); it counts by what the repair
 gains. {lessons:,} lessons of {examples:,} examples: {kinds}.
 
-No shipped sweep, published parameter set or benchmark inverter is among them, and no example has the structure of the
-benchmark `paper_like`, in either vocabulary, as its parent or its answer. Parts of that structure are.
+No shipped sweep, published parameter set or benchmark inverter is among them, and no example has the structure of one, in
+either vocabulary, as its parent or its answer. Parts of these structures are.
 
 Held out from training: every twentieth inverter ("other inverters"), and the families below.
 

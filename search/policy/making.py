@@ -40,15 +40,19 @@ FAMILIES = ("oscillator", "hybrid", "dc link with voltage control")
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for. `inverters` : drawn for training. `workers` : processes. `sizes` : of the model."""
+    """What is asked for. `inverters` : drawn for training. `size` : of the model, a name in `SIZES`.
+
+    Raises IbridError for an unknown size, or too few inverters or steps.
+    """
 
     inverters: int = 2500
     seed: int = 0
     training: TrainingSettings = field(default_factory=TrainingSettings)
-    sizes: Mapping[str, int] | None = None
+    size: str = "small"
 
     def __post_init__(self) -> None:
         for holds, sentence in (
+            (self.size in SIZES, f"the size of a policy is {' or '.join(SIZES)}, found {self.size!r:.40}"),
             (self.inverters >= 2 * ONE_IN, f"a policy needs {2 * ONE_IN} inverters or more, found {self.inverters}"),
             (self.training.steps >= 1, f"training takes 1 step or more, found {self.training.steps}"),
         ):
@@ -61,9 +65,15 @@ class Order:
             "inverters": self.inverters,
             "seed": self.seed,
             "training": vars(self.training),
-            "sizes": dict(self.sizes or SIZES),
+            "sizes": dict(SIZES[self.size]),
             "tokens": len(TOKENS),
         }
+
+    @property
+    def command(self) -> str:
+        """What a user types for it."""
+        size = "" if self.size == "small" else f" --size {self.size}"
+        return f"ibrid policy train --inverters {self.inverters} --steps {self.training.steps} --seed {self.seed}{size}"
 
 
 def train_policy(
@@ -95,7 +105,7 @@ def train_policy(
         learnt = [one for one in examples if one.inverter % ONE_IN != ONE_IN - 1]
         kept = [one for one in examples if one.inverter % ONE_IN == ONE_IN - 1]
         lessons = lessons_of(learnt)
-        trainer = Trainer(new_model(order.seed, dict(order.sizes or SIZES)), lessons, order.training, folder)
+        trainer = Trainer(new_model(order.seed, SIZES[order.size]), lessons, order.training, folder)
         if resume:
             trainer.resume()
         with _timed(seconds, "training", folder, order):
@@ -106,13 +116,13 @@ def train_policy(
         inverters=order.inverters,
         seed=order.seed,
         parameters=sum(one.numel() for one in trainer.model.parameters()),
-        sizes=dict(order.sizes or SIZES),
+        sizes=SIZES[order.size],
         training=order.training,
         examples=learnt,
         lessons=len(lessons),
         seconds=seconds,
         measured=found,
-        command=f"ibrid policy train --inverters {order.inverters} --steps {order.training.steps} --seed {order.seed}",
+        command=order.command,
     )
     save_model(trainer.model, folder, card_text(story, len(TOKENS)))
     return found

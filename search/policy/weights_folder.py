@@ -1,8 +1,10 @@
 """The files of a policy: config.json, model.safetensors, vocabulary.json and MODEL_CARD.md in one folder."""
 
 import json
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
@@ -12,8 +14,13 @@ from search.policy.tokens import END, PAD, TOKENS
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
 VOCABULARY_FILE, CARD = "vocabulary.json", "MODEL_CARD.md"
-#: Sizes of the shipped model; a larger one is a matter of data and time.
-SIZES = {"hidden_size": 128, "intermediate_size": 352, "num_hidden_layers": 5, "num_attention_heads": 4}
+#: The shipped model, of 1.1 million parameters; and one of 5 million, which takes more data and, without a GPU, hours.
+SIZES: Mapping[str, Mapping[str, int]] = MappingProxyType(
+    {
+        "small": {"hidden_size": 128, "intermediate_size": 352, "num_hidden_layers": 5, "num_attention_heads": 4},
+        "large": {"hidden_size": 256, "intermediate_size": 704, "num_hidden_layers": 6, "num_attention_heads": 8},
+    }
+)
 LONGEST_SEQUENCE = 1024
 
 
@@ -22,10 +29,9 @@ def shipped_folder() -> Path:
     return Path(str(files("search.policy") / "weights"))
 
 
-def new_model(seed: int, sizes: dict[str, int] | None = None) -> Any:
+def new_model(seed: int, sizes: Mapping[str, int]) -> Any:
     """An untrained causal language model over the tokens of the policy, float32."""
     torch, transformers = require("torch"), require("transformers")
-    sizes = sizes or SIZES
     config = transformers.LlamaConfig(
         vocab_size=len(TOKENS),
         **sizes,

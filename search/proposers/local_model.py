@@ -48,6 +48,11 @@ class LocalModel:
         self.temperature, self.top_p = temperature, top_p
         self.threads = threads or max(1, (os.cpu_count() or 2) // 2)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
+        kind = type(self)
+        return {k: v for k, v in vars(self).items() if not isinstance(getattr(kind, k, None), cached_property)}
+
     @property
     def name(self) -> str:
         """The folder's name."""
@@ -58,7 +63,7 @@ class LocalModel:
     ) -> Answer:
         """The next turn; see `search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
         started = time.monotonic()
-        model, tokenizer = self._loaded
+        _, model, tokenizer = self._loaded
         prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
         number = int(prompt["input_ids"].shape[1])
         room = getattr(model.config, "max_position_embeddings", None)
@@ -80,11 +85,11 @@ class LocalModel:
 
     def tokens(self, text: str) -> int:
         """Number of tokens of a text."""
-        return len(self._loaded[1](text, add_special_tokens=False)["input_ids"])
+        return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
 
     def _generated(self, prompt: Any, most: int, seed: int) -> list[int]:
         """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
-        torch, (model, tokenizer) = _require("torch"), self._loaded
+        torch, model, tokenizer = self._loaded
         padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
         threads = torch.get_num_threads()
         torch.set_num_threads(self.threads)
@@ -108,8 +113,7 @@ class LocalModel:
         return found[0].tolist()
 
     @cached_property
-    def _loaded(self) -> tuple[Any, Any]:
-        """Model and tokenizer."""
+    def _loaded(self) -> tuple[Any, Any, Any]:
         torch, transformers = _require("torch"), _require("transformers")
         transformers.utils.logging.disable_progress_bar()  # the search shows its own
         try:
@@ -119,7 +123,7 @@ class LocalModel:
             )
         except damage() as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
-        return model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
+        return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 
     def _templated(self, tokenizer: Any, messages: Sequence[Message]) -> str:
         """The conversation in the model's own form; models without a system turn get it in front of the first question."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from math import log
 from typing import Any
 
@@ -17,7 +18,7 @@ from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook
-from ibrid.structure.program import program_text
+from ibrid.structure.program import parse_program, program_text
 from search.policy.experience.choices import Choices, in_the_paper
 from search.policy.experience.damage import legal, merged, spoiled, taken_apart
 from search.policy.experience.drawn_diagram import drawn_diagram
@@ -79,11 +80,19 @@ class Example:
         return cls(**{**data, "residual": Residual.from_json(data["residual"])})
 
 
+@cache
 def held_out_structures() -> frozenset[str]:
-    """Structures of the shipped benchmark, in both settings: no example has one of them as parent or child."""
-    exact, printed = textbook("gfl_pll_filter_exact"), textbook("gfl_pll_filter")
-    found = [structure_hash(one, VOCABULARY, equilibrium="exact") for one in (exact, printed)]
-    return frozenset([*found, structure_hash(printed, PAPER_VOCABULARY, equilibrium="paper")])
+    """Structures of all inverters of the benchmarks, in the settings that have words for them, and of the paper's diagram as it
+    is printed: no example has one of them as parent or child."""
+    from search.bench.inverters import true_programs  # the one place where training looks at the benchmarks
+
+    diagrams = [textbook("gfl_pll_filter"), *map(parse_program, true_programs())]
+    return frozenset(
+        structure_hash(one, setting.kinds, equilibrium=setting.equilibrium)
+        for one in diagrams
+        for setting in SETTINGS
+        if legal(one, setting.kinds, setting.equilibrium)
+    )
 
 
 def held_out_family(choices: Choices) -> str:

@@ -23,15 +23,13 @@ def shard_path(folder: Path, shard: int) -> Path:
     return folder / f"shard_{shard:05d}.jsonl"
 
 
-def make_shard(folder: str, seed: int, shard: int, families: Sequence[str] | None = None) -> int:
-    """Make and write one shard; returns the number of its examples."""
-    lines = [
-        json.dumps(example.to_json())
+def shard_text(seed: int, shard: int, families: Sequence[str] | None = None) -> str:
+    """One shard, an example a line. Whoever makes it may sit on another machine, so it touches no file."""
+    return "".join(
+        f"{json.dumps(example.to_json())}\n"
         for number in range(shard * IN_A_SHARD, (shard + 1) * IN_A_SHARD)
         for example in draw_examples(seed, number, families=families)
-    ]
-    write_whole(shard_path(Path(folder), shard), "".join(f"{line}\n" for line in lines))
-    return len(lines)
+    )
 
 
 def read_shards(folder: Path, shards: Sequence[int]) -> Iterator[Example]:
@@ -96,8 +94,9 @@ class RayCluster:
 def make_shards(
     folder: Path, seed: int, shards: Sequence[int], crew: Crew, families: Sequence[str] | None = None
 ) -> Iterator[tuple[int, int]]:
-    """Make the shards that are not there; (shard, number of examples) as they come."""
+    """Have the shards made that are not there, and write each here as it comes; (shard, number of examples)."""
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = [(str(folder), seed, one, families) for one in shards if not shard_path(folder, one).is_file()]
-    for (_, _, shard, _), number in crew.work(make_shard, wanted):
-        yield shard, number
+    wanted = [(seed, one, families) for one in shards if not shard_path(folder, one).is_file()]
+    for (_, shard, _), text in crew.work(shard_text, wanted):
+        write_whole(shard_path(folder, shard), text)
+        yield shard, text.count("\n")
