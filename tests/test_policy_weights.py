@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
@@ -14,7 +15,7 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 from safetensors.torch import load_file, save_file
-from scripted_search import NAIVE, task
+from scripted_search import NAIVE, context_of, task
 
 import ibrid
 import search
@@ -23,6 +24,7 @@ from ibrid.errors import IbridError
 from search.evaluation.local import LocalEvaluator
 from search.learning.choose import learning
 from search.learning.settings import LearningSettings
+from search.policy import small_policy
 from search.policy.small_policy import SmallPolicy
 from search.policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
 from search.proposers.policy import PolicyProposer
@@ -139,7 +141,7 @@ def test_weights_that_nobody_reads_are_told(folder, tmp_path):
 class Absent:
     """A policy whose model is not to be had."""
 
-    name, pad, end = "policy", 0, 0
+    name, end = "policy", 0
 
     def __init__(self, reason: str = "the folder cannot be loaded") -> None:
         self.reason = reason
@@ -154,6 +156,21 @@ def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path,
     with pytest.raises(IbridError, match="the folder cannot be loaded"):
         search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_small_policy_draws_its_answers_with_the_threads_of_learning(tmp_path, monkeypatch, number):
+    given = SmallPolicy()
+    settings = LearningSettings(contexts=1, group=2, threads=number)
+    ((mine, _),) = learning([(PolicyProposer(policy=given), 1.0)], settings, seed=0, window=8, task=task(), start=NAIVE,
+                            folder=tmp_path)  # fmt: skip
+    used: list[int] = []
+    draw = small_policy.draw_answers
+    monkeypatch.setattr(small_policy, "draw_answers", lambda *one: used.append(torch.get_num_threads()) or draw(*one))
+    before = torch.get_num_threads()
+    mine.propose(context_of(ibrid.textbook("naive")), np.random.default_rng(0))
+    assert set(used) == {number}
+    assert (torch.get_num_threads(), given.threads) == (before, 1)
 
 
 def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monkeypatch, tmp_path):

@@ -36,7 +36,7 @@ class ToyPolicy:
     """
 
     name = "toy"
-    pad = end = END
+    end = END
 
     def __init__(self, change: Change, edits: int, *, masked: bool = True, seed: int = 0) -> None:
         self.change, self.edits, self.masked = change, edits, masked

@@ -11,6 +11,7 @@ from search.learning.learner import Learner
 from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
 from search.learning.weights_reload import reload_from_disk
 from search.policy.interface import Policy
+from search.policy.small_policy import SmallPolicy
 from search.proposal import Proposer, Task
 from search.proposers.chat_server import ChatServer
 from search.proposers.language_model import LanguageModel
@@ -80,7 +81,10 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int, 
 def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy | None:
     if isinstance(one, PolicyProposer):
         _require_none_of_language_models(settings)
-        return deepcopy(one.policy)  # whoever gave it may search with it again
+        policy = deepcopy(one.policy)  # whoever gave it may search with it again
+        if isinstance(policy, SmallPolicy):
+            policy.threads = settings.threads
+        return policy
     if not isinstance(one, LanguageModel):
         return None
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):

@@ -73,7 +73,7 @@ class TextPolicy:
         legal_end: bool = True,
     ) -> None:
         self.chat = TrainableModel(folder)
-        self.ends, self.pad = _special_tokens(self.chat.folder)
+        self.ends = _ends(self.chat.folder)
         self.end = self.ends[0]
         self.longest, self.prompt_tokens = longest, prompt_tokens
         self.constrained, self.lines, self.legal_end = constrained, lines, legal_end
@@ -134,21 +134,19 @@ class TextPolicy:
         return trie_of(self.chat.tokenizer)
 
 
-def _special_tokens(folder: Path) -> tuple[list[int], int]:
-    """The tokens that end an answer, and the one that pads a batch, which nobody reads; the generation config comes first."""
-    found: dict[str, Any] = {}
+def _ends(folder: Path) -> list[int]:
+    """The tokens that end an answer; those of the generation config come first."""
+    found: Any = None
     for name in ("config.json", "generation_config.json"):
         try:
             plain = json.loads((folder / name).read_text(encoding="utf-8"))
-            found |= {key: plain[key] for key in ("eos_token_id", "pad_token_id") if plain.get(key) is not None}
+            found = found if (one := plain.get("eos_token_id")) is None else one
         except FileNotFoundError:
             continue
         except (OSError, ValueError, AttributeError, RecursionError):
             raise IbridError(
                 f"{folder / name}: must be the JSON that save_pretrained writes; save the model again"
             ) from None
-    ends = found.get("eos_token_id")
-    if ends is None or ends == []:
+    if found is None or found == []:
         raise IbridError(f"{folder}: names no token that ends an answer; set eos_token_id in its config")
-    ends = list(ends) if isinstance(ends, list) else [ends]
-    return ends, int(found.get("pad_token_id", ends[0]))
+    return list(found) if isinstance(found, list) else [found]

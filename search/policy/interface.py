@@ -22,11 +22,10 @@ class Sampled:
 class Policy(Protocol):
     """A distribution over edits, given a parent with its record.
 
-    `pad`, `end` : ids of the tokens that pad a batch and end an answer.
+    `end` : id of the token that ends an answer.
     """
 
     name: str
-    pad: int
     end: int
 
     def prompt(self, context: Context) -> list[int]:

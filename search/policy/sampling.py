@@ -8,7 +8,7 @@ import numpy as np
 from search.policy.backend import require
 from search.policy.grammar import LONGEST, Grammar
 from search.policy.interface import Sampled
-from search.policy.tokens import END, PAD, TOKENS
+from search.policy.tokens import END, TOKENS
 
 
 def draw_answers(
@@ -65,4 +65,4 @@ def allowed_masks(tokens: Sequence[int], grammar: Grammar) -> np.ndarray:
     return masks
 
 
-PAD_ID, END_ID = TOKENS.ids[PAD], TOKENS.ids[END]
+END_ID = TOKENS.ids[END]

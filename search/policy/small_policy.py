@@ -20,7 +20,7 @@ from search.policy.interface import Sampled
 from search.policy.numbering import Numbered, numbered
 from search.policy.record_words import question_words, vocabulary_word
 from search.policy.residual import residual_of
-from search.policy.sampling import END_ID, PAD_ID, allowed_masks, draw_answers
+from search.policy.sampling import END_ID, allowed_masks, draw_answers
 from search.policy.tokens import TOKENS, LanguageError, kind_word
 from search.policy.weights_folder import load_model, shipped_folder
 from search.proposal import Context, Proposal
@@ -34,7 +34,7 @@ class SmallPolicy:
     """
 
     name = "policy"
-    pad, end = PAD_ID, END_ID
+    end = END_ID
 
     def __init__(self, folder: str | Path | None = None, *, model: Any = None, threads: int = 1) -> None:
         require("torch")
