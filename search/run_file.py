@@ -11,7 +11,7 @@ from typing import Any
 from ibrid.errors import IbridError
 
 #: Packages whose versions can change a number.
-_PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "scipy")
+_PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "peft", "scipy", "torch", "transformers")
 #: Options that may differ when a run is resumed.
 FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall")
 _DIGEST = "_sha256"

@@ -147,6 +147,7 @@ def run(
     plan = make_plan(sweep, parameters, equilibrium, vocabulary, None, None, seed, holdout_op, None)
     first = _program(start)
     require_legal(parse_program(first, "the start"), plan.kinds, equilibrium=equilibrium)
+    task = Task(plan.fitted, plan.kinds, equilibrium, parameters)
     proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
@@ -157,7 +158,7 @@ def run(
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
         lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
-        proposers = learning(proposers, lesson, seed=seed, window=settings.window)
+        proposers = learning(proposers, lesson, seed=seed, window=settings.window, task=task, start=first)
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         lessons["learning"] = vars(lesson)
     requirements = parse_requirements(require)
@@ -180,7 +181,6 @@ def run(
         shown = Progress(progress) if isinstance(progress, str) else progress
         judged = criterion(plan.fitted, parameters, settings)
         subject = Subject(with_sigma(sweep), parameters, equilibrium, plan.kinds, held, seed=seed, floor=judged.floor)
-        task = Task(plan.fitted, plan.kinds, equilibrium, parameters)
         watcher = Watcher(store, folder, shown, budget)
         with _evaluator(subject, workers, ray, settings) as evaluator, shown:
             loop = Loop(

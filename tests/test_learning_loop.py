@@ -1,5 +1,6 @@
 """A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run ends as it would have."""
 
+import copy
 import importlib.util
 import math
 import re
@@ -175,7 +176,6 @@ def test_there_is_one_update_for_each_whole_batch_and_it_is_told_in_the_store(tm
         assert one.updated == (one.dropped < 2)
         assert one.tokens == 2
         assert not one.updated or (one.probe is not None and one.probe < 1e-5)
-        assert ("narrows down" in one.remark) == (one.siblings > 0.5)
     assert updates[0].divergence == pytest.approx(0.0, abs=1e-6)
 
 
@@ -326,6 +326,22 @@ def test_a_policy_learns_from_looks_what_pays(tmp_path, sighted):
     assert [step.usage["learning"]["context"] for step in mine] == list(range(len(mine)))
 
 
+def test_an_answer_whose_look_finds_no_response_has_failed(tmp_path, monkeypatch):
+    def look(diagram, context, rng):
+        gain = float(re.search(r'"gain", k=([\d.]+)\)', program_text(diagram))[1])  # type: ignore[index]
+        return Look(math.inf if gain > 0.004 else -gain)
+
+    monkeypatch.setattr("search.policy.asking.first_look", look)
+    steps, learner = ended(tmp_path / "run", budget=12, learn=replace(BY_LOOKS, contexts=1))
+    first = next(step for step in steps if step.proposer == "toy").usage["learning"]["answers"]
+    ends = [(one["tokens"][0] - FIRST, one["status"]) for one in first]
+    assert {(number, end) for number, end in ends if number > 3} <= {(4, "failed"), (5, "failed")}
+    failed = sum(end == "failed" for _, end in ends)
+    assert failed > 0
+    assert learner.updates[0].failed == failed / 8
+    assert learner.updates[0].valid == sum(end == "ok" for _, end in ends) / 8
+
+
 def test_answers_that_are_no_edit_are_learnt_from_too(tmp_path):
     steps, learner = ended(tmp_path / "run", ToyPolicy(more_gain, 6, masked=False), budget=12)
     assert Status.NO_EDIT in {step.status for step in steps}
@@ -440,18 +456,47 @@ def test_a_policy_that_serves_other_weights_is_not_trained_and_the_search_goes_o
     assert not any(one.updated for one in learner.updates)
 
 
-def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_probe(tmp_path):
-    import copy
-
+@pytest.mark.parametrize("rate", [0.1, 1e-3, 1e-5])
+def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_first_probe(tmp_path, rate):
     policy = ToyPolicy(more_gain, 6)
     policy.stale = copy.deepcopy(policy.model())
-    settings = replace(SMALL, rate=0.1)
-    _, learner = ended(tmp_path / "run", policy, budget=60, learn=settings)
-    probes = [one for one in learner.updates if one.probe is not None]
-    assert probes[0].probe is not None
-    assert probes[0].probe > settings.alarm
-    assert probes[0].remark
+    _, learner = ended(tmp_path / "run", policy, budget=60, learn=replace(SMALL, rate=rate))
+    first = next(one for one in learner.updates if one.updated)
+    assert first.handed == pytest.approx(0.0, abs=0.2)
+    assert "after this update other weights are served" in first.remark
     assert not learner.updates[-1].updated
+
+
+def test_a_policy_that_is_handed_the_new_weights_says_so_at_every_update(tmp_path):
+    _, learner = ended(tmp_path / "run", budget=60, learn=replace(SMALL, rate=1e-4))
+    shares = [one.handed or 0.0 for one in learner.updates if one.updated]
+    assert len(shares) > 3
+    np.testing.assert_allclose(shares, 1.0, atol=0.05)
+
+
+def test_an_update_too_small_for_the_probe_says_that_nothing_is_proven(tmp_path):
+    _, learner = ended(tmp_path / "run", budget=30, learn=replace(SMALL, rate=1e-7))
+    updated = [one for one in learner.updates if one.updated]
+    assert updated
+    assert all(one.handed is None and "too small for the probe" in one.remark for one in updated)
+
+
+def test_answers_that_repeat_each_other_from_the_start_are_no_narrowing(tmp_path):
+    policy = ToyPolicy(
+        lambda program, number: more_gain(program, 5 if number == 5 else 1), 6
+    )  # five ways to say the same
+    _, learner = ended(tmp_path / "run", policy, budget=40, learn=replace(SMALL, rate=1e-4))
+    assert any(one.siblings > 0.5 and one.entropy is not None for one in learner.updates)
+    assert not any("narrows down" in one.remark for one in learner.updates)
+
+
+def test_a_policy_that_repeats_itself_and_has_lost_its_entropy_narrows_down(tmp_path):
+    _, learner = ended(tmp_path / "run", budget=150, learn=replace(SMALL, rate=0.1))
+    first = learner.updates[0].entropy
+    assert first is not None
+    narrow = [one.siblings > 0.5 and one.entropy is not None and one.entropy <= 0.5 * first for one in learner.updates]
+    assert any(narrow)
+    assert [("narrows down" in one.remark) for one in learner.updates] == narrow
 
 
 class Failing(ToyPolicy):

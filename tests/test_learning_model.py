@@ -9,9 +9,12 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
     pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
 
 import torch
+import transformers
+from many_models import made
 from toy_policy import ASK, END, FIRST, tiny_model
 
 from ibrid.errors import IbridError
+from search.learning.adapters import merged
 from search.learning.advantages import mean_advantages
 from search.learning.checkpoint import read_checkpoint, write_checkpoint
 from search.learning.sampling import sample_answers
@@ -232,6 +235,15 @@ def test_a_damaged_checkpoint_is_one_sentence(tmp_path):
         read_checkpoint(path)
 
 
+def test_a_checkpoint_of_other_shapes_is_refused_though_they_could_be_stretched():
+    trainer = Trainer(tiny_model(6), LearningSettings())
+    state = trainer.state()
+    name = "lm_head.weight"
+    state["weights"][name] = state["weights"][name][:1]
+    with pytest.raises(ValueError, match=r"lm_head.weight has other numbers of rows or columns"):
+        trainer.restore(state)
+
+
 def test_threads_and_the_random_state_are_left_as_they_were():
     before = torch.get_rng_state()
     model = tiny_model(6)
@@ -256,6 +268,50 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
     for name, one in model.named_parameters():
         if "lora_" not in name:
             assert torch.equal(one.detach(), base[name.replace(".base_layer", "")])
+
+
+@pytest.mark.parametrize("lora", [0, 4])
+def test_the_divergence_is_from_the_start_with_adapters_and_without(lora):
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
+    model = tiny_model(FIRST + 6, layers=2)
+    group = a_group(model, float)
+    trainer = Trainer(model, LearningSettings(rate=0.02, lora=lora))
+    first = trainer.update([group])
+    assert first.divergence == pytest.approx(0.0, abs=1e-6)
+    assert first.gradient > 0
+    start, now = tiny_model(FIRST + 6, layers=2), model
+    ratio = torch.cat([plain_logprobs(start, [ASK], one.tokens) - plain_logprobs(now, [ASK], one.tokens)
+                       for one in group.answers]).detach()  # fmt: skip
+    assert trainer.update([group]).divergence == pytest.approx(float((ratio.exp() - ratio - 1).mean()), rel=1e-2)
+    assert all(one.requires_grad for one in trainer.trained.values())
+    assert (trainer.reference is None) == bool(lora)
+
+
+@pytest.mark.parametrize("name", ["llama", "gpt2", "gemma2"])
+def test_merged_weights_are_those_of_a_plain_model_that_says_the_same(tmp_path, name):
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
+    model, question = made(name), torch.tensor([[4, 5, 6, 7]])
+    names = {key for key, _ in model.named_parameters()}
+    before = model(input_ids=question).logits.detach()
+    trainer = Trainer(model, LearningSettings(rate=0.05, lora=4))
+    trainer.update([a_group(model, float)])
+    said = model(input_ids=question).logits.detach()
+    assert (said - before).abs().max() > 0.01
+    merged(model).save_pretrained(tmp_path)
+    loaded = transformers.AutoModelForCausalLM.from_pretrained(tmp_path)
+    assert {key for key, _ in loaded.named_parameters()} == names
+    torch.testing.assert_close(loaded(input_ids=question).logits, said, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(model(input_ids=question).logits, said)  # the model itself keeps its adapters
+
+
+@pytest.mark.parametrize("name", ["llama", "gpt2", "mistral", "gemma2"])
+def test_adapters_wider_than_every_layer_are_one_sentence(name):
+    pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
+    with pytest.raises(IbridError, match=r"^adapters of rank 1000000 are wider .* a rank of 16 or less"):
+        Trainer(made(name), LearningSettings(lora=1_000_000))
+    trainer = Trainer(made(name), LearningSettings(lora=16))
+    assert len(trainer.trained) >= 2 * 2 * 4  # two matrices for each of four layers or more in both blocks
+    assert not any("lm_head" in one or "embed" in one for one in trainer.trained)
 
 
 def test_adapters_without_peft_are_one_sentence(monkeypatch):

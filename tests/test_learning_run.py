@@ -32,11 +32,19 @@ def stiffer(program: str, number: int) -> str:
     return f'{head}"gain", k={(len(program) % 7 + number + 1) / 10:g}){rest.partition(")")[2]}'
 
 
-def learnt(folder: Path, **options) -> search.Run:
+def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> search.Run:
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
-    proposer = PolicyProposer(policy=ToyPolicy(stiffer, 40))
+    proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
     return search.run(sweep, folder, proposer=proposer, **given)
+
+
+@needs_torch
+def test_a_proposer_that_learnt_is_as_it_was_and_the_same_search_with_it_is_the_same(tmp_path):
+    proposer = PolicyProposer(policy=ToyPolicy(stiffer, 40))
+    first, again = (learnt(tmp_path / name, proposer) for name in ("first", "again"))
+    assert first.trajectory == again.trajectory
+    assert learnt(tmp_path / "first", proposer, budget=16, resume=True).evaluations == 16
 
 
 @needs_torch

@@ -2,16 +2,20 @@
 
 import importlib.util
 import json
+import re
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import scripted_server
-from scripted_search import context_of
+from scripted_search import NAIVE, context_of, task
 
 import ibrid
 import search
 from ibrid.errors import IbridError
+from search.evaluation.local import LocalEvaluator
 from search.first_look import LOOKS
 from search.judging import judge, judge_program
 from search.learning.edit_automaton import EditAutomaton, Slot
@@ -270,22 +274,56 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
 
     settings = LearningSettings(contexts=2, group=3)
     both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
-    (mine, weight), (other, _) = learning(both, settings, seed=0, window=8)
+    of_run: dict[str, Any] = {"seed": 0, "window": 8, "task": task(), "start": NAIVE}
+    (mine, weight), (other, _) = learning(both, settings, **of_run)
     assert isinstance(mine, Learner)
     assert isinstance(mine, Proposer)
     assert isinstance(mine.policy, TextPolicy)
     assert (mine.name, weight, mine.rounds.batch, other.name) == ("llm", 0.5, 6, "rules")
+    assert mine.policy.longest == 512
     assert not mine.policy.constrained
     short = LearningSettings(constrained=True, longest=220, question=4000)
-    ((mine, _),) = learning(choose_proposers("llm", [str(folder)]), short, seed=0, window=8)
+    ((mine, _),) = learning(choose_proposers("llm", [str(folder)]), short, **of_run)
     assert isinstance(mine, Learner)
     assert isinstance(mine.policy, TextPolicy)
     assert (mine.policy.constrained, mine.policy.longest, mine.policy.prompt_tokens) == (True, 220, 4000)
     assert mine.policy.lines == 3  # 30 tokens of marks, and of each line of SEARCH and REPLACE as many
     with pytest.raises(IbridError, match="limits of tokens and seconds do not hold"):
-        learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, seed=0, window=8)
+        learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, **of_run)
     with pytest.raises(IbridError, match="one of several"):
-        learning(choose_proposers("llm", [str(folder), str(folder)]), settings, seed=0, window=8)
+        learning(choose_proposers("llm", [str(folder), str(folder)]), settings, **of_run)
+
+
+@needs_torch
+@pytest.mark.parametrize(("positions", "longest"), [(300, 512), (2_000, 512), (40_000, 39_000)])
+def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is_fitted(
+    folder, tmp_path, monkeypatch, positions, longest
+):
+    short = Path(shutil.copytree(folder, tmp_path / "short"))
+    config = json.loads((short / "config.json").read_text(encoding="utf-8"))
+    (short / "config.json").write_text(json.dumps({**config, "max_position_embeddings": positions}), encoding="utf-8")
+    monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    learn = LearningSettings(longest=longest)
+    told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest}; train"
+    with pytest.raises(IbridError, match=told):
+        search.run(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
+    assert not (tmp_path / "run").exists()
+
+
+@needs_torch
+def test_the_room_that_is_asked_for_is_that_of_the_shortest_question(folder, monkeypatch):
+    from search.learning.text_policy import TextPolicy, TrainableModel
+
+    policy, context = TextPolicy(folder, longest=100), context_of(ibrid.textbook("naive"))
+    with pytest.raises(IbridError, match=r"the shortest prompt for this program has about (\d+) tokens") as told:
+        policy.chat.question(context, 64)
+    needed = int(re.findall(r"\d+", str(told.value))[0]) + 64 + policy.longest
+    monkeypatch.setattr(TrainableModel, "room", needed)
+    policy.require_room(context.task, NAIVE)
+    monkeypatch.setattr(TrainableModel, "room", needed - 1_000)  # letters of a short record, which here are its tokens
+    with pytest.raises(IbridError, match="positions"):
+        policy.require_room(context.task, NAIVE)
 
 
 @needs_torch
@@ -305,4 +343,7 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     assert looks >= 1
     assert any(one.updated for one in updates)
     assert all(one.drift is None or one.drift < 1e-3 for one in updates)
-    assert not all(torch.equal(one, other) for one, other in zip(begun, policy.model().parameters(), strict=True))
+    learnt = torch.load(tmp_path / "run" / "learning.pt", weights_only=True)["weights"]
+    given = dict(policy.model().named_parameters())
+    assert not all(torch.equal(one, given[name]) for name, one in learnt.items())
+    assert all(torch.equal(one, other) for one, other in zip(begun, given.values(), strict=True))  # a copy learns

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
@@ -262,6 +263,11 @@ def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
     assert list(make_shards(tmp_path, 0, range(2), Processes(1))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
     assert list(make_shards(tmp_path, 0, range(3), Processes(1))) == [(2, 2 * IN_A_SHARD)]
+    with pytest.raises(IbridError, match=r"shard_00007.jsonl: is missing; run ibrid policy train again"):
+        list(read_shards(tmp_path, [0, 7]))
+    (tmp_path / "shard_00007.jsonl").write_bytes(b"\xff\xfe")
+    with pytest.raises(IbridError, match=r"shard_00007.jsonl: cannot be read; delete it"):
+        list(read_shards(tmp_path, [7]))
     back = list(read_shards(tmp_path, [0]))
     assert [one.parent for one in back[:2]] == [one.parent for one in examples[:2]]
 

@@ -243,6 +243,26 @@ def test_a_training_that_is_stopped_goes_on_as_if_it_had_not_been(lessons, tmp_p
         other.resume()
 
 
+@pytest.mark.parametrize("damage", ["cut", "garbage", "no table", "a weight too few"])
+def test_a_damaged_training_is_one_sentence(lessons, tmp_path, damage):
+    trainer = Trainer(new_model(0, TINY), lessons, TrainingSettings(steps=1), tmp_path)
+    trainer.save()
+    path = tmp_path / "checkpoint.pt"
+    if damage in ("cut", "garbage"):
+        path.write_bytes(path.read_bytes()[:1000] if damage == "cut" else b"garbage")
+    elif damage == "no table":
+        torch.save([1], path)
+    else:
+        state = torch.load(path, weights_only=True)
+        state["model"].popitem()
+        torch.save(state, path)
+    with pytest.raises(
+        IbridError, match=r"checkpoint.pt: (cannot be read|does not fit) .*; delete it, and run again"
+    ) as told:
+        trainer.resume()
+    assert "\n" not in str(told.value)
+
+
 def test_weights_that_are_written_are_read_back(tmp_path):
     model = new_model(2, TINY)
     save_model(model, tmp_path, "# card\n")

@@ -14,6 +14,7 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 from safetensors.torch import load_file, save_file
+from scripted_search import NAIVE, task
 
 import ibrid
 import search
@@ -65,6 +66,10 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
         reconfigured("hidden_size", 64),
         r"must be \[\d+, 64\] numbers as config.json says, found \[\d+, 128\]",
     ),
+    "a word for a number": (reconfigured("hidden_size", "wide"), "cannot be loaded .*expected int, got str"),
+    "no heads": (reconfigured("num_attention_heads", 0), "cannot be loaded"),
+    "no keys": (reconfigured("num_key_value_heads", 0), "cannot be loaded"),
+    "numbers of no kind": (reconfigured("dtype", "x"), "cannot be loaded"),
     "no config": (lambda folder: (folder / CONFIG_FILE).write_text("[]"), "cannot be loaded"),
     "other tokens": (lambda folder: (folder / VOCABULARY_FILE).write_text('["a"]'), "other tokens than this version's"),
 }
@@ -155,4 +160,4 @@ def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monke
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     proposers = [(PolicyProposer(policy=Absent("the model was asked for")), 1.0)]  # type: ignore[arg-type]
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[lora\]'"):
-        learning(proposers, LearningSettings(lora=4), seed=0, window=8)
+        learning(proposers, LearningSettings(lora=4), seed=0, window=8, task=task(), start=NAIVE)

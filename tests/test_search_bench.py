@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ibrid
+import search
 from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger
 from search.bench import speed_table
@@ -16,7 +17,7 @@ from search.bench.__main__ import main
 from search.bench.inverters import hardware, inverter
 from search.bench.page import page
 from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
-from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local
+from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
 from search.bench.tables import heading, seed_line, summary
 from search.bench.trials import PROPOSERS, TABLES, Trial, trials
 
@@ -309,13 +310,45 @@ def test_the_speed_table_measures_each_figure_once(tmp_path, monkeypatch):
     monkeypatch.setattr(speed_table, "archive_milliseconds", once("archive", 0.06))
     monkeypatch.setattr(speed_table, "fits_a_second", once("fits", 12.0))
     monkeypatch.setattr(speed_table, "pace", once("pace", None))
+    monkeypatch.setattr(speed_table, "learns", lambda: True)
+    step = {"answers": 512, "sampling": 10.0, "update": 5.5}
+    monkeypatch.setattr(speed_table, "policy_step", once("step", step))
     lines = list(speed_table.speed_lines(Ledger(tmp_path), answering(NAIVE), tmp_path))
-    assert measured == ["archive", "fits", "fits", "pace", "pace"]
+    assert measured == ["archive", "fits", "fits", "pace", "pace", "step"]
     assert "0.060 ms" in lines[0]
     assert "not fitting 4.0%" in lines[3]
     assert "2.00 x" in lines[4]
+    assert "512 answers                15.5 s" in lines[5]
     assert list(speed_table.speed_lines(Ledger(tmp_path), answering(NAIVE), tmp_path)) == lines
-    assert len(measured) == 5
+    assert len(measured) == 6
+
+
+def test_the_speed_table_says_why_a_step_of_the_policy_is_not_timed(tmp_path, monkeypatch):
+    monkeypatch.setattr(speed_table, "learns", lambda: False)
+    ledger = Ledger(tmp_path)
+    for name in ("archive", "fits-1", "fits-2", "search-1-500", "search-2-500"):
+        ledger.add(
+            {
+                "key": f"speed-{name}",
+                "milliseconds": 1.0,
+                "rate": 2.0,
+                "workers": 1,
+                "evaluations": 500,
+                "overhead": 0.1,
+            }
+        )
+    lines = list(speed_table.speed_lines(ledger, answering(NAIVE), tmp_path))
+    assert lines[-1].endswith("not measured, it needs torch and transformers; make setup-llm")
+    assert not any("policy" in key for key in ledger.rows)
+
+
+@pytest.mark.skipif(not speed_table.learns(), reason="needs torch and transformers; make setup-llm")
+@pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+def test_a_step_of_the_policy_is_timed_in_a_search(tmp_path):
+    found = policy_step(search.run, tmp_path / "run", answers=16)
+    assert found["answers"] == 16
+    assert 0 < found["sampling"] < 100
+    assert 0 < found["update"] < 100
 
 
 def test_programs_become_records_at_a_rate():

@@ -67,7 +67,7 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
         require_place(options.page)
     ledger = Ledger(options.out)
     if not options.only or SPEED in options.only:
-        quick = {"evaluations": QUICK["budget"]} if options.quick else {}
+        quick = {"evaluations": QUICK["budget"], "answers": 32} if options.quick else {}
         for line in speed_lines(ledger, search, options.out, **quick):
             print(line, flush=True)
     failed: list[Trial] = []

@@ -9,6 +9,7 @@ from statistics import median
 
 import numpy as np
 
+from ibrid.errors import IbridError
 from ibrid.structure.library import textbook_text
 from search.archive import Archive
 from search.bench.inverters import inverter
@@ -18,6 +19,8 @@ from search.evaluation.assess import Subject
 from search.evaluation.job import Evaluator, Job
 from search.evaluation.local import LocalEvaluator
 from search.first_look import LOOKING
+from search.learning.settings import LearningSettings
+from search.learning.updates import META, read_updates
 from search.ranking import Entry
 from search.run_folder import ARCHIVE
 from search.settings import SearchSettings
@@ -69,6 +72,28 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         fitting = sum(step.seconds + step.usage.get(LOOKING, 0.0) for step in store.steps())
         fitting += float(store.meta.get("refits", 0.0))
     return Pace(workers, run.evaluations, run.seconds, fitting)
+
+
+def policy_step(search: Search, folder: Path, *, answers: int) -> dict[str, float]:
+    """Median seconds of drawing so many answers of the shipped policy and of the update from them, in a search with the paper's
+    profile; IbridError where torch is missing."""
+    from search.policy.backend import require
+
+    require("torch")
+    settings = LearningSettings(contexts=answers // LearningSettings().group)
+    search(
+        inverter("paper_like").sweep, folder, proposer="policy", learn=settings, budget=answers, seed=0, holdout_op=(),
+        **EXACT_MODE,
+    )  # fmt: skip
+    with Store.open(folder / ARCHIVE, read_only=True) as store:
+        updates = read_updates(store.meta.get(META, ""))
+    if not updates:
+        raise IbridError(f"{folder}: ended before {answers} answers were drawn, so no step of the policy was timed")
+    return {
+        "answers": answers,
+        "sampling": median(one.seconds_sampling for one in updates),
+        "update": median(one.seconds_update for one in updates),
+    }
 
 
 def local() -> Evaluator:

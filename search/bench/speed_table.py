@@ -2,31 +2,47 @@
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ibrid.ledger import Ledger
 from search.bench.scoring import Rows, Search
-from search.bench.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace
+from search.bench.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace, policy_step
 
 #: A search whose paces are compared lasts this many evaluations.
 EVALUATIONS = 500
+#: Of a step of the policy, as many as the paper's.
+ANSWERS = 512
 
 
-def speed_lines(ledger: Ledger, search: Search, out: Path, *, evaluations: int = EVALUATIONS) -> Iterator[str]:
-    """Measure what the ledger lacks; a line for each figure as soon as it is there.
+def speed_lines(
+    ledger: Ledger, search: Search, out: Path, *, evaluations: int = EVALUATIONS, answers: int = ANSWERS
+) -> Iterator[str]:
+    """Measure what the ledger lacks; a line for each figure as soon as it is there, or why it is not.
 
-    evaluations : length of the searches whose paces are compared. Raises IbridError where a search or Ray fails.
+    evaluations : length of the searches whose paces are compared. answers : of a step of the policy. Raises IbridError where a
+    search or Ray fails.
     """
 
-    def searched(workers: int) -> Mapping[str, Any]:
-        folder = out / "runs" / f"speed-{workers}"
+    @contextmanager
+    def room(name: str) -> Iterator[Path]:
+        folder = out / "runs" / f"speed-{name}"
         shutil.rmtree(folder, ignore_errors=True)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        found = pace(search, folder, workers=workers, budget=evaluations)
+        yield folder
         shutil.rmtree(folder, ignore_errors=True)
+
+    def searched(workers: int) -> Mapping[str, Any]:
+        with room(str(workers)) as folder:
+            found = pace(search, folder, workers=workers, budget=evaluations)
         return {**asdict(found), "rate": found.rate, "overhead": found.overhead}
+
+    def taught() -> Mapping[str, Any]:
+        with room("policy") as folder:
+            return policy_step(search, folder, answers=answers)
 
     programs = candidates()
     measures: tuple[Callable[[], Mapping[str, Any]], ...] = (
@@ -35,28 +51,45 @@ def speed_lines(ledger: Ledger, search: Search, out: Path, *, evaluations: int =
         lambda: {"rate": fits_a_second(lambda: on_ray(2), programs)},
         lambda: searched(1),
         lambda: searched(2),
+        taught,
     )
-    for name, measure in zip(_figures(evaluations), measures, strict=True):
+    for name, measure in zip(_figures(evaluations, answers), measures, strict=True):
         key = f"speed-{name}"
+        if key not in ledger.rows and measure is taught and not learns():
+            yield f"{_step(answers)} not measured, it needs torch and transformers; make setup-llm"
+            continue
         if key not in ledger.rows:
             ledger.add({"key": key, "table": "speed", **measure()})
         yield _line(name, ledger.rows)
 
 
-def known_speed_lines(rows: Rows, *, evaluations: int = EVALUATIONS) -> Iterator[str]:
+def learns() -> bool:
+    """True where a policy can be trained."""
+    return all(find_spec(name) is not None for name in ("torch", "transformers"))
+
+
+def known_speed_lines(rows: Rows, *, evaluations: int = EVALUATIONS, answers: int = ANSWERS) -> Iterator[str]:
     """The lines of what is in a ledger already; none where a figure is missing."""
-    names = _figures(evaluations)
+    names = _figures(evaluations, answers)
     if all(f"speed-{name}" in rows for name in names):
         for name in names:
             yield _line(name, rows)
 
 
-def _figures(evaluations: int) -> tuple[str, ...]:
-    return "archive", "fits-1", "fits-2", f"search-1-{evaluations}", f"search-2-{evaluations}"
+def _figures(evaluations: int, answers: int) -> tuple[str, ...]:
+    return "archive", "fits-1", "fits-2", f"search-1-{evaluations}", f"search-2-{evaluations}", f"policy-{answers}"
+
+
+def _step(answers: int) -> str:
+    return f"a step of the policy, {answers} answers".ljust(45)
 
 
 def _line(name: str, rows: Rows) -> str:
     row = rows[f"speed-{name}"]
+    if "answers" in row:
+        sampling, update = row["sampling"], row["update"]
+        parts = f"sampling {sampling:.1f} s, update {update:.1f} s"
+        return f"{_step(row['answers'])} {sampling + update:7.1f} s         (target 60 s)  {parts}"
     if name == "archive":
         return f"archive with 10,000 entries, sample + admit   {row['milliseconds']:7.3f} ms        (target 2 ms)"
     if name == "fits-1":

@@ -1,14 +1,13 @@
 """The state of learning on disk: weights, optimiser, random numbers and how many batches they have seen, in one file."""
 
 import io
-import pickle
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
+from search.policy.backend import read_saved
 
 #: Its name in the folder of a run.
 CHECKPOINT = "learning.pt"
@@ -29,15 +28,10 @@ def read_checkpoint(path: Path) -> dict[str, Any] | None:
 
     Raises IbridError when it is damaged or of another version.
     """
-    import torch  # pyright: ignore[reportMissingImports]
-
     try:
-        found = torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+        found = read_saved(path, "restore it, or start a new run")
     except FileNotFoundError:
         return None
-    except (OSError, EOFError, RuntimeError, ValueError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
-        why = " ".join(str(error).split())[:120]
-        raise IbridError(f"{path}: cannot be read ({why}); restore it, or start a new run") from None
     if not isinstance(found, dict) or found.get("version") != VERSION:
         raise IbridError(f"{path}: must hold the state of learning, version {VERSION}; restore it, or start a new run")
     return found

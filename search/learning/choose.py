@@ -1,26 +1,44 @@
 """Which of the proposers of a run learns, and what each that can becomes when it does."""
 
 from collections.abc import Sequence
+from copy import deepcopy
+from typing import Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
-from search.learning.adapters import require_peft
+from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
 from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
 from search.policy.interface import Policy
-from search.proposal import Proposer
+from search.proposal import Proposer, Task
 from search.proposers.language_model import LanguageModel
 from search.proposers.local_model import LocalModel
 from search.proposers.policy import PolicyProposer
 
 
-def learning(
-    proposers: Sequence[tuple[Proposer, float]], settings: LearningSettings, *, seed: int, window: int
-) -> tuple[tuple[Proposer, float], ...]:
-    """The proposers with the one that can learn in its learning form; the others stay as they are.
+@runtime_checkable
+class Bounded(Protocol):
+    """A policy that holds only so many tokens."""
 
-    seed, window : of the run and its settings. Raises IbridError unless exactly one of them can learn: the policy, or a
-    language model in one folder on this machine. Also where its weights cannot be loaded, or adapters are asked for
-    without peft.
+    def require_room(self, task: Task, program: str) -> None:
+        """Raise IbridError unless a question about this program and an answer to it fit."""
+        ...
+
+
+def learning(
+    proposers: Sequence[tuple[Proposer, float]],
+    settings: LearningSettings,
+    *,
+    seed: int,
+    window: int,
+    task: Task,
+    start: str,
+) -> tuple[tuple[Proposer, float], ...]:
+    """The proposers with the one that can learn in its learning form; all that are given stay as they are.
+
+    seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with. Raises
+    IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine. Also
+    where its weights cannot be loaded, it has no room for a question, or adapters are asked
+    for without peft or wider than it.
     """
     found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
@@ -30,6 +48,9 @@ def learning(
             f"--learn needs a proposer that learns, and one alone: found {number} among {names}; give --proposer policy, or "
             "--proposer llm with one --model FOLDER on this machine"
         )
+    for one, _ in found:
+        if isinstance(one, Learner) and isinstance(one.policy, Bounded):
+            one.policy.require_room(task, start)
     return found
 
 
@@ -41,14 +62,16 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
         return None
     if settings.lora:
         require_peft()
-    policy.model()  # what cannot be loaded ends the run here, before anything is fitted
+    model = policy.model()  # what cannot be loaded or trained ends the run here, before anything is fitted
+    if settings.lora:
+        require_rank(model, settings.lora)
     return Learner(policy, settings, seed=seed, window=window)
 
 
 def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
     if isinstance(one, PolicyProposer):
         _require_none_of_language_models(settings)
-        return one.policy
+        return deepcopy(one.policy)  # whoever gave it may search with it again
     if not isinstance(one, LanguageModel):
         return None
     if len(one.models) != 1 or not isinstance(one.models[0], LocalModel):

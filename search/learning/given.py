@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isinf
 from typing import Any
 
 from search.learning.advantages import Rewarded, gain, rewarded
@@ -46,11 +47,13 @@ def kept_answer(sampled: Sampled) -> dict[str, Any]:
 
 def kept_answers(found: Asked) -> dict[str, Any]:
     """Of all answers to a question that first looks judged: one that leads to something new has the reward that its look says, at
-    least; without a response 0."""
+    least; without a response it failed."""
     told, seen = [], set()
     for one in found.answers:
         end = {"status": str(one.status)}
-        if one.look is not None:
+        if one.look is not None and isinf(one.look.error):
+            end = {"status": str(Status.FAILED)}
+        elif one.look is not None:
             end = {"status": str(Status.OK), "reward": max(-one.look.error, 0.0), "sibling": one.hash in seen}
             seen.add(one.hash)
         told.append(kept_answer(one.sampled) | end)

@@ -28,8 +28,11 @@ if TYPE_CHECKING:
 
 #: Answers that are drawn to prove that the served weights are the trained ones.
 PROBES = 4
-#: Share of answers with the same structure as one before in their batch above which the page warns.
-COLLAPSE = 0.5
+#: Said of an update that moved the policy by less than serving differs from training.
+UNTOLD = "the update is too small for the probe to tell whether the new weights are served"
+#: Share of answers with the same structure as one before in their batch above which the page warns, when the entropy has fallen
+#: to this share of that of the first update: answers to one question repeat each other from the start.
+COLLAPSE, NARROW = 0.5, 0.5
 #: The context of a step, from the step; for masks, which know the parent and the scale alone.
 ContextOf = Callable[[Step], Context]
 
@@ -130,11 +133,7 @@ class Learner:
         if groups and not self.progress.stopped:
             update = replace(update, **asdict(self.progress.trainer.update(groups)))
             update = self._proven(update, groups[0].prompt, context(taught[0][0].step))
-        if update.siblings > COLLAPSE:
-            told = (
-                f"{100 * update.siblings:.0f} % of the answers repeat another of their batch: the policy narrows down"
-            )
-            update = replace(update, remark="; ".join(filter(None, (update.remark, told))))
+        update = replace(update, remark="; ".join(filter(None, (update.remark, _narrowing(update, self.updates)))))
         update = replace(update, seconds_update=time.monotonic() - began)
         self.progress.conclude(update)
         self._sampling = 0.0
@@ -187,17 +186,30 @@ class Learner:
             return replace(update, remark=self.progress.stopped)
         self.progress.publish()
         answers = self._sampled(prompt, asked, PROBES, (2, update.number))
-        probe = self.progress.trainer.drift(self._made(prompt, answers, asked, np.zeros(len(answers))))
-        update = replace(update, probe=probe)
-        if not probe <= self.settings.stop:
-            self.progress.stopped = _sentence("after this update other weights are served", probe, "stopped")
+        found = self.progress.trainer.probe(self._made(prompt, answers, asked, np.zeros(len(answers))))
+        update = replace(update, probe=found.drift, handed=found.share if found.told else None)
+        if found.other or not found.drift <= self.settings.stop:
+            self.progress.stopped = _sentence("after this update other weights are served", found.drift, "stopped")
             return replace(update, remark=self.progress.stopped)
-        worst = max(probe, update.drift or 0.0)
+        worst = max(found.drift, update.drift or 0.0)
         if worst > self.settings.alarm:
             return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
+        if not found.told:
+            return replace(update, remark=UNTOLD)
         return update
 
 
 def _sentence(what: str, drift: float | None, word: str) -> str:
     end = "; nothing is trained any more" if word == "stopped" else ""
     return f"{what}: log-probabilities differ by {drift or 0.0:.2g} in the mean{end}"
+
+
+def _narrowing(update: Update, before: Sequence[Update]) -> str:
+    """A sentence where the answers have become few."""
+    first = next((one.entropy for one in before if one.entropy is not None), None)
+    if first is None or update.entropy is None or update.siblings <= COLLAPSE or update.entropy > NARROW * first:
+        return ""
+    return (
+        f"{100 * update.siblings:.0f} % of the answers repeat another of their batch, and the entropy fell from {first:.2g} to "
+        f"{update.entropy:.2g} nats per token: the policy narrows down"
+    )

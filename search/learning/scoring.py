@@ -1,17 +1,20 @@
-"""Log-probabilities of given answers to one question under a causal language model; the question is read once.
+"""Log-probabilities of given answers to one question under a causal language model; the question is read once where it can be.
 
 The answers stand behind the question side by side in one sequence, each token at the place in which its answer has it, and a
 mask lets an answer see the question and its own beginning. So a group costs one question and its answers, nothing is
-padded, and the gradient is the one that each answer would have alone.
+padded, and the gradient is the one that each answer would have alone. A model whose attention has a window, goes by the
+distance in the sequence or is none reads each answer alone behind the question, at the cost of a question each.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 from torch import Tensor  # pyright: ignore[reportMissingImports]
+from transformers.cache_utils import DynamicLayer  # pyright: ignore[reportMissingImports]
 
 
 @dataclass(frozen=True)
@@ -31,15 +34,15 @@ def score(
 ) -> Scored:
     """What the model says of each token of each answer, with gradient where gradients are on.
 
-    model : takes input_ids, position_ids, attention_mask (1, 1, tokens, seen), past_key_values, use_cache and logits_to_keep as
-    the decoders of transformers do.
+    model : of transformers, causal; takes input_ids, use_cache and logits_to_keep.
     masks : for each answer the tokens that were allowed at each place, (L_i, V), or None for all.
     """
     device = next(model.parameters()).device
     tokens = torch.tensor([token for one in answers for token in one], device=device)
     lengths = torch.tensor([len(one) for one in answers])
     real = torch.arange(int(lengths.max()))[None] < lengths[:, None]
-    distribution = _log_softmax(_logits(model, prompt, answers, device), _allowed(masks, lengths.tolist()))
+    logits = (_side_by_side if side_by_side(model) else _each_alone)(model, prompt, answers)
+    distribution = _log_softmax(logits, _allowed(masks, lengths.tolist()))
     logprobs = distribution.gather(1, tokens[:, None])[:, 0]
     with torch.no_grad():
         finite = distribution.clamp(min=torch.finfo(distribution.dtype).min)
@@ -49,8 +52,40 @@ def score(
     return Scored(padded.masked_scatter(real, logprobs), padded.masked_scatter(real, entropy), real)
 
 
-def _logits(model: Any, prompt: Sequence[int], answers: Sequence[Sequence[int]], device: torch.device) -> Tensor:
-    """What the model says before each token of all answers in turn, (T, V)."""
+def side_by_side(model: Any) -> bool:
+    """Whether answers that stand side by side in one cache are read as each would be alone; found once for a model.
+
+    Its cache must keep every token, since a window shows only where a question is longer than it; then both ways must say
+    the same of a made-up question, to the square root of the precision of the weights.
+    """
+    if model not in _EXACT:
+        _EXACT[model] = _exact(model)
+    return _EXACT[model]
+
+
+#: What `side_by_side` found.
+_EXACT: WeakKeyDictionary[Any, bool] = WeakKeyDictionary()
+#: A question and answers for the comparison; of different lengths, and so that an order that is mixed up shows.
+QUESTION, ANSWERS = (1, 2, 3, 2), ((3, 1, 2), (2, 3))
+
+
+@torch.no_grad()
+def _exact(model: Any) -> bool:
+    weight = next(model.parameters())
+    try:
+        read = model(input_ids=torch.tensor([QUESTION], device=weight.device), use_cache=True, logits_to_keep=1)
+        if not all(type(layer) is DynamicLayer for layer in read.past_key_values.layers):
+            return False
+        found = _side_by_side(model, QUESTION, ANSWERS)
+    except (RuntimeError, ValueError, AttributeError, TypeError, IndexError):  # its forward knows no such mask or cache
+        return False
+    alone = _each_alone(model, QUESTION, ANSWERS)
+    return bool((found - alone).abs().max() <= torch.finfo(weight.dtype).eps ** 0.5 * alone.abs().max())
+
+
+def _side_by_side(model: Any, prompt: Sequence[int], answers: Sequence[Sequence[int]]) -> Tensor:
+    """What the model says before each token of all answers in turn, (T, V), by one pass over all answers."""
+    device = next(model.parameters()).device
     read = model(input_ids=torch.tensor([list(prompt)], device=device), use_cache=True, logits_to_keep=1)
     said = [read.logits[0].float()]
     behind = [(row, place, token) for row, one in enumerate(answers) for place, token in enumerate(one[:-1])]
@@ -71,6 +106,16 @@ def _logits(model: Any, prompt: Sequence[int], answers: Sequence[Sequence[int]],
         where += [0, *range(row + 1, row + len(one))]
         row += len(one) - 1
     return torch.cat(said)[torch.tensor(where, device=device)]
+
+
+def _each_alone(model: Any, prompt: Sequence[int], answers: Sequence[Sequence[int]]) -> Tensor:
+    """The same as `_side_by_side`, by one pass over the question with each answer."""
+    device = next(model.parameters()).device
+    said = []
+    for one in answers:
+        row = torch.tensor([[*prompt, *one[:-1]]], device=device)
+        said.append(model(input_ids=row, use_cache=False, logits_to_keep=len(one)).logits[0, -len(one) :].float())
+    return torch.cat(said)
 
 
 def _log_softmax(logits: Tensor, allowed: np.ndarray | None) -> Tensor:

@@ -13,6 +13,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from search.context import prompt
+from search.learning.adapters import merged
 from search.learning.text_policy import TextPolicy
 from search.policy.interface import Sampled
 from search.proposal import Context
@@ -54,7 +55,7 @@ class ServedPolicy(TextPolicy):
     def publish(self) -> None:
         """Write the weights and have the server load them."""
         if self.server.reload is not None:
-            self.model().save_pretrained(self.weights)
+            merged(self.model()).save_pretrained(self.weights)
             self.chat.tokenizer.save_pretrained(self.weights)
             self.server.reload(self.weights)
 

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.context import prompt
+from search.context import prompt, system_text
 from search.learning.constrained import TokenGuide, trie_of
 from search.learning.edit_automaton import EditAutomaton
 from search.policy.interface import Sampled
-from search.proposal import Context, Proposal
+from search.proposal import Context, Proposal, Task
 from search.proposers.language_model import read_answer
 from search.proposers.local_model import LocalModel
+
+#: Tokens of an answer at most, where nothing else is said.
+#: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
+BESIDE = 300
 
 
 class TrainableModel(LocalModel):
@@ -23,8 +27,12 @@ class TrainableModel(LocalModel):
 
     @cached_property
     def weights(self) -> Any:
-        """The torch module."""
-        return self._loaded[1].float()
+        """The torch module; IbridError when it cannot be loaded or is no causal language model."""
+        from search.learning.sampling import require_causal
+
+        model = self._loaded[1].float()
+        require_causal(model, self.name)
+        return model
 
     @property
     def tokenizer(self) -> Any:
@@ -70,6 +78,16 @@ class TextPolicy:
     def model(self) -> Any:
         """The transformer, float32, on a GPU where there is one."""
         return self.chat.weights
+
+    def require_room(self, task: Task, program: str) -> None:
+        """Raise IbridError unless the model has positions for the shortest question about this program, and an answer to it."""
+        asked = self.chat.tokens(system_text(task, short=True)) + self.chat.tokens(program) + BESIDE
+        if asked + self.longest > self.chat.room:
+            raise IbridError(
+                f"{self.chat.name} has {self.chat.room} positions (max_position_embeddings), but the shortest question of this "
+                f"search takes about {asked} tokens and an answer up to {self.longest}; train a model with more, or shorten the "
+                "answers by --learn-longest"
+            )
 
     def prompt(self, context: Context) -> list[int]:
         """Tokens of a question."""

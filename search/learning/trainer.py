@@ -5,16 +5,17 @@ One trainer has one model, the one that is sampled from, so what is served after
 
 import copy
 import hashlib
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 
-from search.learning.adapters import add_adapters
+from search.learning.adapters import add_adapters, without_adapters
 from search.learning.objective import divergence, group_objective, over_answers
+from search.learning.probe import Probe, probe
 from search.learning.scoring import Scored, score
 from search.learning.settings import LearningSettings
 from search.policy.backend import threads
@@ -56,23 +57,28 @@ class Trainer:
     def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
         self.model, self.settings = model.eval(), settings
         self.start = fingerprint(model)
-        self.reference = copy.deepcopy(model).requires_grad_(False)
+        self.reference = None if settings.lora else copy.deepcopy(model).requires_grad_(False)
         model.requires_grad_(True)
         if settings.lora:
             add_adapters(model, settings.lora, seed)
         self.trained = {name: one for name, one in model.named_parameters() if one.requires_grad}
         self.rate = settings.rate_of(sum(one.numel() for one in model.parameters()))
         self.optimizer = _optimizer(list(self.trained.values()), self.rate, settings)
+        self._before: Mapping[str, torch.Tensor] = {}  # the last update
 
     def score(self, group: Group) -> Scored:
         """Log-probabilities of a group's answers under the model as it is."""
         return score(self.model, group.prompt, [one.tokens for one in group.answers], group.masks)
 
-    def drift(self, group: Group) -> float:
-        """Mean |log-probability served - trained| over the tokens of a group."""
+    def probe(self, group: Group) -> Probe:
+        """What a group of answers, drawn after an update, says about the weights that gave them."""
         with self._threads(), torch.no_grad():
             scored = self.score(group)
-            return _mean((scored.logprobs - self._served(group, scored)).abs(), scored.real)
+            with self._as_before():
+                before = self.score(group).logprobs
+            rows = (self._served(group, scored), before, scored.logprobs)
+            served, before, after = (one[scored.real].double().cpu().numpy() for one in rows)
+        return probe(served, before, after)
 
     def update(self, groups: Sequence[Group]) -> Trained:
         """One update for each epoch; none when the answers were served by another policy than the trained one."""
@@ -93,6 +99,8 @@ class Trainer:
                     break
                 cut = torch.nn.utils.clip_grad_norm_(self.trained.values(), self.settings.longest_gradient)
                 gradient = gradient or float(cut)
+                if epoch == 0:
+                    self._before = {name: one.detach().clone() for name, one in self.trained.items()}
                 self.optimizer.step()
             self.optimizer.zero_grad(set_to_none=True)
         return Trained(
@@ -115,9 +123,10 @@ class Trainer:
         """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of another model."""
         if set(state["weights"]) != set(self.trained):
             raise ValueError("it holds the weights of another model")
-        with torch.no_grad():
-            for name, one in self.trained.items():
-                one.copy_(state["weights"][name])
+        for name, one in self.trained.items():
+            if state["weights"][name].shape != one.shape:
+                raise ValueError(f"{name} has other numbers of rows or columns")
+        self._put(state["weights"])
         self.optimizer.load_state_dict(state["optimizer"])
         torch.set_rng_state(state["random"])
 
@@ -132,8 +141,7 @@ class Trainer:
             low=settings.clip_low, high=settings.clip_high, most=settings.most_weight,
         )  # fmt: skip
         with torch.no_grad():
-            answers = [one.tokens for one in group.answers]
-            begun = score(self.reference, group.prompt, answers, group.masks).logprobs
+            begun = self._begun(group)
         away = divergence(scored.logprobs, begun)
         loss = -found.value
         if settings.divergence:
@@ -148,6 +156,29 @@ class Trainer:
             "largest_weight": found.largest_weight,
             "clipped": found.clipped,
         }
+
+    def _begun(self, group: Group) -> torch.Tensor:
+        """Log-probabilities of a group's answers under the policy at the start: a copy, or the model without its adapters."""
+        answers = [one.tokens for one in group.answers]
+        if self.reference is not None:
+            return score(self.reference, group.prompt, answers, group.masks).logprobs
+        with without_adapters(self.model):
+            return score(self.model, group.prompt, answers, group.masks).logprobs
+
+    @contextmanager
+    def _as_before(self) -> Iterator[None]:
+        """Within, the weights are those before the last update."""
+        after = {name: one.detach().clone() for name, one in self.trained.items()}
+        self._put(self._before)
+        try:
+            yield
+        finally:
+            self._put(after)
+
+    def _put(self, weights: Mapping[str, torch.Tensor]) -> None:
+        with torch.no_grad():
+            for name, one in weights.items():
+                self.trained[name].copy_(one)
 
     def _served(self, group: Group, scored: Scored) -> torch.Tensor:
         longest = scored.real.shape[1]

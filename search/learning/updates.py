@@ -22,7 +22,8 @@ class Update:
     batch), `refused` (no usable or no legal edit), `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts
     that taught nothing. `gain` : mean of what the answers gain on their parents, where they are compared by it. `tokens` : of
     an answer, mean. The rest as `search.learning.trainer.Trained` has it, None where nothing was scored; `probe` : drift after
-    the update. `remark` : a sentence when something is wrong.
+    the update; `handed` : the share of it that the served weights have, see `search.learning.probe`, None where that cannot be
+    told. `remark` : a sentence when something is wrong.
     """
 
     number: int
@@ -48,6 +49,7 @@ class Update:
     drift: float | None = None
     gradient: float | None = None
     probe: float | None = None
+    handed: float | None = None
     updated: bool = False
     seconds_sampling: float = 0.0
     seconds_update: float = 0.0

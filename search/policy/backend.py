@@ -1,8 +1,12 @@
 """torch and transformers, imported when a policy runs and never before."""
 
 import importlib
+import io
+import pickle
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
@@ -16,6 +20,27 @@ def require(package: str) -> Any:
         raise IbridError(
             f"the policy needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
         ) from None
+
+
+def damage() -> tuple[type[Exception], ...]:
+    """What transformers raises for a folder whose files are damaged or contradict one another."""
+    tensors = require("safetensors").SafetensorError
+    config = importlib.import_module("huggingface_hub.errors").StrictDataclassError
+    plain = (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ZeroDivisionError, ImportError)
+    return (*plain, tensors, config)
+
+
+def read_saved(path: Path, remedy: str) -> Any:
+    """What torch saved in a file, on the CPU; no code in the file is run.
+
+    Raises FileNotFoundError, and IbridError, which ends with the remedy, when the file is damaged.
+    """
+    try:
+        return require("torch").load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise
+    except (OSError, EOFError, RuntimeError, ValueError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
+        raise IbridError(f"{path}: cannot be read ({' '.join(str(error).split())[:120]}); {remedy}") from None
 
 
 @contextmanager

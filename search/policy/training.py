@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from search.policy.backend import device, require
+from search.policy.backend import device, read_saved, require
 from search.policy.lessons import Batch, Lesson, batches
 
 CHECKPOINT = "checkpoint.pt"
+#: What helps when it is damaged.
+DELETE = "delete it, and run again with --resume to train from the examples that are there"
 
 
 @dataclass(frozen=True)
@@ -85,19 +87,24 @@ class Trainer:
         os.replace(path.with_suffix(".new"), path)
 
     def resume(self) -> bool:
-        """Take over the checkpoint of the folder; False when there is none. IbridError for one of another training."""
-        torch = require("torch")
+        """Take over the checkpoint of the folder; False when there is none.
+
+        Raises IbridError for one that is damaged or of another training.
+        """
         path = self.folder / CHECKPOINT
         if not path.is_file():
             return False
-        state = torch.load(path, map_location=device(), weights_only=True)
-        if state["settings"] != asdict(self.settings) or state["lessons"] != len(self.lessons):
-            raise IbridError(
-                f"{path}: belongs to a training with other settings or examples; delete it, or go on as before"
-            )
-        self.step, self.losses = state["step"], state["losses"]
-        self.model.load_state_dict(state["model"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        state = read_saved(path, DELETE)
+        try:
+            if state["settings"] != asdict(self.settings) or state["lessons"] != len(self.lessons):
+                raise IbridError(
+                    f"{path}: belongs to a training with other settings or examples; delete it, or go on as before"
+                )
+            self.model.load_state_dict(state["model"])
+            self.optimizer.load_state_dict(state["optimizer"])
+            self.step, self.losses = int(state["step"]), list(state["losses"])
+        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+            raise IbridError(f"{path}: does not fit ({' '.join(str(error).split())[:120]}); {DELETE}") from None
         return True
 
     def _batches(self) -> Iterator[Batch]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
-from search.policy.backend import require
+from search.policy.backend import damage, require
 from search.policy.tokens import END, PAD, TOKENS
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
@@ -60,7 +60,6 @@ def load_model(folder: Path) -> Any:
     """
     require_weights(folder)
     torch, transformers = require("torch"), require("transformers")
-    damaged = require("safetensors").SafetensorError
     transformers.utils.logging.disable_progress_bar()
     try:
         words = json.loads((folder / VOCABULARY_FILE).read_text(encoding="utf-8"))
@@ -70,7 +69,9 @@ def load_model(folder: Path) -> Any:
         model = transformers.LlamaForCausalLM.from_pretrained(
             folder, local_files_only=True, use_safetensors=True, dtype=torch.float32
         )
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, damaged) as error:
+    except IbridError:
+        raise
+    except damage() as error:
         raise IbridError(f"{folder}: cannot be loaded ({' '.join(str(error).split())[:200]}); train again") from None
     for name, value in model.named_parameters():
         if not torch.isfinite(value).all():

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from search.policy.backend import damage
 from search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
 
 
@@ -110,13 +111,12 @@ class LocalModel:
     def _loaded(self) -> tuple[Any, Any, Any]:
         torch, transformers = _require("torch"), _require("transformers")
         transformers.utils.logging.disable_progress_bar()  # the search shows its own
-        damaged = _require("safetensors").SafetensorError
         try:
             tokenizer = transformers.AutoTokenizer.from_pretrained(self.folder, local_files_only=True)
             model = transformers.AutoModelForCausalLM.from_pretrained(
                 self.folder, local_files_only=True, use_safetensors=True, dtype="auto"
             )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ImportError, damaged) as error:
+        except damage() as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
         return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 

@@ -19,7 +19,8 @@ _WORDS = (
 )
 _EXACT = (
     "Importance weight: what training and sampling think of the same token, 1 when they agree; drift: the mean difference of "
-    "their log-probabilities, in the batch and in a probe after the update. Clipped: tokens whose gradient was cut off."
+    "their log-probabilities, in the batch and in a probe after the update; handed over: how much of the update the weights that "
+    "answer the probe have, 100 % when they are the trained ones. Clipped: tokens whose gradient was cut off."
 )
 
 
@@ -93,13 +94,15 @@ def _batches(updates: Sequence[Update]) -> str:
 
 def _steps(updates: Sequence[Update]) -> str:
     names = ["update", "questions dropped", "entropy", "divergence", "weight", "largest", "clipped", "drift", "probe",
-             "gradient", "sampling", "update took"]  # fmt: skip
+             "handed over", "gradient", "sampling", "update took"]  # fmt: skip
     rows = "".join(
         f'<tr><th scope="row" class="n">{one.number}</th>'
         + cell(str(one.dropped), numeric=True)
         + "".join(value_cell(found, 3) for found in (one.entropy, one.divergence, one.weight, one.largest_weight))
         + cell("" if one.clipped is None else percent(one.clipped), numeric=True)
-        + "".join(value_cell(found, 2) for found in (one.drift, one.probe, one.gradient))
+        + "".join(value_cell(found, 2) for found in (one.drift, one.probe))
+        + cell("" if one.handed is None else percent(one.handed), numeric=True)
+        + value_cell(one.gradient, 2)
         + cell(seconds(one.seconds_sampling), numeric=True)
         + cell(seconds(one.seconds_update), numeric=True)
         + "</tr>"

@@ -44,8 +44,8 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: The last two are no arms of the comparison but its controls, made when they are asked for: all that `learning` does but for
-#: the change of the weights; and what the policy is without first looks.
+#: The last two are no arms of the comparison but its controls, made when they are asked for: learning from evaluations but for
+#: the change of the weights, as where looks judge `frozen` is; and what the policy is without first looks.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),

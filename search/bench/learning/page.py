@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case
+from search.bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case, arm_of
 from search.bench.learning.comparison import (
     Row,
     Rows,
@@ -26,11 +26,14 @@ from search.learning.settings import PROFILES
 _TOP = """# Does learning help?
 
 Made by `make bench-learning`, which keeps what it has measured and goes on where it was stopped; no number here is typed
-by hand. The same searches by five proposers, at equal numbers of evaluations, and two controls: `untrained` tells
-learning from what comes with it, such as results only after a batch; `blind` tells what first looks do. A first look is a few
-steps of a fit, a tenth of an evaluation in time; `rules` and the policy take some, and they do not count:
+by hand. The same searches by five proposers, at equal numbers of evaluations. A first look is a few steps of a fit, a tenth of
+an evaluation in time; `rules` and the policy take some, and they do not count:
 
 {arms}
+`frozen` is what `learning small` would be without its updates: both draw eight answers to a question and choose one of them in
+the same way, with a look every other time. Learning looks at all answers to every question, so it takes twice as many looks,
+but the others only teach.{controls}
+
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
 equilibrium, one parameter set. The policy was trained on drawn inverters of the families of
 {known};
@@ -46,6 +49,11 @@ bootstrap intervals (seeds drawn again within each inverter), from three seeds o
 seeds on these inverters.
 
 """
+#: Arms that are no part of the comparison, told of where they are measured.
+_CONTROLS = {
+    "untrained": "A control, `untrained`, learns from evaluations with weights that stay: it sees results only after a batch.",
+    "blind": "A control, `blind`, is the frozen policy without first looks.",
+}
 _PAIRS = """Differences are means over pairs of the same inverter and seed; a limit that was not reached counts as the budget.
 Negative is better but for F1. A star: zero lies outside the interval.
 """
@@ -72,7 +80,10 @@ def page(rows: Iterable[Row]) -> str:
     kept = current(rows)
     weights = newest_weights(kept)
     text = _TOP.format(
-        arms="".join(f"- **{name}**: {one.words}\n" for name, one in ALL_ARMS.items()),
+        arms="".join(f"- **{name}**: {ALL_ARMS[name].words}\n" for name in ARMS),
+        controls="".join(
+            f" {_CONTROLS[name]}" for name in _CONTROLS if any(arm_of(row["arm"]) == name for row in kept)
+        ),
         known=_names(KNOWN),
         held_out=_names(HELD_OUT),
     )

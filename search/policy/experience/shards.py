@@ -33,10 +33,15 @@ def shard_text(seed: int, shard: int, families: Sequence[str] | None = None) -> 
 
 
 def read_shards(folder: Path, shards: Sequence[int]) -> Iterator[Example]:
-    """The examples of these shards; IbridError for one that is damaged."""
+    """The examples of these shards; IbridError for one that is missing or damaged."""
     for shard in shards:
         path = shard_path(folder, shard)
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            why = "is missing" if isinstance(error, FileNotFoundError) else "cannot be read; delete it"
+            raise IbridError(f"{path}: {why}; run ibrid policy train again with --resume to make it anew") from None
+        for number, line in enumerate(text.splitlines(), 1):
             try:
                 yield Example.from_json(json.loads(line))
             except (ValueError, TypeError, KeyError, RecursionError):
