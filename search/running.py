@@ -132,8 +132,8 @@ def run(
     choose : the answer by "error", held-out "frequencies", or held-out operating points ("op").
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
-    learn : train the proposer on the way, "policy" or "llm" with one local folder; True or "paper" is the paper's
-        profile, batches of 512, "small" one for a few hundred evaluations.
+    learn : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
+        it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations.
     settings : every other number. progress : "auto", "terminal", "plain", "notebook", "silent", or a Progress.
 
     Returns the Run; the folder holds run.toml, archive.sqlite, best.py, best.json, trajectory.csv, selection.json and
@@ -158,7 +158,9 @@ def run(
         from search.learning.choose import learning  # and with it the policy, which a search rarely needs
 
         lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
-        proposers = learning(proposers, lesson, seed=seed, window=settings.window, task=task, start=first)
+        proposers = learning(
+            proposers, lesson, seed=seed, window=settings.window, task=task, start=first, folder=folder
+        )
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         lessons["learning"] = vars(lesson)
     requirements = parse_requirements(require)

@@ -33,7 +33,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         script = self.server.script
-        body = self.rfile.read(int(self.headers.get("content-length", 0)))
+        self.body = body = self.rfile.read(int(self.headers.get("content-length", 0)))
         script.headers.append({name.lower(): value for name, value in self.headers.items()})
         script.requests.append(json.loads(body or b"{}"))
         try:

@@ -128,7 +128,7 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
         (["--learn", "--learn-longest", "40"], "an answer needs 90 tokens or more, found 40"),
         (
             ["--learn", "--learn-constrained", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"],
-            "a model of a server, or one of several, cannot be trained",
+            "a model of a server alone, or one of several, cannot be trained",
         ),
     ],
 )

@@ -264,7 +264,7 @@ def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_pa
 
 
 @needs_torch
-def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
+def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     from search.learning.choose import learning
     from search.learning.learner import Learner
     from search.learning.text_policy import TextPolicy
@@ -274,7 +274,7 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder):
 
     settings = LearningSettings(contexts=2, group=3)
     both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
-    of_run: dict[str, Any] = {"seed": 0, "window": 8, "task": task(), "start": NAIVE}
+    of_run: dict[str, Any] = {"seed": 0, "window": 8, "task": task(), "start": NAIVE, "folder": tmp_path}
     (mine, weight), (other, _) = learning(both, settings, **of_run)
     assert isinstance(mine, Learner)
     assert isinstance(mine, Proposer)

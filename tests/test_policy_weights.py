@@ -156,8 +156,8 @@ def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path,
     assert not (tmp_path / "run").exists()
 
 
-def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monkeypatch):
+def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     proposers = [(PolicyProposer(policy=Absent("the model was asked for")), 1.0)]  # type: ignore[arg-type]
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[lora\]'"):
-        learning(proposers, LearningSettings(lora=4), seed=0, window=8, task=task(), start=NAIVE)
+        learning(proposers, LearningSettings(lora=4), seed=0, window=8, task=task(), start=NAIVE, folder=tmp_path)

@@ -42,6 +42,17 @@ LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
         "what they gain on their parent",
     ),
     "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
+    "clip_low": (
+        "X",
+        inputs.positive,
+        "a token whose probability fell below 1 - X of what it was is pushed no further (0.2)",
+    ),
+    "clip_high": ("X", inputs.positive, "one whose probability rose above 1 + X is pushed no further (0.28)"),
+    "divergence": (
+        "X",
+        inputs.finite,
+        "weight of the divergence (KL) from the policy at the start (paper 0, small 0.1)",
+    ),
     "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
     "longest": ("N", inputs.natural, "tokens of a language model's answer at most (512)"),
     "question": ("N", inputs.natural, "tokens of a question to a language model at most; details are left out (16000)"),
@@ -113,7 +124,9 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--learn",
         action="store_true",
-        help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER",
+        help="train the proposer on the way, by its rewards: policy, or llm with one --model FOLDER, "
+        "or --model FOLDER@http://host:port/v1 where a server with log-probabilities answers for the weights of the folder and "
+        "loads them after every update (SGLang)",
     )
     search.add_argument(
         "--learn-profile",
@@ -122,7 +135,7 @@ def declare(commands: Any) -> None:
         "which one is evaluated",
     )
     for name, (metavar, kind, help_text) in LEARNING.items():
-        search.add_argument(f"--learn-{name}", type=kind, metavar=metavar, help=help_text)
+        search.add_argument(f"--learn-{name.replace('_', '-')}", type=kind, metavar=metavar, help=help_text)
     search.add_argument(
         "--learn-constrained",
         action="store_true",
@@ -202,7 +215,9 @@ def _learning(arguments: Namespace) -> "LearningSettings | bool":
     given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:
-            raise IbridError(f"--learn-{next(iter(given))} says how a proposer learns; add --learn, or leave it out")
+            raise IbridError(
+                f"--learn-{next(iter(given)).replace('_', '-')} says how a proposer learns; add --learn, or leave it out"
+            )
         return False
 
     from search.learning.settings import profile

@@ -2,17 +2,23 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
 from search.learning.adapters import require_peft, require_rank
 from search.learning.learner import Learner
 from search.learning.settings import OF_LANGUAGE_MODELS, LearningSettings
+from search.learning.weights_reload import reload_from_disk
 from search.policy.interface import Policy
 from search.proposal import Proposer, Task
+from search.proposers.chat_server import ChatServer
 from search.proposers.language_model import LanguageModel
 from search.proposers.local_model import LocalModel
 from search.proposers.policy import PolicyProposer
+
+#: Folder in that of a run from which a server loads the weights.
+SERVED = "served"
 
 
 @runtime_checkable
@@ -32,15 +38,18 @@ def learning(
     window: int,
     task: Task,
     start: str,
+    folder: Path,
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; all that are given stay as they are.
 
-    seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with. Raises
-    IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine. Also
-    where its weights cannot be loaded, it has no room for a question, or adapters are asked
-    for without peft or wider than it.
+    seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with.
+    folder : of the run, for the weights that a server is to load.
+
+    Raises IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine, for
+    which a server may answer. Also where its weights cannot be loaded, it has no room for a question, or adapters are asked for
+    without peft or wider than it.
     """
-    found = tuple((_learner(one, settings, seed, window) or one, weight) for one, weight in proposers)
+    found = tuple((_learner(one, settings, seed, window, folder) or one, weight) for one, weight in proposers)
     number = sum(isinstance(one, Learner) for one, _ in found)
     if number != 1:
         names = ", ".join(one.name for one, _ in proposers)
@@ -54,10 +63,10 @@ def learning(
     return found
 
 
-def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) -> Learner | None:
+def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int, folder: Path) -> Learner | None:
     if isinstance(one, Learner):
         return one
-    policy = _policy(one, settings)
+    policy = _policy(one, settings, folder)
     if policy is None:
         return None
     if settings.lora:
@@ -68,27 +77,33 @@ def _learner(one: Proposer, settings: LearningSettings, seed: int, window: int) 
     return Learner(policy, settings, seed=seed, window=window)
 
 
-def _policy(one: Proposer, settings: LearningSettings) -> Policy | None:
+def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy | None:
     if isinstance(one, PolicyProposer):
         _require_none_of_language_models(settings)
         return deepcopy(one.policy)  # whoever gave it may search with it again
     if not isinstance(one, LanguageModel):
         return None
-    if len(one.models) != 1 or not isinstance(one.models[0], LocalModel):
-        raise IbridError(
-            "--learn trains a model whose weights are at hand: one --model FOLDER on this machine; a model of a server, or one "
-            "of several, cannot be trained"
-        )
     if one.spending.limits.tokens < float("inf") or one.spending.limits.seconds < float("inf"):
         raise IbridError("limits of tokens and seconds do not hold for a model that is trained; leave them out")
+    from search.learning.served_policy import ServedPolicy, Server
     from search.learning.text_policy import TextPolicy
 
-    return TextPolicy(
-        one.models[0].folder,
-        longest=settings.longest,
-        prompt_tokens=min(one.prompt_tokens, settings.question),
-        constrained=settings.constrained,
-        lines=settings.lines,
+    options: dict[str, Any] = {
+        "longest": settings.longest,
+        "prompt_tokens": min(one.prompt_tokens, settings.question),
+        "constrained": settings.constrained,
+        "lines": settings.lines,
+    }
+    alone = one.models[0] if len(one.models) == 1 else None
+    if isinstance(alone, LocalModel):
+        return TextPolicy(alone.folder, **options)
+    if isinstance(alone, ChatServer) and Path(alone.model).expanduser().is_dir():
+        key = alone.key()
+        server = Server(alone.model, alone.url, key, alone.timeout, reload_from_disk(alone.url, key))
+        return ServedPolicy(Path(alone.model).expanduser(), server, folder / SERVED, **options)
+    raise IbridError(
+        "--learn trains a model whose weights are at hand: one --model FOLDER on this machine, or FOLDER@http://host:port/v1 "
+        "where a server answers for it; a model of a server alone, or one of several, cannot be trained"
     )
 
 

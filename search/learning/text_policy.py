@@ -17,13 +17,16 @@ from search.proposal import Context, Proposal, Task
 from search.proposers.language_model import read_answer
 from search.proposers.local_model import LocalModel
 
-#: Tokens of an answer at most, where nothing else is said.
 #: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
 BESIDE = 300
 
 
 class TrainableModel(LocalModel):
-    """A local model whose weights are at hand, in float32, which training needs."""
+    """A local model whose weights are at hand, in float32, with adapters too.
+
+    In bfloat16 the log-probabilities of answers as they were drawn and as they are scored differ by 0.05 in the mean
+    (SmolLM2-135M-Instruct; 4e-6 in float32), beyond the alarm at 0.02.
+    """
 
     @cached_property
     def weights(self) -> Any:

@@ -83,7 +83,7 @@ class ChatServer:
         }
         key, retries = "", 0
         try:
-            key = self._key()
+            key = self.key()
             where = f"the model {self.model} at {self.url}"
             reply, retries = self._ask(key, body)
             if isinstance(reply, Refusal):
@@ -92,8 +92,8 @@ class ChatServer:
             found = read_reply(reply, where)
         except IbridError as error:
             spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
-            raise ChatError(_without(key, str(error)), spent) from None
-        calls = tuple(replace(one, arguments=_without(key, one.arguments)) for one in found.tool_calls)
+            raise ChatError(without_key(key, str(error)), spent) from None
+        calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in found.tool_calls)
         spoken = found.text + "".join(one.arguments for one in calls)
         usage = {
             "model": self.model,
@@ -104,7 +104,7 @@ class ChatServer:
             "retries": retries,
         }
         usage["cost"] = self._cost(usage)
-        return Answer(_without(key, found.text), calls, usage, found.cut)
+        return Answer(without_key(key, found.text), calls, usage, found.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
         """The reply or the last refusal, and how often it was asked again."""
@@ -121,7 +121,8 @@ class ChatServer:
             time.sleep(min(LONGEST_PAUSE, max(self.pause * 2**retries, reply.pause)))
             retries += 1
 
-    def _key(self) -> str:
+    def key(self) -> str:
+        """What the environment holds now, "none" where it holds nothing; IbridError when that is no key or one is needed."""
         key = os.environ.get(self.key_from, "").strip()
         if not (key.isascii() and key.isprintable()):
             raise IbridError(f"the key in {self.key_from} holds characters that no key has; set it again")
@@ -136,6 +137,6 @@ class ChatServer:
         return (usage["prompt_tokens"] * self.price[0] + usage["completion_tokens"] * self.price[1]) / 1e6
 
 
-def _without(key: str, text: str) -> str:
+def without_key(key: str, text: str) -> str:
     """The text without the key, should a server repeat it."""
     return text.replace(key, "(key)") if len(key) >= 8 else text

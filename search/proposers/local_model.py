@@ -48,6 +48,11 @@ class LocalModel:
         self.temperature, self.top_p = temperature, top_p
         self.threads = threads or max(1, (os.cpu_count() or 2) // 2)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
+        kind = type(self)
+        return {k: v for k, v in vars(self).items() if not isinstance(getattr(kind, k, None), cached_property)}
+
     @property
     def name(self) -> str:
         """The folder's name."""

@@ -37,7 +37,8 @@ but the others only teach.{controls}
 On hidden inverters, from the naive diagram, clean data, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3, exact
 equilibrium, one parameter set. The policy was trained on drawn inverters of the families of
 {known};
-the structure of `paper_like` itself was kept from it. It never saw an inverter of the families of
+the structure of `paper_like` itself was kept from it, that of `gfl_l_filter` is two of the 2,500 that it was trained on, with
+other parameters (search/policy/weights/MODEL_CARD.md). It never saw an inverter of the families of
 {held_out}:
 DC link with control of the AC voltage, virtual oscillator, droop with a PLL. Drawn inverters, where they are, are of these
 families too, another one for every seed.

@@ -1,0 +1,137 @@
+"""A small language model of whole edits behind an HTTP server on loopback that samples, tells log-probabilities and loads weights
+from a folder, as SGLang does."""
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from scripted_search import task
+
+from search.context import system_text
+from search.proposers.chat import prompt_text
+
+KINDS = ("PI_dq", "LPF1_dq", "Gain_dq", "Pade1_dq")
+LINE = '    g.connect("gain.out", "plant.u_r")'
+NEW = '    g.add("{kind}", "new")\n    g.connect("gain.out", "new.in_")\n    g.connect("new.out", "plant.u_r")'
+#: One token each: edits of the naive program, and something else.
+EDITS = (
+    *(f"<<<<<<< SEARCH\n{LINE}\n=======\n{NEW.format(kind=kind)}\n>>>>>>> REPLACE" for kind in KINDS),
+    "I do not know",
+)
+END = 1
+
+
+def write_model(folder: Path) -> None:
+    """A Llama that says one of `EDITS` and then the end, nearly always, and its tokenizer of bytes and lines of the prompt."""
+    import torch
+    from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers
+    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
+
+    pieces = ["<s>", "</s>", *sorted(pre_tokenizers.ByteLevel.alphabet())]
+    tokenizer = Tokenizer(models.BPE({piece: number for number, piece in enumerate(pieces)}, []))
+    tokenizer.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    tokenizer.decoder = decoders.ByteLevel()
+    lines = {line for line in system_text(task()).splitlines() if len(line) > 20}
+    tokenizer.add_tokens([AddedToken(one, normalized=False) for one in (*EDITS, *sorted(lines))])
+    PreTrainedTokenizerFast(
+        tokenizer_object=tokenizer, bos_token="<s>", eos_token="</s>", pad_token="</s>"
+    ).save_pretrained(folder)
+    edits = slice(len(pieces), len(pieces) + len(EDITS))
+    config = LlamaConfig(
+        vocab_size=edits.stop + len(lines), hidden_size=16, intermediate_size=32, num_hidden_layers=2, num_attention_heads=2,
+        max_position_embeddings=40_000, bos_token_id=0, eos_token_id=END, pad_token_id=END, tie_word_embeddings=False,
+    )  # fmt: skip
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        model = LlamaForCausalLM(config)
+    with torch.no_grad():
+        said, heard = model.lm_head.weight, model.get_input_embeddings().weight
+        heard[:, 0], heard[edits, 1] = 1.0, 2.0  # 1 marks an edit that was said
+        said[edits, 0], said[edits, 1], said[END, 1] = 2.0, -4.0, 6.0
+    model.save_pretrained(folder)
+
+
+@dataclass
+class Served:
+    """`url` : base URL. `loaded` : folders that were loaded, in order. `questions` : bodies of the questions."""
+
+    model: Any
+    tokenizer: Any
+    url: str = ""
+    loaded: list[str] = field(default_factory=list)
+    questions: list[dict[str, Any]] = field(default_factory=list)
+    one_by_one: threading.Lock = field(default_factory=threading.Lock)
+
+    def load(self, folder: str) -> None:
+        from transformers import AutoModelForCausalLM
+
+        self.model = AutoModelForCausalLM.from_pretrained(folder).eval()
+        self.loaded.append(folder)
+
+    def answer(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """A chat completion, drawn token by token with the log-probabilities of the whole distribution."""
+        import torch
+
+        tokens = self.tokenizer(prompt_text(asked["messages"]) + "\n\nassistant:", return_tensors="pt")["input_ids"]
+        random, said, cache = torch.Generator().manual_seed(asked["seed"]), [], None
+        with torch.inference_mode():
+            while len(said) < asked["max_tokens"] and (not said or tokens.item() != END):
+                read = self.model(input_ids=tokens, past_key_values=cache, use_cache=True, logits_to_keep=1)
+                cache, distribution = read.past_key_values, torch.log_softmax(read.logits[0, -1].float(), -1)
+                tokens = torch.multinomial(distribution.exp(), 1, generator=random)[None]
+                said.append((tokens.item(), distribution[tokens.item()].item()))
+        entries = [{"token": f"token_id:{token}", "logprob": logprob} for token, logprob in said]
+        reason = "stop" if said[-1][0] == END else "length"
+        return {"object": "chat.completion", "choices": [{"logprobs": {"content": entries}, "finish_reason": reason}]}
+
+
+class Server(ThreadingHTTPServer):
+    served: Served
+
+
+class Handler(BaseHTTPRequestHandler):
+    server: Server
+
+    def do_POST(self) -> None:
+        served = self.server.served
+        body = json.loads(self.rfile.read(int(self.headers.get("content-length", 0))))
+        with served.one_by_one:
+            if self.path == "/update_weights_from_disk":
+                served.load(body["model_path"])
+                reply: dict[str, Any] = {"success": True, "message": "loaded"}
+            else:
+                served.questions.append(body)
+                reply = served.answer(body)
+        content = json.dumps(reply).encode()
+        self.send_response(200)
+        self.send_header("content-type", "application/json")
+        self.send_header("content-length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[Served]:
+    """A server of the model in a folder on a free port of 127.0.0.1."""
+    from transformers import AutoModelForCausalLM, AutoTokenizer
+
+    served = Served(AutoModelForCausalLM.from_pretrained(folder).eval(), AutoTokenizer.from_pretrained(folder))
+    with Server(("127.0.0.1", 0), Handler) as server:
+        server.served = served
+        server.daemon_threads = True
+        served.url = f"http://127.0.0.1:{server.server_address[1]}/v1"
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        try:
+            yield served
+        finally:
+            server.shutdown()
+            thread.join()
