@@ -38,12 +38,14 @@ Questions number {places} of searches of {budget} evaluations on
 in the paper's setting, each in its shortest form ({question:,} tokens at most); {group} answers to each at temperature 1, of
 {longest} tokens at most. **free**: any text. **constrained**: the model chooses among the tokens that go on an edit of the
 program, with lines, kinds and ports that exist, {lines} lines taken out and {lines} put in at most (`--learn-constrained`).
-**cut**: answers that had not ended by then. Shares with Wilson's 95 % interval in percent; answers to one question are alike,
-so the true interval is wider. Seconds: of one processor core for an answer, its part of the reading of the question included.
+**different**: texts among the answers to each question, added up. **cut**: answers that had not ended by then. Shares with
+Wilson's 95 % interval in percent; answers to one question are alike, so the true interval is wider. Seconds: of one processor
+core for an answer, its part of the reading of the question included.
 """
 _LEARNING = """Between the two states the model proposed in a search of its own, constrained, and was trained on the way: with
 `--learn`, a batch of one question and {group} answers, which first looks judge, and a step along the gradient. The search had
-another seed than those of the questions.
+another seed than those of the questions. Gain: of an answer on its parent, mean, the penalty where it is not valid. Answers that
+are worth nearly the same have a gradient near zero, and the batch teaches nothing.
 """
 
 
@@ -118,11 +120,14 @@ def _table(rows: Sequence[Row]) -> str:
     for (state, way), own in _groups(rows).items():
         answers = [one for row in own for one in row["answers"]]
         cut = Share.of(one["cut"] for one in answers)
+        different = sum(len({one["reply"] for one in row["answers"]}) for row in own)
         tokens = sum(one["tokens"] for one in answers) / len(answers)
         seconds = sum(row["seconds"] for row in own) / len(answers)
         shares = [str(_share(own, end)) for end in ENDS]
-        lines.append([state, way, str(len(answers)), *shares, str(cut), f"{tokens:.0f}", f"{seconds:.0f}"])
-    return markdown_table(["state", "answers are", "number", *ENDS, "cut", "tokens", "seconds"], lines)
+        lines.append(
+            [state, way, str(len(answers)), *shares, f"{different}", str(cut), f"{tokens:.0f}", f"{seconds:.0f}"]
+        )
+    return markdown_table(["state", "answers are", "number", *ENDS, "different", "cut", "tokens", "seconds"], lines)
 
 
 def _updates(updates: Sequence[Mapping]) -> str:
