@@ -116,9 +116,8 @@ def _alone(model: Any, prompt: Sequence[int], chances: np.ndarray, end: Sequence
         logprobs.append(float(distribution[0, chosen]))
         return torch.full_like(logits, -torch.inf).index_fill(1, chosen, 0.0)
 
-    plain = copy.copy(
-        model
-    )  # the weights are shared; what the folder says of generation, such as a penalty, is left out
+    # the weights are shared; what the folder says of generation, such as a penalty, is left out
+    plain = copy.copy(model)
     plain.generation_config = GenerationConfig()
     row = torch.tensor([list(prompt)], device=next(model.parameters()).device)
     plain.generate(
