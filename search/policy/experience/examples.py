@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from math import log
 from typing import Any
 
@@ -17,8 +16,8 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.program import program_text
+from search.policy.experience.barred import BARRED
 from search.policy.experience.choices import Choices, in_the_paper
 from search.policy.experience.damage import legal, merged, spoiled, taken_apart
 from search.policy.experience.drawn_diagram import drawn_diagram
@@ -80,21 +79,6 @@ class Example:
         return cls(**{**data, "residual": Residual.from_json(data["residual"])})
 
 
-@cache
-def held_out_structures() -> frozenset[str]:
-    """Structures of all inverters of the benchmarks, in the settings that have words for them, and of the paper's diagram as it
-    is printed: no example has one of them as parent or child."""
-    from search.bench.inverters import true_programs  # the one place where training looks at the benchmarks
-
-    diagrams = [textbook("gfl_pll_filter"), *map(parse_program, true_programs())]
-    return frozenset(
-        structure_hash(one, setting.kinds, equilibrium=setting.equilibrium)
-        for one in diagrams
-        for setting in SETTINGS
-        if legal(one, setting.kinds, setting.equilibrium)
-    )
-
-
 def held_out_family(choices: Choices) -> str:
     """The family that is kept for the measurement and never trained on; "" for all others."""
     if choices.get("frame") in ("hybrid", "oscillator"):
@@ -127,10 +111,9 @@ def _of(rng: np.random.Generator, inverter: Inverter, setting: Setting, number: 
     paper = setting.name == "paper"
     whole = in_the_paper(inverter.choices) if paper else dict(inverter.choices)
     known = _known_values(inverter, setting)
-    forbidden = held_out_structures()
 
     def barred(diagram: Diagram) -> bool:
-        return structure_hash(diagram, setting.kinds, equilibrium=setting.equilibrium) in forbidden
+        return structure_hash(diagram, setting.kinds, equilibrium=setting.equilibrium) in BARRED
 
     def example(parent: "_Fitted", child: Diagram, what: str, gain: float | None) -> Example:
         return Example(
