@@ -6,11 +6,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 from scripted_search import task
+from scripted_server import Handler, scripted
 
 from search.context import system_text
 from search.proposers.chat import prompt_text
@@ -89,33 +89,17 @@ class Served:
         reason = "stop" if said[-1][0] == END else "length"
         return {"object": "chat.completion", "choices": [{"logprobs": {"content": entries}, "finish_reason": reason}]}
 
-
-class Server(ThreadingHTTPServer):
-    served: Served
-
-
-class Handler(BaseHTTPRequestHandler):
-    server: Server
-
-    def do_POST(self) -> None:
-        served = self.server.served
-        body = json.loads(self.rfile.read(int(self.headers.get("content-length", 0))))
-        with served.one_by_one:
-            if self.path == "/update_weights_from_disk":
-                served.load(body["model_path"])
+    def turn(self, handler: Handler) -> None:
+        """What the server does with any request."""
+        body = json.loads(handler.body)
+        with self.one_by_one:
+            if handler.path == "/update_weights_from_disk":
+                self.load(body["model_path"])
                 reply: dict[str, Any] = {"success": True, "message": "loaded"}
             else:
-                served.questions.append(body)
-                reply = served.answer(body)
-        content = json.dumps(reply).encode()
-        self.send_response(200)
-        self.send_header("content-type", "application/json")
-        self.send_header("content-length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
-
-    def log_message(self, format: str, *args: Any) -> None:
-        pass
+                self.questions.append(body)
+                reply = self.answer(body)
+        handler.reply(json.dumps(reply).encode())
 
 
 @contextmanager
@@ -124,14 +108,6 @@ def serving(folder: Path) -> Iterator[Served]:
     from transformers import AutoModelForCausalLM, AutoTokenizer
 
     served = Served(AutoModelForCausalLM.from_pretrained(folder).eval(), AutoTokenizer.from_pretrained(folder))
-    with Server(("127.0.0.1", 0), Handler) as server:
-        server.served = served
-        server.daemon_threads = True
-        served.url = f"http://127.0.0.1:{server.server_address[1]}/v1"
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        try:
-            yield served
-        finally:
-            server.shutdown()
-            thread.join()
+    with scripted(served.turn) as script:
+        served.url = script.url
+        yield served
