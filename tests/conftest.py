@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-#: Longest first; minutes the first two, half a minute the last. All other files are shorter and keep their order.
-LONG = ("test_gap_blind", "test_notebooks")
+#: Longest first; minutes each. All other files are shorter and keep their order.
+LONG = ("test_gap_blind", "test_small_model", "test_notebooks")
 
 
 @pytest.hookimpl(trylast=True)

@@ -9,17 +9,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
+from search.edits import edit_between
 from search.evaluation.job import Job, Result
 from search.loop import Goal, Loop
 from search.merit import criterion
-from search.proposal import Context, Evaluated, Proposer, Task
+from search.proposal import Context, Evaluated, Proposal, Proposer, Task
 from search.proposers.rules import Rules
 from search.requirements import Requirements
 from search.settings import SearchSettings
@@ -38,6 +42,11 @@ Law = Callable[[str], Verdict]
 def task(vocabulary: tuple = VOCABULARY) -> Task:
     """The benchmark in its default setting."""
     return Task(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), vocabulary)
+
+
+def noisy() -> Sweep:
+    """The benchmark with noise of 1 % that it tells."""
+    return add_noise(task().sweep, 40, rng=np.random.default_rng(0))
 
 
 @cache
@@ -165,3 +174,39 @@ def steps_of(path: Path) -> list[Step]:
     """What a store holds, but for the time it took."""
     with Store.open(path, read_only=True) as store:
         return [replace(step, seconds=0.0) for step in store.steps()]
+
+
+#: No step is spent on taking away, so that what the proposer says is what happens.
+PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0)
+
+
+class ScriptedProposer:
+    """A proposer that remembers what it was asked, and answers by a function of the context and its number."""
+
+    name = "scripted"
+
+    def __init__(
+        self, answer: Callable[[Context, int], Proposal], attempts: int = 1, window: int | None = None
+    ) -> None:
+        self.answer, self.attempts, self.window = answer, attempts, window
+        self.asked: list[Context] = []
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        self.asked.append(context)
+        return self.answer(context, len(self.asked))
+
+
+def fixed(number: int) -> str:
+    """The naive program with another fixed gain: a structure of its own for every number."""
+    return NAIVE.replace('"gain")', f'"gain", k={number / 1000})')
+
+
+def numbered(context: Context, number: int) -> Proposal:
+    """A new structure every time."""
+    return Proposal(edit_between(context.parent.record.program, fixed(number)), note=f"gain {number}")
+
+
+def ended(path: Path, **options: Any) -> tuple[str, Loop]:
+    """A whole search from the naive program, and why it ended; options as of `scripted`."""
+    with scripted(path, **options) as loop:
+        return loop.run(NAIVE), loop

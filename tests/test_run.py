@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scripted_search import NAIVE, QUICK, steps_of, task
+from scripted_search import NAIVE, PLAIN, QUICK, steps_of, task
 
 import ibrid
 import search
@@ -35,8 +35,6 @@ from search.store import Store
 
 SWEEP = task().sweep
 FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv", "selection.json", "report.html"}
-#: No step is spent on taking away, so that a scripted proposer is asked every time.
-PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0)
 
 
 @pytest.fixture(autouse=True)
