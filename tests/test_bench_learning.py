@@ -448,6 +448,7 @@ def test_rows_of_other_weights_are_left_out_and_arms_keep_their_order():
     assert {("frozen", "blind"), ("frozen", "random")} <= set(pairs(found))
     assert ("mixed blind", "rules") in pairs(["rules", "mixed blind"])
     assert ("mixed", "rules") not in pairs(found)
+    assert pairs(["rules", "frozen", "mixed"]) == [("mixed", "rules"), ("mixed", "frozen")]
 
 
 def squeezed(table: str) -> str:
@@ -474,6 +475,11 @@ def test_the_tables_say_what_the_rows_say():
     assert any(
         "held-out families (pairs: 10): mean difference of the area -0.50 [-0.50, -0.50], a gain." in one
         for one in told
+    )
+    both = [*rows, *(one | {"arm": "mixed"} for one in rows if one["arm"] == "frozen")]
+    assert any(
+        "`mixed` against `frozen`, all inverters (pairs: 20): mean difference of the area +0.00" in one
+        for one in sentences(both)
     )
     assert sentences([]) == []
     assert "Nothing of it" in table(["a"], [])

@@ -148,7 +148,7 @@ def sentences(rows: Rows, chance: Rows = ()) -> list[str]:
             "a third of theirs."
         )
     for first, second in pairs(labels(rows)):
-        if arm_of(first) != "learning" and second != "blind":
+        if second == "random":  # told above
             continue
         for place, inverters in PLACES.values():
             found = of_pair([row for row in rows if row["inverter"] in inverters], first, second, AREA)
