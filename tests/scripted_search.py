@@ -33,6 +33,8 @@ from search.store import Store
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about the search, not about the fit.
 QUICK = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0)
+#: No step is spent on taking away, so that what the proposer says is what happens.
+PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0)
 
 Verdict = Status | float
 Law = Callable[[str], Verdict]
@@ -87,6 +89,32 @@ def by_luck(program: str) -> Verdict:
 def luckily_stable(program: str) -> bool:
     """False for one structure in six, among those with a fit."""
     return luck(program) < 5 / 6
+
+
+class ScriptedProposer:
+    """A proposer that remembers what it was asked, and answers by a function of the context and its number."""
+
+    name = "scripted"
+
+    def __init__(
+        self, answer: Callable[[Context, int], Proposal], attempts: int = 1, window: int | None = None
+    ) -> None:
+        self.answer, self.attempts, self.window = answer, attempts, window
+        self.asked: list[Context] = []
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        self.asked.append(context)
+        return self.answer(context, len(self.asked))
+
+
+def fixed(number: int) -> str:
+    """The naive program with another fixed gain: a structure of its own for every number."""
+    return NAIVE.replace('"gain")', f'"gain", k={number / 1000})')
+
+
+def numbered(context: Context, number: int) -> Proposal:
+    """A new structure every time."""
+    return Proposal(edit_between(context.parent.record.program, fixed(number)), note=f"gain {number}")
 
 
 class ScriptedEvaluator:
@@ -174,36 +202,6 @@ def steps_of(path: Path) -> list[Step]:
     """What a store holds, but for the time it took."""
     with Store.open(path, read_only=True) as store:
         return [replace(step, seconds=0.0) for step in store.steps()]
-
-
-#: No step is spent on taking away, so that what the proposer says is what happens.
-PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0)
-
-
-class ScriptedProposer:
-    """A proposer that remembers what it was asked, and answers by a function of the context and its number."""
-
-    name = "scripted"
-
-    def __init__(
-        self, answer: Callable[[Context, int], Proposal], attempts: int = 1, window: int | None = None
-    ) -> None:
-        self.answer, self.attempts, self.window = answer, attempts, window
-        self.asked: list[Context] = []
-
-    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        self.asked.append(context)
-        return self.answer(context, len(self.asked))
-
-
-def fixed(number: int) -> str:
-    """The naive program with another fixed gain: a structure of its own for every number."""
-    return NAIVE.replace('"gain")', f'"gain", k={number / 1000})')
-
-
-def numbered(context: Context, number: int) -> Proposal:
-    """A new structure every time."""
-    return Proposal(edit_between(context.parent.record.program, fixed(number)), note=f"gain {number}")
 
 
 def ended(path: Path, **options: Any) -> tuple[str, Loop]:

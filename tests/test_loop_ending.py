@@ -5,16 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from scripted_search import (
-    PLAIN,
-    ScriptedEvaluator,
-    ScriptedProposer,
-    ended,
-    noisy,
-    numbered,
-    steps_of,
-    task,
-)
+from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, task
 
 import ibrid
 from ibrid.structure.roles import roles

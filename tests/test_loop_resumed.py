@@ -10,13 +10,7 @@ from pathlib import Path
 
 import pytest
 import scripted_search
-from scripted_search import (
-    NAIVE,
-    ScriptedEvaluator,
-    ended,
-    scripted,
-    steps_of,
-)
+from scripted_search import NAIVE, ScriptedEvaluator, ended, scripted, steps_of
 
 from ibrid.errors import IbridError
 from search.evaluation.job import Result

@@ -36,8 +36,7 @@ def probe(served: np.ndarray, before: np.ndarray, after: np.ndarray) -> Probe:
     """What log-probabilities of the same n tokens, (n,) each, say about the served weights.
 
     The share s is the least-squares solution of served - before = s (after - before); its error is that of the regression, with
-    what is left over and `ROUNDING` as noise. So serving in another precision widens the error rather than
-    moving the share.
+    what is left over and `ROUNDING` as noise. So serving in another precision widens the error rather than moving the share.
     """
     drift = float(np.abs(served - after).mean())
     change, seen = after - before, served - before

@@ -84,8 +84,8 @@ def of_arm(rows: Rows, measure: Measure) -> Estimate | None:
 
 
 def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
-    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, and both beside
-    rules and policy alone."""
+    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, and what mixing
+    it with rules adds to either."""
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
         wanted += [(label, other) for other in dict.fromkeys((*controls(label), "blind"))]
