@@ -23,7 +23,7 @@ $(STAMP): pyproject.toml
 	$(PYTHON) is $$($(PYTHON) --version 2>&1), name another: make PYTHON=/path/to/python3.11" >&2; exit 2; }
 	@test -x $(RUN) || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "python -m venv failed; on Debian or Ubuntu \
 	install python3-venv" >&2; exit 2; }
-	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev,vectorfit]'
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev,vectorfit]' -e ./search/policy
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps 'fmpy>=0.3.32'
 	$(RUN) -m ibrid evaluate naive paper_like --restarts 0 > /dev/null
 	@touch $@
@@ -32,38 +32,38 @@ demo: $(STAMP)
 	$(RUN) -m ibrid.demo
 
 bench: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.fit
 
 # The results that the pages in docs show lie in docs/measured; the page of a benchmark is made again, and what is missing
 # measured, by e.g. make bench-search ARGS="--out docs/measured/search --page docs/search_results.md".
 
 # hours: every hidden inverter, ten seeds each; make bench-search ARGS="--only paper --seeds 3" does a part
 bench-search: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.search $(ARGS)
 
 # an hour or more: 200 devices that hide an effect, diagnosed blindly; make bench-gap ARGS="--only pair --seed 7" does a part
 bench-gap: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid.bench_gap $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.gap $(ARGS)
 
 # half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data; with
 # ARGS="--searches docs/measured/search" the searches are not made again
 bench-baselines: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.baselines $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.baselines $(ARGS)
 
 # an hour or more: every reference inverter swept, fitted, diagnosed and searched; --searches as above,
 # make bench-inverters ARGS="--only fit --inverter gfm_droop" does a part
 bench-inverters: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.reference $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.reference $(ARGS)
 
 # about four hours: random, rules, and the policy frozen, learning and mixed, on the same six hidden inverters; all of it, twelve:
 # make bench-learning ARGS="--seeds 10 --out docs/measured/learning --page docs/learning_results.md"
 bench-learning: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.learning $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.learning $(ARGS)
 
 # half an hour on a CPU: how often SmolLM2, or ARGS="--model FOLDER", writes an edit that a search can use: free, within the grammar
 # of edits, and after learning; ARGS="--out docs/measured/language_model --page docs/language_model_results.md" makes the page
 bench-lm: setup-llm
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m search.bench.language_model $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.language_model $(ARGS)
 
 # a local language model for its tests: the CPU build of torch first, since a plain requirement takes gigabytes of CUDA
 setup-llm: $(STAMP)

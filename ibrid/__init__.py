@@ -37,6 +37,7 @@ _HOME = {
     "read_program": "ibrid.structure.program",
     "read_record": "ibrid.evaluation.record",
     "read_sweep": "ibrid.measurement.read",
+    "search": "ibrid_search.running",
     "stability": "ibrid.analysis.stability",
     "structure_hash": "ibrid.structure.canonical",
     "sweep": "ibrid.plants.sweeping",

@@ -10,6 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ibrid_search.edits import edit_between
+from ibrid_search.evaluation.job import Job, Result
+from ibrid_search.loop import Goal, Loop
+from ibrid_search.merit import criterion
+from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.requirements import Requirements
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
 
 import ibrid
 from ibrid.errors import IbridError
@@ -19,16 +29,6 @@ from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
-from search.edits import edit_between
-from search.evaluation.job import Job, Result
-from search.loop import Goal, Loop
-from search.merit import criterion
-from search.proposal import Context, Evaluated, Proposal, Proposer, Task
-from search.proposers.rules import Rules
-from search.requirements import Requirements
-from search.settings import SearchSettings
-from search.step import Status, Step
-from search.store import Store
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about the search, not about the fit.

@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ibrid_search.context import system_text
+from ibrid_search.proposers.chat import prompt_text
 from scripted_search import task
 from scripted_server import Handler, scripted
-
-from search.context import system_text
-from search.proposers.chat import prompt_text
 
 KINDS = ("PI_dq", "LPF1_dq", "Gain_dq", "Pade1_dq")
 LINE = '    g.connect("gain.out", "plant.u_r")'

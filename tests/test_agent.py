@@ -7,6 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ibrid_search.judging import judge
+from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposers.agent import Agent
+from ibrid_search.proposers.agent_calls import diagnosis_in, read_wish
+from ibrid_search.proposers.agent_memory import remembered
+from ibrid_search.proposers.agent_question import AgentSettings
+from ibrid_search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
+from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.proposers.spending import Limits
+from ibrid_search.step import Status, Step
 from scripted_server import refuses, says, scripted
 
 import ibrid
@@ -16,16 +26,6 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.program import parse_program
-from search.judging import judge
-from search.proposal import Context, Evaluated, Proposal, Proposer, Task
-from search.proposers.agent import Agent
-from search.proposers.agent_calls import diagnosis_in, read_wish
-from search.proposers.agent_memory import remembered
-from search.proposers.agent_question import AgentSettings
-from search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
-from search.proposers.chat_server import ChatServer
-from search.proposers.spending import Limits
-from search.step import Status, Step
 
 Said = str | Answer | ChatError | Callable[[Sequence[Message]], Answer]
 

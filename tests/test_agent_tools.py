@@ -7,6 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ibrid_search.logbook import Effort, Logbook
+from ibrid_search.mcp_server import Options, serve
+from ibrid_search.proposal import Task
+from ibrid_search.sitting import open_logbook
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
+from ibrid_search.tool import Tool, call_by_name, capped, complaint, listed
+from ibrid_search.workbench import Workbench
 
 import ibrid
 from ibrid.errors import IbridError
@@ -14,14 +22,6 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.static import GAIN_DQ
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.library import textbook_text
-from search.logbook import Effort, Logbook
-from search.mcp_server import Options, serve
-from search.proposal import Task
-from search.sitting import open_logbook
-from search.step import Status, Step
-from search.store import Store
-from search.tool import Tool, call_by_name, capped, complaint, listed
-from search.workbench import Workbench
 
 NAIVE = textbook_text("naive")
 EFFORT = Effort(restarts=0)
@@ -317,7 +317,7 @@ def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
 ):
     with open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path, NAIVE) as logbook:
         with monkeypatch.context() as patch:
-            patch.setattr("search.logbook.evaluate", lambda *_, **__: 1 / 0)
+            patch.setattr("ibrid_search.logbook.evaluate", lambda *_, **__: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 logbook.submit(NAIVE)
         assert logbook.submit(NAIVE).status is Status.OK

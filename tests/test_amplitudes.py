@@ -5,6 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from ibrid_bench.hidden.bases import draw_base
+from ibrid_bench.hidden.device import OMEGA_60, Device, admittance, stable
+from ibrid_bench.hidden.injection import injected
+from ibrid_bench.hidden.nonlinear import Nonlinearity
 from scipy.integrate import quad
 
 from ibrid.errors import IbridError, SweepError
@@ -23,10 +27,6 @@ from ibrid.measurement.noise import add_noise
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.thinning import thinned
-from ibrid.plants.hidden.bases import draw_base
-from ibrid.plants.hidden.device import OMEGA_60, Device, admittance, stable
-from ibrid.plants.hidden.injection import injected
-from ibrid.plants.hidden.nonlinear import Nonlinearity
 
 HEAD = "op,p,q,freq_hz,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"
 OP = OperatingPoint("p=1,q=0.3", 1.0, 0.3)

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ibrid_search.archive import Archive, Entry
+from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
-from search.archive import Archive, Entry
-from search.settings import SearchSettings
 
 SMALL = SearchSettings(population=60, islands=5, elites=8, sweep=40, front=0.0, variety=0.0)
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ibrid_search.evaluation.assess import QUICK, THOROUGH, Subject, assess
+from ibrid_search.evaluation.job import Job
+from ibrid_search.merit import noise_floor
 from scripted_search import NAIVE, task
 
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.noise import add_noise
-from search.evaluation.assess import QUICK, THOROUGH, Subject, assess
-from search.evaluation.job import Job
-from search.merit import noise_floor
 
 #: Noise of 1 %, so that a misfit of 1 is an error of 0.01.
 NOISY = add_noise(task().sweep, 40, rng=np.random.default_rng(0))

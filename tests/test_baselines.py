@@ -6,6 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ibrid_bench.baselines.__main__ import main
+from ibrid_bench.baselines.answer import Answer, scored
+from ibrid_bench.baselines.between import nearest, weights_between
+from ibrid_bench.baselines.case import GRID, INVERTERS, Case, cases_of
+from ibrid_bench.baselines.methods import METHODS, placed, row_key
+from ibrid_bench.baselines.recovered import recovered
+from ibrid_bench.baselines.series_filter import SeriesFilter, impedance_terms, rotating, series_filter
+from ibrid_bench.baselines.sparse import sparse_regression
+from ibrid_bench.baselines.sparse_model import sparse_model
+from ibrid_bench.baselines.tables import NOT_YET, page
+from ibrid_bench.baselines.terms import control_terms
+from ibrid_bench.baselines.vector_fit import vector_fit
+from ibrid_bench.search.hidden import FREQUENCY
+from ibrid_bench.search.inverters import inverter, plant_of
+from ibrid_bench.search.trials import BUDGETS
 
 import ibrid
 from ibrid.errors import IbridError
@@ -13,21 +28,6 @@ from ibrid.ledger import Ledger
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.linear_sweep import state_space
-from search.bench.baselines.__main__ import main
-from search.bench.baselines.answer import Answer, scored
-from search.bench.baselines.between import nearest, weights_between
-from search.bench.baselines.case import GRID, INVERTERS, Case, cases_of
-from search.bench.baselines.methods import METHODS, placed, row_key
-from search.bench.baselines.recovered import recovered
-from search.bench.baselines.series_filter import SeriesFilter, impedance_terms, rotating, series_filter
-from search.bench.baselines.sparse import sparse_regression
-from search.bench.baselines.sparse_model import sparse_model
-from search.bench.baselines.tables import NOT_YET, page
-from search.bench.baselines.terms import control_terms
-from search.bench.baselines.vector_fit import vector_fit
-from search.bench.hidden import FREQUENCY
-from search.bench.inverters import inverter, plant_of
-from search.bench.trials import BUDGETS
 
 OMEGA_0 = 2 * np.pi * 60
 HERE, THERE = OperatingPoint("here", 1.0, 0.3), OperatingPoint("there", 1.0, -0.3)

@@ -6,6 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ibrid_bench.reference.__main__ import main
+from ibrid_bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
+from ibrid_bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
+from ibrid_bench.reference.tables import NOT_YET, page
+from ibrid_bench.search.inverters import inverter
+from ibrid_bench.search.scoring import perform
+from ibrid_bench.search.trials import BUDGETS, rules_trial
 
 import ibrid
 from ibrid.errors import IbridError
@@ -15,13 +22,6 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.published_forming import BEYOND
 from ibrid.structure import compare, structure_hash, violations
 from ibrid.structure.drafting import Draft
-from search.bench.inverters import inverter
-from search.bench.reference.__main__ import main
-from search.bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
-from search.bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
-from search.bench.reference.tables import NOT_YET, page
-from search.bench.scoring import perform
-from search.bench.trials import BUDGETS, rules_trial
 
 NAMED = [pytest.param(one, id=f"{one.inverter}: {one.words}") for one in HIDINGS]
 

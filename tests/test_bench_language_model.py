@@ -5,19 +5,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ibrid_bench.language_model import __main__ as program
+from ibrid_bench.language_model.answering import SETTINGS, STATES, WAYS, answered, cases
+from ibrid_bench.language_model.page import page
+from ibrid_bench.language_model.questions import INVERTERS, PLACES, Question, questions
+from ibrid_policy.interface import Sampled
+from ibrid_search.edits import edit_between
+from ibrid_search.proposers import smollm2
+from ibrid_search.proposers.language_model import read_answer
+from ibrid_search.running import search
 from scripted_search import context_of
 
 import ibrid
 from ibrid.ledger import NAME, Ledger
-from search.bench.language_model import __main__ as program
-from search.bench.language_model.answering import SETTINGS, STATES, WAYS, answered, cases
-from search.bench.language_model.page import page
-from search.bench.language_model.questions import INVERTERS, PLACES, Question, questions
-from search.edits import edit_between
-from search.policy.interface import Sampled
-from search.proposers import smollm2
-from search.proposers.language_model import read_answer
-from search.running import run
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers"))
 needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")
@@ -69,7 +69,7 @@ def question() -> Question:
 
 def test_questions_are_those_of_a_search_with_what_it_had_met_by_then():
     def short(*words, **options):
-        return run(*words, **{**options, "budget": 7})
+        return search(*words, **{**options, "budget": 7})
 
     first, third = questions("paper_like", short, (1, 3))
     assert first.context.parent.step == 0
@@ -84,7 +84,7 @@ def test_questions_are_those_of_a_search_with_what_it_had_met_by_then():
 
 @needs_torch
 def test_an_answer_ends_as_it_would_in_a_search(monkeypatch):
-    monkeypatch.setattr("search.bench.language_model.answering.SETTINGS", replace(SETTINGS, group=len(REPLIES)))
+    monkeypatch.setattr("ibrid_bench.language_model.answering.SETTINGS", replace(SETTINGS, group=len(REPLIES)))
     policy, (case, *_) = Talker(), cases("talker 0")
     row = answered(case, question(), policy)
     assert [one["status"] for one in row["answers"]] == list(REPLIES.values())
@@ -101,7 +101,7 @@ def test_every_question_is_asked_in_both_ways_before_and_after_learning():
 
 @needs_torch
 def test_nothing_is_asked_twice_and_the_page_says_what_came_of_it(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("search.learning.text_policy.TextPolicy", Talker)
+    monkeypatch.setattr("ibrid_policy.learning.text_policy.TextPolicy", Talker)
     heard = []
 
     def two(name, _):

@@ -11,16 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-import ibrid
-from ibrid.errors import IbridError
-from ibrid.ledger import NAME, Ledger
-from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.plants.reference import P1_Q03
-from search.bench.inverters import inverter
-from search.bench.learning.__main__ import main
-from search.bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS, Case, cases, weights_digest
-from search.bench.learning.comparison import (
+from ibrid_bench.learning.__main__ import main
+from ibrid_bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS, Case, cases, weights_digest
+from ibrid_bench.learning.comparison import (
     AREA,
     CONNECTIONS,
     TO_PAPER_ERROR,
@@ -34,12 +27,12 @@ from search.bench.learning.comparison import (
     share,
     verdict,
 )
-from search.bench.learning.course import area, best_at, course_of, evaluations_to
-from search.bench.learning.drawn import drawn_inverter
-from search.bench.learning.measuring import endings, measured
-from search.bench.learning.page import measured_of, page
-from search.bench.learning.statistics import DRAWS, Estimate, differences, estimate, mean, median
-from search.bench.learning.tables import (
+from ibrid_bench.learning.course import area, best_at, course_of, evaluations_to
+from ibrid_bench.learning.drawn import drawn_inverter
+from ibrid_bench.learning.measuring import endings, measured
+from ibrid_bench.learning.page import measured_of, page
+from ibrid_bench.learning.statistics import DRAWS, Estimate, differences, estimate, mean, median
+from ibrid_bench.learning.tables import (
     answers_table,
     arms_table,
     inverters_table,
@@ -48,14 +41,21 @@ from search.bench.learning.tables import (
     table,
     updates_table,
 )
-from search.bench.learning.updates import told
-from search.learning.settings import PROFILES, LearningSettings
-from search.learning.updates import META, Update, updates_json
-from search.policy.experience.drawn_diagram import drawn_diagram
-from search.policy.experience.examples import held_out_family
-from search.policy.experience.inverter import drawn_choices
-from search.step import Status, Step
-from search.store import Store
+from ibrid_bench.learning.updates import told
+from ibrid_bench.search.inverters import inverter
+from ibrid_policy.experience.drawn_diagram import drawn_diagram
+from ibrid_policy.experience.examples import held_out_family
+from ibrid_policy.experience.inverter import drawn_choices
+from ibrid_policy.learning.settings import PROFILES, LearningSettings
+from ibrid_policy.learning.updates import META, Update, updates_json
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.ledger import NAME, Ledger
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants.reference import P1_Q03
 
 SMALL = LearningSettings(contexts=4, group=8)
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -665,10 +665,9 @@ def test_the_page_in_the_docs_is_that_of_its_ledger():
 )
 @pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 def test_the_control_of_learning_updates_and_changes_no_weight():
+    from ibrid_policy.interface import Sampled
+    from ibrid_policy.learning.trainer import Group, Trainer, fingerprint
     from toy_policy import ASK, END, FIRST, tiny_model
-
-    from search.learning.trainer import Group, Trainer, fingerprint
-    from search.policy.interface import Sampled
 
     def weights_after(rate: float) -> str:
         model = tiny_model(FIRST + 2)

@@ -6,11 +6,11 @@ import pickle
 import time
 
 import pytest
+from ibrid_search.proposers.chat import Chat, ChatError
+from ibrid_search.proposers.chat_server import ChatServer
 from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
 
 from ibrid.errors import IbridError
-from search.proposers.chat import Chat, ChatError
-from search.proposers.chat_server import ChatServer
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 

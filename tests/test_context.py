@@ -5,6 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.context import prompt, system_text
+from ibrid_search.edits import apply_edit
+from ibrid_search.language import kinds_text
+from ibrid_search.priors import SCALE_TEXTS
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Task
+from ibrid_search.proposers.chat import estimated_tokens
+from ibrid_search.quoting import fenced
+from ibrid_search.step import Status, Step
 
 import ibrid
 from ibrid.errors import IbridError
@@ -12,14 +20,6 @@ from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.signals import Signal
 from ibrid.structure import program_text, textbook_names, violations
-from search.context import prompt, system_text
-from search.edits import apply_edit
-from search.language import kinds_text
-from search.priors import SCALE_TEXTS
-from search.proposal import SCALES, Complaint, Context, Evaluated, Task
-from search.proposers.chat import estimated_tokens
-from search.quoting import fenced
-from search.step import Status, Step
 
 ROOM = 100_000
 

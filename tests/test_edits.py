@@ -6,12 +6,12 @@ import time
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ibrid_search.edits import EditError, apply_edit, edit_between, strip_thinking
+from ibrid_search.step import Status
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.structure import program_text, textbook_names, textbook_text
-from search.edits import EditError, apply_edit, edit_between, strip_thinking
-from search.step import Status
 
 PROGRAM = """\
 def build(g):

@@ -15,20 +15,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ibrid_search.evaluation import ray_session
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.job import Evaluator, Job, Result
+from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.evaluation.ray_actors import RayEvaluator
+from ibrid_search.evaluation.ray_session import RaySession, open_session
+from ibrid_search.evaluation.turns import Attempt, Turns
+from ibrid_search.step import Status
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
 from ibrid.modules.control import LPF1_DQ
 from ibrid.modules.vocabulary import VOCABULARY
-from search.evaluation import ray_session
-from search.evaluation.assess import Subject
-from search.evaluation.job import Evaluator, Job, Result
-from search.evaluation.local import LocalEvaluator
-from search.evaluation.ray_actors import RayEvaluator
-from search.evaluation.ray_session import RaySession, open_session
-from search.evaluation.turns import Attempt, Turns
-from search.step import Status
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about who evaluates, not about the fit.
@@ -435,8 +435,8 @@ import os, signal, sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 import test_evaluators as cases
-from search.evaluation.job import Job
-from search.evaluation.ray_actors import RayEvaluator
+from ibrid_search.evaluation.job import Job
+from ibrid_search.evaluation.ray_actors import RayEvaluator
 
 asked = []
 signal.signal(signal.SIGINT, lambda *_: asked.append(True))

@@ -5,16 +5,16 @@ from math import inf, log
 
 import numpy as np
 import pytest
+from ibrid_search.edits import apply_edit
+from ibrid_search.first_look import LOOKED_AT, PRICE, first_look
+from ibrid_search.proposal import Context
+from ibrid_search.proposers.moves.family import Family, Move
+from ibrid_search.proposers.rules import GROSS, Rules
 from scripted_search import context_of, task
 
 import ibrid
 from ibrid.measurement.noise import add_noise
 from ibrid.structure.drafting import Draft
-from search.edits import apply_edit
-from search.first_look import LOOKED_AT, PRICE, first_look
-from search.proposal import Context
-from search.proposers.moves.family import Family, Move
-from search.proposers.rules import GROSS, Rules
 
 TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 
@@ -52,7 +52,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise SystemExit("a kind of somebody's own")
 
-    monkeypatch.setattr("search.first_look.symbolic_model", broken)
+    monkeypatch.setattr("ibrid_search.first_look.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf
 
 

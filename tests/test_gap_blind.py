@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from ibrid_bench.gap.diagnosis import Diagnosis
+from ibrid_bench.gap.examination import examine
+from ibrid_bench.gap.held_out import MOST
+from ibrid_bench.gap.misses import miss, said
+from ibrid_bench.gap.scoring import Row
+from ibrid_bench.gap.trials import Trial, design, shares
 
-from ibrid.bench_gap.diagnosis import Diagnosis
-from ibrid.bench_gap.examination import examine
-from ibrid.bench_gap.held_out import MOST
-from ibrid.bench_gap.misses import miss, said
-from ibrid.bench_gap.scoring import Row
-from ibrid.bench_gap.trials import Trial, design, shares
 from ibrid.gap.files import gap_json
 from ibrid.gap.prior import read_values
 from ibrid.gap.workflow import find_gap

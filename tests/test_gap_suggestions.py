@@ -3,19 +3,19 @@
 from functools import cache
 
 import pytest
+from ibrid_bench.hidden.case import Case, draw_case
+from ibrid_search.proposers.choose import choose_proposers
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.suggesting import MANY, suggestions_of, told
 from scripted_server import says, scripted
 
 from ibrid.gap.files import gap_json
 from ibrid.gap.result import Gap
 from ibrid.gap.suggesting import Question, Suggestion, low_order_blocks
 from ibrid.gap.workflow import find_gap
-from ibrid.plants.hidden.case import Case, draw_case
 from ibrid.report.gap_page import gap_page
 from ibrid.report.gap_text import gap_text
 from ibrid.structure.program import parse_program, program_text
-from search.proposers.choose import choose_proposers
-from search.proposers.rules import Rules
-from search.suggesting import MANY, suggestions_of, told
 
 FILTERED = (
     '    g.add("LPF1", "sensor")\n    g.connect("plant.e_q", "sensor.in_")\n    g.connect("sensor.out", "pll.e_q")\n'

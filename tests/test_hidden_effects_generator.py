@@ -10,6 +10,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ibrid_bench.hidden.__main__ import main
+from ibrid_bench.hidden.bases import BASES, draw_base
+from ibrid_bench.hidden.case import KINDS, UNDERSTATED, Case, Kind, draw_case, write_case
+from ibrid_bench.hidden.declaration import SEVERITIES, HiddenEffect
+from ibrid_bench.hidden.device import OMEGA_60, Device, Linearised, admittance, linearise, power_node_of, stable
+from ibrid_bench.hidden.effects import HIDDEN
+from ibrid_bench.hidden.elsewhere import CONVENTIONS, FOREIGN
+from ibrid_bench.hidden.equations import equations, values_of
+from ibrid_bench.hidden.nominal import nominal_values
+from ibrid_bench.hidden.points import HELD_OUT
+from ibrid_bench.hidden.program import block_diagram
+from ibrid_bench.hidden.rest import at_rest
+from ibrid_bench.hidden.winding import unstable_zeros
+from ibrid_bench.hidden.written import Measurement
+from ibrid_bench.search.hidden import exact_model
 from scipy.linalg import block_diag
 
 from ibrid.errors import IbridError, OperatingPointError
@@ -18,27 +33,12 @@ from ibrid.measurement.sweep import OperatingPoint, PowerNode, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, frequency_grid, state_space
 from ibrid.plants.gfl import GFLParameters
-from ibrid.plants.hidden.__main__ import main
-from ibrid.plants.hidden.bases import BASES, draw_base
-from ibrid.plants.hidden.case import KINDS, UNDERSTATED, Case, Kind, draw_case, write_case
-from ibrid.plants.hidden.declaration import SEVERITIES, HiddenEffect
-from ibrid.plants.hidden.device import OMEGA_60, Device, Linearised, admittance, linearise, power_node_of, stable
-from ibrid.plants.hidden.effects import HIDDEN
-from ibrid.plants.hidden.elsewhere import CONVENTIONS, FOREIGN
-from ibrid.plants.hidden.equations import equations, values_of
-from ibrid.plants.hidden.nominal import nominal_values
-from ibrid.plants.hidden.points import HELD_OUT
-from ibrid.plants.hidden.program import block_diagram
-from ibrid.plants.hidden.rest import at_rest
-from ibrid.plants.hidden.winding import unstable_zeros
-from ibrid.plants.hidden.written import Measurement
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.library import textbook, textbook_names
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import wire
-from search.bench.hidden import exact_model
 
 PACKAGE = Path(__file__).resolve().parents[1] / "ibrid"
 FREQUENCY = frequency_grid("5:5000:16")
@@ -613,23 +613,25 @@ def _imports(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             found |= {str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return {name for name in found if name.startswith("ibrid.")}
+    return {name for name in found if name.startswith(("ibrid.", "ibrid_bench."))}
 
 
 def _file(name: str) -> Path | None:
-    place = PACKAGE.joinpath(*name.split(".")[1:])
+    first, *rest = name.split(".")
+    place = (PACKAGE if first == "ibrid" else PACKAGE.parent / "search" / first).joinpath(*rest)
     return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
 
 
 def test_the_generator_shares_no_code_with_assembly_fit_modules_and_gap():
     """Followed through everything that it imports, but for the root package, which offers all parts to users."""
-    waiting = sorted((PACKAGE / "plants" / "hidden").glob("*.py"))
+    waiting = sorted((PACKAGE.parent / "search" / "ibrid_bench" / "hidden").glob("*.py"))
     seen = set(waiting)
     for path in waiting:  # grows while it is walked
         for name in sorted(_imports(path)):
             parts = name.split(".")
             folders = [_file(".".join(parts[:k])) for k in range(2, len(parts) + 1)]
-            assert parts[1] in ("plants", "measurement", "errors", "writing", "showing"), f"{path.name} imports {name}"
+            apart = ("plants", "measurement", "errors", "writing", "showing", "hidden")
+            assert parts[1] in apart, f"{path.name} imports {name}"
             fresh = {one for one in folders if one is not None} - seen
             seen |= fresh
             waiting += sorted(fresh)

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, exact_model
+from ibrid_bench.search.inverters import DIAGRAMS, HARDWARE, hardware, inverter, inverter_names, plant_of
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 from ibrid.plants import state_space
-from search.bench.hidden import FREQUENCY, HALF_LOAD, Hidden, exact_model
-from search.bench.inverters import DIAGRAMS, HARDWARE, hardware, inverter, inverter_names, plant_of
 
-SEARCH = Path(__file__).resolve().parents[1] / "search"
+SEARCH = Path(__file__).resolve().parents[1] / "search" / "ibrid_search"
 NAMES = inverter_names()
 
 
@@ -240,12 +240,12 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-OWN = sorted(path for path in SEARCH.rglob("*.py") if path.relative_to(SEARCH).parts[0] != "bench")
+OWN = sorted(SEARCH.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_the_search_never_looks_at_the_hidden_inverters(path):
-    assert not [name for name in imports(path) if name.startswith("search.bench")]
+    assert not [name for name in imports(path) if name.startswith("ibrid_bench")]
 
 
 def test_the_proposers_know_no_inverter_of_ours():

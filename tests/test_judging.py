@@ -3,16 +3,16 @@
 from dataclasses import replace
 
 import pytest
+from ibrid_search.edits import edit_between
+from ibrid_search.gates import implausible
+from ibrid_search.judging import Verdict, judge, judge_program
+from ibrid_search.proposal import Proposal
+from ibrid_search.step import Status
 from scripted_search import NAIVE, task
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.canonical import structure_hash
-from search.edits import edit_between
-from search.gates import implausible
-from search.judging import Verdict, judge, judge_program
-from search.proposal import Proposal
-from search.step import Status
 
 GFL = ibrid.program_text(ibrid.textbook("gfl"))
 

@@ -5,20 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.edits import EditError, apply_edit
+from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposers.chat import Answer
+from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.proposers.language_model import LanguageModel, read_answer
+from ibrid_search.proposers.local_model import LocalModel
+from ibrid_search.proposers.model_names import model_of
+from ibrid_search.proposers.spending import Limits
 from scripted_server import closes, hangs, refuses, says, scripted, sends
 
 import ibrid
 from ibrid.errors import IbridError, ProgramError
 from ibrid.modules import VOCABULARY
 from ibrid.structure import program_text, violations
-from search.edits import EditError, apply_edit
-from search.proposal import Complaint, Context, Evaluated, Proposal, Proposer, Task
-from search.proposers.chat import Answer
-from search.proposers.chat_server import ChatServer
-from search.proposers.language_model import LanguageModel, read_answer
-from search.proposers.local_model import LocalModel
-from search.proposers.model_names import model_of
-from search.proposers.spending import Limits
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 
@@ -303,7 +303,7 @@ def test_limits_without_a_meaning_are_refused(limits):
 
 
 def test_a_package_that_is_not_installed_is_named(monkeypatch, tmp_path):
-    import search.proposers.model_names as names
+    import ibrid_search.proposers.model_names as names
 
     monkeypatch.setattr(names, "find_spec", lambda name: None)
     with pytest.raises(IbridError, match=r"needs the package openai; pip install 'ibrid\[llm\]'"):

@@ -10,11 +10,11 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 import transformers
+from ibrid_policy.learning.sampling import require_causal, sample_answers
+from ibrid_policy.learning.scoring import score, side_by_side
 from many_models import KINDS, TOKENS, made
 
 from ibrid.errors import IbridError
-from search.learning.sampling import require_causal, sample_answers
-from search.learning.scoring import score, side_by_side
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 
@@ -59,7 +59,7 @@ def test_answers_stand_side_by_side_where_the_model_reads_them_so(name):
 def test_both_ways_of_sampling_draw_the_same_answers(monkeypatch):
     model = made("llama")
     together = sample_answers(model, PROMPT, 6, end=[END], longest=8, seed=2)
-    monkeypatch.setattr("search.learning.sampling.side_by_side", lambda model: False)
+    monkeypatch.setattr("ibrid_policy.learning.sampling.side_by_side", lambda model: False)
     apart = sample_answers(model, PROMPT, 6, end=[END], longest=8, seed=2)
     assert [one.tokens for one in apart] == [one.tokens for one in together]
     for one, other in zip(apart, together, strict=True):

@@ -18,23 +18,23 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
     pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
 
 import torch
+from ibrid_policy.interface import Policy
+from ibrid_policy.learning.advantages import entropic_advantages
+from ibrid_policy.learning.learner import Learner
+from ibrid_policy.learning.settings import PROFILES, LearningSettings
+from ibrid_policy.learning.trainer import Group, fingerprint
+from ibrid_policy.learning.updates import META, Update, read_updates
+from ibrid_search.first_look import LOOKED_AT, LOOKING, Look
+from ibrid_search.loop import BUDGET, TARGET, Loop
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
 from scripted_search import NAIVE, ScriptedEvaluator, scripted, steps_of
 from toy_policy import ASK, FIRST, Change, ToyPolicy
 
 from ibrid.errors import IbridError
 from ibrid.structure.program import program_text
-from search.first_look import LOOKED_AT, LOOKING, Look
-from search.learning.advantages import entropic_advantages
-from search.learning.learner import Learner
-from search.learning.settings import PROFILES, LearningSettings
-from search.learning.trainer import Group, fingerprint
-from search.learning.updates import META, Update, read_updates
-from search.loop import BUDGET, TARGET, Loop
-from search.policy.interface import Policy
-from search.proposers.rules import Rules
-from search.settings import SearchSettings
-from search.step import Status, Step
-from search.store import Store
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 
@@ -85,7 +85,7 @@ class Reversed(ScriptedEvaluator):
 
 @contextmanager
 def learning(folder: Path, policy: Policy | None = None, learn: LearningSettings = SMALL, **options) -> Iterator[Loop]:
-    """A loop with a learner, opened as `search.run` does."""
+    """A loop with a learner, opened as `ibrid.search` does."""
     search = options.setdefault("settings", PLAIN)
     folder.mkdir(exist_ok=True)
     learner = Learner(policy or ToyPolicy(more_gain, 6), learn, seed=options.get("seed", 0), window=search.window)
@@ -252,7 +252,7 @@ def sighted(monkeypatch) -> list[str]:
         looked.append(program_text(diagram))
         return Look(math.log(by_gain(looked[-1])))
 
-    monkeypatch.setattr("search.policy.asking.first_look", look)
+    monkeypatch.setattr("ibrid_policy.asking.first_look", look)
     return looked
 
 
@@ -331,7 +331,7 @@ def test_an_answer_whose_look_finds_no_response_has_failed(tmp_path, monkeypatch
         gain = float(re.search(r'"gain", k=([\d.]+)\)', program_text(diagram))[1])  # type: ignore[index]
         return Look(math.inf if gain > 0.004 else -gain)
 
-    monkeypatch.setattr("search.policy.asking.first_look", look)
+    monkeypatch.setattr("ibrid_policy.asking.first_look", look)
     steps, learner = ended(tmp_path / "run", budget=12, learn=replace(BY_LOOKS, contexts=1))
     first = next(step for step in steps if step.proposer == "toy").usage["learning"]["answers"]
     ends = [(one["tokens"][0] - FIRST, one["status"]) for one in first]

@@ -10,18 +10,18 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import torch
 import transformers
+from ibrid_policy.backend import threads
+from ibrid_policy.learning.adapters import merged
+from ibrid_policy.learning.advantages import mean_advantages
+from ibrid_policy.learning.checkpoint import read_checkpoint, write_checkpoint
+from ibrid_policy.learning.sampling import sample_answers
+from ibrid_policy.learning.scoring import score
+from ibrid_policy.learning.settings import LearningSettings
+from ibrid_policy.learning.trainer import Group, Trained, Trainer, fingerprint
 from many_models import made
 from toy_policy import ASK, END, FIRST, tiny_model
 
 from ibrid.errors import IbridError
-from search.learning.adapters import merged
-from search.learning.advantages import mean_advantages
-from search.learning.checkpoint import read_checkpoint, write_checkpoint
-from search.learning.sampling import sample_answers
-from search.learning.scoring import score
-from search.learning.settings import LearningSettings
-from search.learning.trainer import Group, Trained, Trainer, fingerprint
-from search.policy.backend import threads
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 

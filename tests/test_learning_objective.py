@@ -5,9 +5,7 @@ import math
 
 import numpy as np
 import pytest
-
-from ibrid.errors import IbridError
-from search.learning.advantages import (
+from ibrid_policy.learning.advantages import (
     DIVERGENCE,
     EPSILON,
     WAYS,
@@ -17,8 +15,10 @@ from search.learning.advantages import (
     mean_advantages,
     rewarded,
 )
-from search.learning.settings import RATE_LARGE, RATE_LORA, RATE_SGD, RATE_SMALL, LearningSettings
-from search.step import Status, Step
+from ibrid_policy.learning.settings import RATE_LARGE, RATE_LORA, RATE_SGD, RATE_SMALL, LearningSettings
+from ibrid_search.step import Status, Step
+
+from ibrid.errors import IbridError
 
 needs_torch = pytest.mark.skipif(
     importlib.util.find_spec("torch") is None, reason="learning needs torch; make setup-llm"
@@ -162,8 +162,7 @@ def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
 @needs_torch
 def test_the_surrogate_is_flat_where_the_clip_holds_and_linear_elsewhere():
     import torch
-
-    from search.learning.objective import surrogate
+    from ibrid_policy.learning.objective import surrogate
 
     ratio = torch.tensor([[0.5, 0.9, 1.2, 1.5], [0.5, 0.9, 1.2, 1.5]], dtype=torch.float64, requires_grad=True)
     advantage = torch.tensor([[2.0], [-2.0]], dtype=torch.float64)
@@ -178,8 +177,7 @@ def test_the_surrogate_is_flat_where_the_clip_holds_and_linear_elsewhere():
 @needs_torch
 def test_importance_weights_are_truncated_and_have_no_gradient():
     import torch
-
-    from search.learning.objective import importance_weights
+    from ibrid_policy.learning.objective import importance_weights
 
     train = torch.log(torch.tensor([[0.1, 0.4, 0.9]], dtype=torch.float64)).requires_grad_()
     serve = torch.log(torch.tensor([[0.2, 0.4, 0.3]], dtype=torch.float64))
@@ -191,8 +189,7 @@ def test_importance_weights_are_truncated_and_have_no_gradient():
 @needs_torch
 def test_each_answer_counts_alike_however_long_it_is():
     import torch
-
-    from search.learning.objective import over_answers
+    from ibrid_policy.learning.objective import over_answers
 
     tokens = torch.tensor([[1.0, 2.0, 3.0], [8.0, 99.0, 99.0]])
     real = torch.tensor([[True, True, True], [True, False, False]])
@@ -202,8 +199,7 @@ def test_each_answer_counts_alike_however_long_it_is():
 @needs_torch
 def test_the_divergence_is_zero_for_equal_policies_and_the_textbooks_in_the_mean():
     import torch
-
-    from search.learning.objective import divergence
+    from ibrid_policy.learning.objective import divergence
 
     new = torch.tensor([0.5, 0.3, 0.2], dtype=torch.float64)
     start = torch.tensor([0.25, 0.25, 0.5], dtype=torch.float64)
@@ -222,8 +218,7 @@ def of_two(
 ):
     """Objective and its derivative by x. served : log-probabilities. old : logit of the policy before."""
     import torch
-
-    from search.learning.objective import group_objective
+    from ibrid_policy.learning.objective import group_objective
 
     logit = torch.tensor(x, dtype=torch.float64, requires_grad=True)
     signs = torch.tensor([1.0 if one else -1.0 for one in answers], dtype=torch.float64)[:, None]

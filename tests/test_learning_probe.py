@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from search.learning.probe import probe
+from ibrid_policy.learning.probe import probe
 
 RNG = np.random.default_rng(7)
 BEFORE = -RNG.exponential(1.0, 200)

@@ -1,9 +1,8 @@
 """Which step is which answer, and what it may see: both follow from the steps alone."""
 
 import numpy as np
-
-from search.learning.rounds import Place, Rounds
-from search.step import Status, Step
+from ibrid_policy.learning.rounds import Place, Rounds
+from ibrid_search.step import Status, Step
 
 
 def fed(

@@ -6,20 +6,20 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import ibrid_search
 import pytest
+from ibrid_policy.learning.settings import LearningSettings
+from ibrid_policy.learning.updates import META, Update, read_updates, updates_json
+from ibrid_policy.proposer import PolicyProposer
+from ibrid_search.first_look import LOOKS
+from ibrid_search.page import write_run_page
+from ibrid_search.store import Store
 from page_reader import Reader
 from toy_policy import ToyPolicy
 
 import ibrid
-import search
 from ibrid import cli
 from ibrid.errors import IbridError
-from search.first_look import LOOKS
-from search.learning.settings import LearningSettings
-from search.learning.updates import META, Update, read_updates, updates_json
-from search.page import write_run_page
-from search.proposers.policy import PolicyProposer
-from search.store import Store
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers"))
 needs_torch = pytest.mark.skipif(not TORCH, reason="learning needs torch and transformers; make setup-llm")
@@ -32,11 +32,11 @@ def stiffer(program: str, number: int) -> str:
     return f'{head}"gain", k={(len(program) % 7 + number + 1) / 10:g}){rest.partition(")")[2]}'
 
 
-def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> search.Run:
+def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> ibrid_search.Run:
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
     proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
-    return search.run(sweep, folder, proposer=proposer, **given)
+    return ibrid_search.search(sweep, folder, proposer=proposer, **given)
 
 
 @needs_torch
@@ -182,7 +182,9 @@ def test_what_belongs_to_a_language_model_is_refused_for_the_policy(tmp_path, ca
 def test_two_that_could_learn_are_refused_in_a_sentence(tmp_path):
     two = [(PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0), (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0)]
     with pytest.raises(IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"):
-        search.run(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True)
+        ibrid_search.search(
+            ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True
+        )
     assert replace(LearningSettings(), contexts=4).batch == 64
 
 

@@ -12,19 +12,19 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
 
 import scripted_server
 import torch
+from ibrid_policy.learning.adapters import add_adapters
+from ibrid_policy.learning.reported_tokens import ReportedTokens
+from ibrid_policy.learning.served_policy import TOGETHER, ServedPolicy, Server
+from ibrid_policy.learning.updates import META, read_updates
+from ibrid_policy.learning.weights_reload import reload_from_disk
+from ibrid_search.proposers.chat import ChatError
+from ibrid_search.store import Store
 from scripted_search import context_of
 from served_model import EDITS, END, serving, write_model
 from transformers import AutoModelForCausalLM, AutoTokenizer
 
 import ibrid
 from ibrid import cli
-from search.learning.adapters import add_adapters
-from search.learning.reported_tokens import ReportedTokens
-from search.learning.served_policy import TOGETHER, ServedPolicy, Server
-from search.learning.updates import META, read_updates
-from search.learning.weights_reload import reload_from_disk
-from search.proposers.chat import ChatError
-from search.store import Store
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 

@@ -7,24 +7,24 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import ibrid_search
 import numpy as np
 import pytest
 import scripted_server
+from ibrid_policy.learning.edit_automaton import EditAutomaton, Slot
+from ibrid_policy.learning.settings import LearningSettings
+from ibrid_policy.learning.updates import META, read_updates
+from ibrid_policy.proposer import PolicyProposer
+from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.first_look import LOOKS
+from ibrid_search.judging import judge, judge_program
+from ibrid_search.proposal import Proposal
+from ibrid_search.step import Status
+from ibrid_search.store import Store
 from scripted_search import NAIVE, context_of, task
 
 import ibrid
-import search
 from ibrid.errors import IbridError
-from search.evaluation.local import LocalEvaluator
-from search.first_look import LOOKS
-from search.judging import judge, judge_program
-from search.learning.edit_automaton import EditAutomaton, Slot
-from search.learning.settings import LearningSettings
-from search.learning.updates import META, read_updates
-from search.proposal import Proposal
-from search.proposers.policy import PolicyProposer
-from search.step import Status
-from search.store import Store
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers", "tokenizers"))
 needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")
@@ -142,8 +142,8 @@ def folder(tmp_path_factory) -> Path:
 
 @needs_torch
 def test_constrained_answers_are_edits_and_their_probabilities_those_of_the_masks(folder):
-    from search.learning.scoring import score
-    from search.learning.text_policy import TextPolicy
+    from ibrid_policy.learning.scoring import score
+    from ibrid_policy.learning.text_policy import TextPolicy
 
     context = context_of(ibrid.textbook("naive"))
     policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)
@@ -162,7 +162,7 @@ def test_constrained_answers_are_edits_and_their_probabilities_those_of_the_mask
 
 @needs_torch
 def test_free_answers_come_as_text_with_their_log_probabilities(folder):
-    from search.learning.text_policy import TextPolicy
+    from ibrid_policy.learning.text_policy import TextPolicy
 
     context = context_of(ibrid.textbook("naive"))
     policy = TextPolicy(folder, longest=12, prompt_tokens=30_000)
@@ -182,7 +182,7 @@ def test_free_answers_come_as_text_with_their_log_probabilities(folder):
     [("{}", "names no token that ends an answer"), ("[1]", "must be the JSON"), ("{", "must be the JSON")],
 )
 def test_a_folder_that_cannot_be_sampled_from_is_one_sentence(tmp_path, content, sentence):
-    from search.learning.text_policy import TextPolicy
+    from ibrid_policy.learning.text_policy import TextPolicy
 
     with pytest.raises(IbridError, match="holds no model"):
         TextPolicy(tmp_path)
@@ -204,7 +204,7 @@ def with_logprobs(*pieces: tuple[str, float], finish: str = "stop") -> bytes:
 @needs_torch
 @needs_openai
 def test_a_server_with_log_probabilities_gives_tokens_and_what_it_thinks_of_them(folder, tmp_path):
-    from search.learning.served_policy import ServedPolicy, Server
+    from ibrid_policy.learning.served_policy import ServedPolicy, Server
 
     pieces = (("on", -0.5), (" ", -1.0), ("g.", -0.25), ("</s>", -2.0))
     with scripted_server.scripted(scripted_server.sends(with_logprobs(*pieces))) as script:
@@ -234,7 +234,7 @@ def test_a_server_with_log_probabilities_gives_tokens_and_what_it_thinks_of_them
     ],
 )
 def test_a_server_that_is_of_no_use_is_one_sentence(folder, tmp_path, turn, sentence):
-    from search.learning.served_policy import ServedPolicy, Server
+    from ibrid_policy.learning.served_policy import ServedPolicy, Server
 
     with scripted_server.scripted(turn) as script:
         policy = ServedPolicy(folder, Server("letters", script.url), tmp_path, prompt_tokens=30_000, longest=9)
@@ -245,10 +245,9 @@ def test_a_server_that_is_of_no_use_is_one_sentence(folder, tmp_path, turn, sent
 @needs_torch
 def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_path):
     import torch
+    from ibrid_policy.learning.served_policy import ServedPolicy, Server
+    from ibrid_policy.learning.state import Publishes
     from transformers import AutoModelForCausalLM
-
-    from search.learning.served_policy import ServedPolicy, Server
-    from search.learning.state import Publishes
 
     told: list[Path] = []
     policy = ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1", reload=told.append), tmp_path / "now")
@@ -265,12 +264,12 @@ def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_pa
 
 @needs_torch
 def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
-    from search.learning.choose import learning
-    from search.learning.learner import Learner
-    from search.learning.text_policy import TextPolicy
-    from search.proposal import Proposer
-    from search.proposers.choose import choose_proposers
-    from search.proposers.spending import Limits
+    from ibrid_policy.learning.choose import learning
+    from ibrid_policy.learning.learner import Learner
+    from ibrid_policy.learning.text_policy import TextPolicy
+    from ibrid_search.proposal import Proposer
+    from ibrid_search.proposers.choose import choose_proposers
+    from ibrid_search.proposers.spending import Limits
 
     settings = LearningSettings(contexts=2, group=3)
     both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
@@ -307,13 +306,13 @@ def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is
     learn = LearningSettings(longest=longest)
     told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest}; train"
     with pytest.raises(IbridError, match=told):
-        search.run(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
+        ibrid_search.search(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
     assert not (tmp_path / "run").exists()
 
 
 @needs_torch
 def test_the_room_that_is_asked_for_is_that_of_the_shortest_question(folder, monkeypatch):
-    from search.learning.text_policy import TextPolicy, TrainableModel
+    from ibrid_policy.learning.text_policy import TextPolicy, TrainableModel
 
     policy, context = TextPolicy(folder, longest=100), context_of(ibrid.textbook("naive"))
     with pytest.raises(IbridError, match=r"the shortest prompt for this program has about (\d+) tokens") as told:
@@ -329,14 +328,13 @@ def test_the_room_that_is_asked_for_is_that_of_the_shortest_question(folder, mon
 @needs_torch
 def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_path):
     import torch
-
-    from search.learning.text_policy import TextPolicy
+    from ibrid_policy.learning.text_policy import TextPolicy
 
     policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)
     begun = [one.clone() for one in policy.model().parameters()]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
-    search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
+    ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
     with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
         updates = read_updates(store.meta[META])
         looks = sum(step.usage.get(LOOKS, 0) for step in store.steps())

@@ -5,6 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ibrid_search.edits import edit_between
+from ibrid_search.evaluation.assess import PROMISING
+from ibrid_search.loop import BUDGET, NOTHING_NEW
+from ibrid_search.merit import noise_floor
+from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.random_edits import RandomEdits
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.requirements import Requirements
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from scripted_search import (
     NAIVE,
     PLAIN,
@@ -25,16 +35,6 @@ from scripted_search import (
 )
 
 from ibrid.errors import IbridError
-from search.edits import edit_between
-from search.evaluation.assess import PROMISING
-from search.loop import BUDGET, NOTHING_NEW
-from search.merit import noise_floor
-from search.proposal import Context, Proposal
-from search.proposers.random_edits import RandomEdits
-from search.proposers.rules import Rules
-from search.requirements import Requirements
-from search.settings import SearchSettings
-from search.step import EVALUATED, REFUSED, Status, Step
 
 
 @pytest.fixture

@@ -5,18 +5,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ibrid_search.edits import edit_between
+from ibrid_search.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
+from ibrid_search.merit import noise_floor
+from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.proposers.spending import Limits, Spending
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import EVALUATED, Status, Step
 from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, task
 
 import ibrid
 from ibrid.structure.roles import roles
-from search.edits import edit_between
-from search.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
-from search.merit import noise_floor
-from search.proposal import Context, Proposal
-from search.proposers.rules import Rules
-from search.proposers.spending import Limits, Spending
-from search.settings import SearchSettings
-from search.step import EVALUATED, Status, Step
 
 
 @pytest.fixture

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 import scripted_search
+from ibrid_search.evaluation.job import Result
+from ibrid_search.keyboard import keyboard
+from ibrid_search.loop import BUDGET, STOPPED, Loop
+from ibrid_search.progress import Progress
+from ibrid_search.requirements import Requirements
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import EVALUATED, Status, Step
+from ibrid_search.store import Store
 from scripted_search import NAIVE, ScriptedEvaluator, ended, scripted, steps_of
 
 from ibrid.errors import IbridError
-from search.evaluation.job import Result
-from search.keyboard import keyboard
-from search.loop import BUDGET, STOPPED, Loop
-from search.progress import Progress
-from search.requirements import Requirements
-from search.settings import SearchSettings
-from search.step import EVALUATED, Status, Step
-from search.store import Store
 
 
 @pytest.fixture

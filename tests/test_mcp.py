@@ -24,8 +24,8 @@ CODE = """\
 import sys
 from pathlib import Path
 import ibrid
-from search.logbook import Effort
-from search.mcp_server import Options, serve
+from ibrid_search.logbook import Effort
+from ibrid_search.mcp_server import Options, serve
 sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 sys.exit(serve(sweep, Options(out=Path(sys.argv[1]) if sys.argv[1:] else None, effort=Effort(restarts=0, seconds=20))))
 """
@@ -151,7 +151,7 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
 
 
 def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):
-    pytest.importorskip("search.store")
+    pytest.importorskip("ibrid_search.store")
     folder = str(tmp_path / "run")
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("PI_dq", "gain")')
     first = asyncio.run(converse({"new": ("evaluate_program", {"program": program})}, "auto", folder))

@@ -5,14 +5,14 @@ from math import log
 
 import numpy as np
 import pytest
+from ibrid_search.merit import EXACT, Criterion, criterion, noise_floor
+from ibrid_search.oddities import Oddities
+from ibrid_search.settings import SearchSettings
 from scripted_search import task
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import PointSweep, Sweep
-from search.merit import EXACT, Criterion, criterion, noise_floor
-from search.oddities import Oddities
-from search.settings import SearchSettings
 
 CLEAN = task().sweep
 SETTINGS = SearchSettings(parsimony=0.1, layer=2.0, bound=0.5, residual=0.7)

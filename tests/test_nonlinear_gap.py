@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ibrid_bench.hidden.__main__ import main as generate
+from ibrid_bench.hidden.case import Case, write_case
+from ibrid_bench.hidden.nonlinear import Nonlinearity
+from ibrid_bench.hidden.nonlinear_case import AMPLITUDES, NonlinearKind, draw_nonlinear_case
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -23,10 +27,6 @@ from ibrid.gap.workflow import find_gap
 from ibrid.measurement.amplitudes import at_amplitudes, joined
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.plants.hidden.__main__ import main as generate
-from ibrid.plants.hidden.case import Case, write_case
-from ibrid.plants.hidden.nonlinear import Nonlinearity
-from ibrid.plants.hidden.nonlinear_case import AMPLITUDES, NonlinearKind, draw_nonlinear_case
 from ibrid.report.gap_text import gap_text
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program

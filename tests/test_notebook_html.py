@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.running import Run
 from made_gap import VERDICTS, made
 from page_reader import Reader
 
@@ -20,7 +21,6 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.report.notebook import DRAWN
 from ibrid.report.style import notebook_style_sheet, style_sheet
-from search.running import Run
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from browser import NARROW, asked
 from fitted import benchmark, evaluated
+from ibrid_search.page import write_run_page
 from made_gap import FITTED, made
 from made_run import a_run, meta
 from matplotlib.textpath import TextPath
@@ -24,7 +25,6 @@ from ibrid.report.markup import CONVENTIONS, page
 from ibrid.report.page import report_html
 from ibrid.report.stability_page import stability_page
 from ibrid.report.style import style_sheet
-from search.page import write_run_page
 
 KINDS = ("evaluate", "search", "gap", "stability")
 

@@ -8,6 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ibrid_bench.search.inverters import inverter, inverter_names, true_programs
+from ibrid_policy.experience.barred import BARRED
+from ibrid_policy.experience.choices import PARTS, apart, consistent, in_the_paper
+from ibrid_policy.experience.damage import legal, merged, spoiled, taken_apart
+from ibrid_policy.experience.drawn_diagram import drawn_diagram
+from ibrid_policy.experience.examples import (
+    BRIEF,
+    SETTINGS,
+    Example,
+    draw_examples,
+    held_out_family,
+)
+from ibrid_policy.experience.inverter import draw_inverter, drawn_choices
+from ibrid_policy.experience.shards import IN_A_SHARD, Processes, RayCluster, make_shards, read_shards, shard_path
+from ibrid_policy.lessons import batches, lesson_of, lessons_of, scale_of, weight_of
+from ibrid_policy.record_words import residual_words, sector, size_level, total_level
+from ibrid_policy.residual import Residual, residual_of
+from ibrid_policy.tokens import TOKENS
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
@@ -17,24 +35,6 @@ from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
-from search.bench.inverters import inverter, inverter_names, true_programs
-from search.policy.experience.barred import BARRED
-from search.policy.experience.choices import PARTS, apart, consistent, in_the_paper
-from search.policy.experience.damage import legal, merged, spoiled, taken_apart
-from search.policy.experience.drawn_diagram import drawn_diagram
-from search.policy.experience.examples import (
-    BRIEF,
-    SETTINGS,
-    Example,
-    draw_examples,
-    held_out_family,
-)
-from search.policy.experience.inverter import draw_inverter, drawn_choices
-from search.policy.experience.shards import IN_A_SHARD, Processes, RayCluster, make_shards, read_shards, shard_path
-from search.policy.lessons import batches, lesson_of, lessons_of, scale_of, weight_of
-from search.policy.record_words import residual_words, sector, size_level, total_level
-from search.policy.residual import Residual, residual_of
-from search.policy.tokens import TOKENS
 
 BENCHMARK = {
     "filter": "LCL",
@@ -146,7 +146,7 @@ def test_the_structures_of_all_benchmark_inverters_are_kept_from_training():
         for setting in SETTINGS
         if legal(one, setting.kinds, setting.equilibrium)
     }
-    assert found == BARRED, "BARRED in search/policy/experience/barred.py lacks or has too many"
+    assert found == BARRED, "BARRED in search/policy/ibrid_policy/experience/barred.py lacks or has too many"
     for name in inverter_names():
         assert structure_hash(inverter(name).truth, VOCABULARY, equilibrium="exact") in BARRED, name
     printed = textbook("gfl_pll_filter")
@@ -252,8 +252,8 @@ def test_levels_grow_with_what_they_count():
 
 
 def test_scales_follow_from_what_an_edit_touches(examples):
-    from search.policy.edit import Edit
-    from search.policy.numbering import numbered
+    from ibrid_policy.edit import Edit
+    from ibrid_policy.numbering import numbered
 
     view = numbered(textbook("gfl"), VOCABULARY)
     assert scale_of(Edit(), view) == "local"
@@ -263,7 +263,7 @@ def test_scales_follow_from_what_an_edit_touches(examples):
 
 
 def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):
-    from search.policy.experience import shards
+    from ibrid_policy.experience import shards
 
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
     assert list(make_shards(tmp_path, 0, range(2), Processes(1))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
@@ -291,7 +291,7 @@ class Elsewhere:
 
 
 def test_shards_made_on_other_machines_are_written_on_this_one(tmp_path, monkeypatch, examples):
-    from search.policy.experience import shards
+    from ibrid_policy.experience import shards
 
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
     here, there = tmp_path / "here", tmp_path / "there"
@@ -310,8 +310,8 @@ def test_shards_made_on_other_machines_are_written_on_this_one(tmp_path, monkeyp
 def test_a_ray_cluster_sends_its_shards_back_here(tmp_path, monkeypatch, examples):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
-    from search.evaluation.ray_session import open_session
-    from search.policy.experience import shards
+    from ibrid_policy.experience import shards
+    from ibrid_search.evaluation.ray_session import open_session
 
     few = [one.to_json() for one in examples[:2]]
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: map(Example.from_json, few))

@@ -3,6 +3,13 @@
 import numpy as np
 import pytest
 import random_diagrams
+from ibrid_policy.diagram_words import diagram_of, diagram_words
+from ibrid_policy.edit import Edit, difference, made
+from ibrid_policy.edit_words import edit_words, read_edit
+from ibrid_policy.grammar import LONGEST, Grammar
+from ibrid_policy.numbering import numbered
+from ibrid_policy.tokens import END, TOKENS, LanguageError
+from ibrid_search.edits import apply_edit, edit_between
 from random_diagrams import random_legal_diagram, renamed_and_reordered
 
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
@@ -12,13 +19,6 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program, program_text
-from search.edits import apply_edit, edit_between
-from search.policy.diagram_words import diagram_of, diagram_words
-from search.policy.edit import Edit, difference, made
-from search.policy.edit_words import edit_words, read_edit
-from search.policy.grammar import LONGEST, Grammar
-from search.policy.numbering import numbered
-from search.policy.tokens import END, TOKENS, LanguageError
 
 SINGLE = (
     "naive", "gfl", "gfl_exact", "gfl_pll_filter", "gfl_pll_filter_exact", "gfl_power_filter", "gfl_delay", "gfl_l_filter",

@@ -5,6 +5,14 @@ import sys
 
 import numpy as np
 import pytest
+from ibrid_policy.asking import NOTHING_NEW
+from ibrid_policy.experience.examples import BRIEF, draw_examples
+from ibrid_policy.interface import Policy
+from ibrid_search.edits import apply_edit
+from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, Look
+from ibrid_search.judging import judge, verdict_of
+from ibrid_search.proposal import Context, Evaluated, Proposer, Task
+from ibrid_search.step import Status
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -14,26 +22,18 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program, program_text
-from search.edits import apply_edit
-from search.first_look import LOOKED_AT, LOOKING, LOOKS, Look
-from search.judging import judge, verdict_of
-from search.policy.asking import NOTHING_NEW
-from search.policy.experience.examples import BRIEF, draw_examples
-from search.policy.interface import Policy
-from search.proposal import Context, Evaluated, Proposer, Task
-from search.step import Status
 
 torch = pytest.importorskip("torch", reason="needs torch: make setup-llm")
 pytest.importorskip("transformers", reason="needs transformers: make setup-llm")
 
-from search.policy.lessons import Lesson, batches, lessons_of  # noqa: E402
-from search.policy.measuring import measured  # noqa: E402
-from search.policy.small_policy import SmallPolicy  # noqa: E402
-from search.policy.tokens import TOKENS  # noqa: E402
-from search.policy.training import Trainer, TrainingSettings, answer_loss  # noqa: E402
-from search.policy.weights_folder import load_model, new_model, save_model, shipped_folder  # noqa: E402
-from search.proposers.choose import choose_proposers  # noqa: E402
-from search.proposers.policy import PolicyProposer  # noqa: E402
+from ibrid_policy.lessons import Lesson, batches, lessons_of  # noqa: E402
+from ibrid_policy.measuring import measured  # noqa: E402
+from ibrid_policy.proposer import PolicyProposer  # noqa: E402
+from ibrid_policy.small_policy import SmallPolicy  # noqa: E402
+from ibrid_policy.tokens import TOKENS  # noqa: E402
+from ibrid_policy.training import Trainer, TrainingSettings, answer_loss  # noqa: E402
+from ibrid_policy.weights_folder import load_model, new_model, save_model, shipped_folder  # noqa: E402
+from ibrid_search.proposers.choose import choose_proposers  # noqa: E402
 
 TINY = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
 
@@ -100,7 +100,7 @@ def test_answers_of_a_policy_that_knows_nothing_are_edits_all_the_same(policy, c
 
 
 def test_an_answer_that_is_cut_or_no_edit_is_a_sentence(policy, context):
-    from search.policy.interface import Sampled
+    from ibrid_policy.interface import Sampled
 
     cut = policy.proposal(Sampled((TOKENS.ids["ADD"],), (0.0,)), context)
     assert "did not end" in cut.failure
@@ -109,7 +109,7 @@ def test_an_answer_that_is_cut_or_no_edit_is_a_sentence(policy, context):
 
 
 def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
-    from search.policy.interface import Sampled
+    from ibrid_policy.interface import Sampled
 
     words = ["ADD", "#3", "K:LPF1", "AT", "#3", "+", "#2", "<end>"]  # a filter that leads nowhere is tidied away
     proposal = policy.proposal(Sampled(tuple(TOKENS.encode(words)), (0.0,) * len(words)), context)
@@ -166,7 +166,7 @@ def test_every_other_time_the_first_look_chooses_among_the_answers(policy, conte
         looked.append(program_text(diagram))
         return Look(float(-len(looked)))
 
-    monkeypatch.setattr("search.policy.asking.first_look", look)
+    monkeypatch.setattr("ibrid_policy.asking.first_look", look)
     best = 0
     for seed in range(24):
         looked.clear()
@@ -320,8 +320,8 @@ def test_training_from_the_command_line_refuses_what_cannot_be(tmp_path, capsys)
 def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monkeypatch, examples):
     from dataclasses import replace
 
-    from search.policy import making
-    from search.policy.experience import shards
+    from ibrid_policy import making
+    from ibrid_policy.experience import shards
 
     def few(seed, number, families=None):
         del seed
@@ -344,9 +344,10 @@ def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monk
 
 
 def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(tmp_path, monkeypatch, examples, capsys):
+    from ibrid_policy import making
+    from ibrid_policy.experience import shards
+
     from ibrid.cli import main
-    from search.policy import making
-    from search.policy.experience import shards
 
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:1]))
     monkeypatch.setattr(making, "MOST_QUESTIONS", 1)
@@ -362,7 +363,8 @@ def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(tmp_path, m
 
 def test_no_other_command_imports_torch():
     code = (
-        "import sys; from search.proposers.choose import choose_proposers; import search.policy.interface, search.policy.lessons;"
+        "import sys; from ibrid_search.proposers.choose import choose_proposers;"
+        "import ibrid_policy.interface, ibrid_policy.lessons;"
         "import ibrid.cli; ibrid.cli.parser(); choose_proposers('rules'); assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -13,21 +13,21 @@ import pytest
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
     pytest.skip("the policy needs torch and transformers; make setup-llm", allow_module_level=True)
 
+import ibrid_search
 import torch
+from ibrid_policy import small_policy
+from ibrid_policy.learning.choose import learning
+from ibrid_policy.learning.settings import LearningSettings
+from ibrid_policy.proposer import PolicyProposer
+from ibrid_policy.small_policy import SmallPolicy
+from ibrid_policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
+from ibrid_search.evaluation.local import LocalEvaluator
 from safetensors.torch import load_file, save_file
 from scripted_search import NAIVE, context_of, task
 
 import ibrid
-import search
 from ibrid import cli
 from ibrid.errors import IbridError
-from search.evaluation.local import LocalEvaluator
-from search.learning.choose import learning
-from search.learning.settings import LearningSettings
-from search.policy import small_policy
-from search.policy.small_policy import SmallPolicy
-from search.policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
-from search.proposers.policy import PolicyProposer
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 ONE = "model.layers.0.mlp.down_proj.weight"
@@ -113,29 +113,29 @@ def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, t
 def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
     changed(folder, lambda tensors: tensors.update({name: value * 0 for name, value in tensors.items()}))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    mine = search.run(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
-    shipped = search.run(sweep, tmp_path / "shipped", proposer="policy", budget=6)
+    mine = ibrid_search.search(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
+    shipped = ibrid_search.search(sweep, tmp_path / "shipped", proposer="policy", budget=6)
     assert mine.trajectory != shipped.trajectory
     assert f'policy = "{folder}"' in (mine.folder / "run.toml").read_text(encoding="utf-8")
     with pytest.raises(IbridError, match="policy"):
-        search.run(sweep, mine.folder, proposer="policy", budget=8, resume=True)
+        ibrid_search.search(sweep, mine.folder, proposer="policy", budget=8, resume=True)
 
 
 def test_a_run_goes_on_with_the_weights_that_it_was_made_with_alone(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     options = {"proposer": "policy", "policy": folder, "budget": 1}
-    search.run(sweep, tmp_path / "run", **options)
+    ibrid_search.search(sweep, tmp_path / "run", **options)
     changed(folder, lambda tensors: tensors.update({ONE: tensors[ONE] * 2}))
     with pytest.raises(IbridError, match="the run was made with policy of other content; resume with the same"):
-        search.run(sweep, tmp_path / "run", resume=True, **options)
+        ibrid_search.search(sweep, tmp_path / "run", resume=True, **options)
 
 
 def test_weights_that_nobody_reads_are_told(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="--policy belongs to the proposer policy, found random, rules alone"):
-        search.run(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
+        ibrid_search.search(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
     with pytest.raises(IbridError, match="found proposers of your own alone"):
-        search.run(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
+        ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
 
 
 class Absent:
@@ -154,7 +154,7 @@ def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path,
     monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="the folder cannot be loaded"):
-        search.run(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
+        ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
     assert not (tmp_path / "run").exists()
 
 

@@ -4,9 +4,9 @@ import subprocess
 import sys
 
 import pytest
+from ibrid_search.proposers.choose import choose_proposers
 
 from ibrid.errors import IbridError
-from search.proposers.choose import choose_proposers
 
 WITHOUT_TORCH = """
 import sys

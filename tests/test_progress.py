@@ -9,13 +9,13 @@ import subprocess
 import sys
 
 import pytest
+from ibrid_search.milestone_table import WIDEST, milestone_head, milestone_row, printable
+from ibrid_search.progress import Progress, Snapshot, clock_time, progress_line
+from ibrid_search.tally import Tally
+from ibrid_search.trajectory import Milestone
 
 from ibrid.display import NOTEBOOK_WIDTH, WIDTH
 from ibrid.errors import IbridError
-from search.milestone_table import WIDEST, milestone_head, milestone_row, printable
-from search.progress import Progress, Snapshot, clock_time, progress_line
-from search.tally import Tally
-from search.trajectory import Milestone
 
 TALLY = Tally(valid=70, duplicate=12, unchanged=4, refused=14)
 HALFWAY = Snapshot(step=100, evaluations=70, best=0.0123, tally=TALLY)
@@ -308,7 +308,7 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     code = (
-        "from search.progress import Progress, Snapshot\nfrom search.trajectory import Milestone\n"
+        "from ibrid_search.progress import Progress, Snapshot\nfrom ibrid_search.trajectory import Milestone\n"
         "progress = Progress()\nprogress.start(10)\nprogress.update(Snapshot(1, 1, 0.5))\n"
         "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\n"
     )
@@ -327,6 +327,6 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
 
 
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():
-    code = "import json, sys, search.progress; print(json.dumps(sorted(sys.modules)))"
+    code = "import json, sys, ibrid_search.progress; print(json.dumps(sorted(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", code], check=True, timeout=60, capture_output=True, text=True)
     assert not {"IPython", "matplotlib"} & set(json.loads(found.stdout))

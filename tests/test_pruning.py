@@ -4,6 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ibrid_search.edits import apply_edit
+from ibrid_search.proposal import Proposal
+from ibrid_search.proposers.moves.family import view_of
+from ibrid_search.proposers.pruning import Pruning, removal_moves, unseen_modules
 from scripted_search import QUICK, context_of, record_of, task
 
 import ibrid
@@ -12,10 +16,6 @@ from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.compare import compare
 from ibrid.structure.drafting import Draft
-from search.edits import apply_edit
-from search.proposal import Proposal
-from search.proposers.moves.family import view_of
-from search.proposers.pruning import Pruning, removal_moves, unseen_modules
 
 NAMES = [
     name for name in ibrid.textbook_names() if name not in ("naive", "parallel_gfl_gfm")

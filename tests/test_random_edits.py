@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from ibrid_search.edits import apply_edit
+from ibrid_search.gates import implausible
+from ibrid_search.proposal import SCALES, Proposal
+from ibrid_search.proposers.random_edits import RandomEdits
 from scripted_search import NAIVE, context_of, task
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.canonical import structure_hash
-from search.edits import apply_edit
-from search.gates import implausible
-from search.proposal import SCALES, Proposal
-from search.proposers.random_edits import RandomEdits
 
 PARENTS = ("naive", "gfl_exact", "gfl_l_filter_delay")
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ibrid_search.requirements import Requirements, parse_requirements, passivity_index
 from scripted_search import naive_record
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from search.requirements import Requirements, parse_requirements, passivity_index
 
 OMEGA_0 = 2 * np.pi * 60
 

@@ -1,8 +1,7 @@
 """What learning may count: nothing invalid ever earns more than something valid."""
 
 import pytest
-
-from search.step import REFUSED, Status, rl_reward
+from ibrid_search.step import REFUSED, Status, rl_reward
 
 VALID = (0.0, 3.2, -0.7, -40.0)
 

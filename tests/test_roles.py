@@ -1,12 +1,12 @@
 """The roles of the blocks are recognised in the textbook's diagrams and in what engineers make of them."""
 
 import pytest
+from ibrid_bench.search.inverters import inverter
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import Roles, roles
-from search.bench.inverters import inverter
 
 GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name.startswith("gfl") and name != "gfl_dc_link"]
 

@@ -3,6 +3,11 @@
 from functools import cache
 
 import pytest
+from ibrid_search.oddities import oddities
+from ibrid_search.proposers.edited import edited
+from ibrid_search.proposers.moves.command import followers
+from ibrid_search.proposers.moves.family import Move, View, view_of, views_of
+from ibrid_search.proposers.rules import FAMILIES
 from scripted_search import naive_record
 
 import ibrid
@@ -10,11 +15,6 @@ from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.drafting import Draft
 from ibrid.structure.frames import put_into_frame
-from search.oddities import oddities
-from search.proposers.edited import edited
-from search.proposers.moves.command import followers
-from search.proposers.moves.family import Move, View, view_of, views_of
-from search.proposers.rules import FAMILIES
 
 NAIVE = ibrid.textbook("naive")
 LCL = "LCL filter instead of the L filter, control of the converter current"

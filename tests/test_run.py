@@ -12,26 +12,26 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import ibrid_search
 import numpy as np
 import pytest
+from ibrid_search.edits import edit_between
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.loop import BUDGET, STOPPED, TARGET
+from ibrid_search.proposal import Context, Proposal
+from ibrid_search.report.selection import read_selection
+from ibrid_search.requirements import Requirements
+from ibrid_search.run_file import read_run_toml
+from ibrid_search.running import Run
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import EVALUATED, Status
+from ibrid_search.store import Store
 from scripted_search import NAIVE, PLAIN, QUICK, steps_of, task
 
 import ibrid
-import search
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.settings import FitSettings
-from search.edits import edit_between
-from search.evaluation.assess import Subject
-from search.loop import BUDGET, STOPPED, TARGET
-from search.proposal import Context, Proposal
-from search.report.selection import read_selection
-from search.requirements import Requirements
-from search.run_file import read_run_toml
-from search.running import Run
-from search.settings import SearchSettings
-from search.step import EVALUATED, Status
-from search.store import Store
 
 SWEEP = task().sweep
 FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv", "selection.json", "report.html"}
@@ -40,20 +40,20 @@ FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv",
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch):
     """Pages take seconds and have their own tests; these are about the run, not about the fits."""
-    monkeypatch.setattr("search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    monkeypatch.setattr("search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
-    monkeypatch.setattr("search.running.FitSettings", lambda: QUICK)
+    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    monkeypatch.setattr("ibrid_search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
+    monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
 
 
 @pytest.fixture
 def real_fits(monkeypatch: pytest.MonkeyPatch):
     """The fits that a user gets."""
-    monkeypatch.setattr("search.running.Subject", Subject)
-    monkeypatch.setattr("search.running.FitSettings", FitSettings)
+    monkeypatch.setattr("ibrid_search.running.Subject", Subject)
+    monkeypatch.setattr("ibrid_search.running.FitSettings", FitSettings)
 
 
 def ran(folder: Path, **options) -> Run:
-    return search.run(SWEEP, folder, **{"budget": 5, **options})
+    return ibrid_search.search(SWEEP, folder, **{"budget": 5, **options})
 
 
 def steps_in(folder: Path):
@@ -76,12 +76,12 @@ class Observer:
 
 
 def test_the_public_names_stay_what_they_are_whatever_is_imported():
-    for path in Path(search.__file__).parent.rglob("*.py"):
-        assert path.stem not in search.__all__, "importing this module would hide the public name"
+    for path in Path(ibrid_search.__file__).parent.rglob("*.py"):
+        assert path.stem not in ibrid_search.__all__, "importing this module would hide the public name"
     for _ in range(2):
-        assert callable(search.run)
-        assert search.Run is Run
-        assert search.SearchSettings is SearchSettings
+        assert callable(ibrid_search.search)
+        assert ibrid_search.Run is Run
+        assert ibrid_search.SearchSettings is SearchSettings
 
 
 # the folder
@@ -90,7 +90,7 @@ def test_the_public_names_stay_what_they_are_whatever_is_imported():
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A small run with everything written, its page too."""
-    return search.run(SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", budget=8, seed=1)
+    return ibrid_search.search(SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", budget=8, seed=1)
 
 
 def test_a_run_leaves_the_files_of_the_contract(finished):
@@ -267,7 +267,7 @@ def test_a_run_does_not_go_on_with_other_data(tmp_path):
     ran(tmp_path / "run", budget=1)
     other = ibrid.read_sweep(ibrid.benchmarks()["random_00"])
     with pytest.raises(IbridError, match="the run was made with data"):
-        search.run(other, tmp_path / "run", budget=2, resume=True)
+        ibrid_search.search(other, tmp_path / "run", budget=2, resume=True)
 
 
 def test_a_truth_that_comes_when_a_run_goes_on_is_on_its_page_and_changes_nothing_else(tmp_path):
@@ -409,7 +409,7 @@ def test_a_file_of_somebody_else_is_not_overwritten(tmp_path, name):
 def test_a_run_without_a_folder_is_refused(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(IbridError, match="needs a folder"):
-        search.run(SWEEP, folder, budget=1)
+        ibrid_search.search(SWEEP, folder, budget=1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -426,10 +426,12 @@ def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, m
         def unmet(self, record: Record) -> str:
             return "" if record.nrmse is not None and record.nrmse > 0.99 else "it must be bad"
 
-    monkeypatch.setattr("search.running.FitSettings", FitSettings)  # finds 0.978 where little effort ends at 0.9999
-    monkeypatch.setattr("search.running.parse_requirements", lambda _: NotTooGood())
+    monkeypatch.setattr(
+        "ibrid_search.running.FitSettings", FitSettings
+    )  # finds 0.978 where little effort ends at 0.9999
+    monkeypatch.setattr("ibrid_search.running.parse_requirements", lambda _: NotTooGood())
     found = ran(tmp_path / "picky", budget=1)
-    monkeypatch.setattr("search.running.parse_requirements", lambda _: Requirements())
+    monkeypatch.setattr("ibrid_search.running.parse_requirements", lambda _: Requirements())
     other = ran(tmp_path / "content", budget=1)
     assert found.best is not None
     assert found.best.nrmse is not None
@@ -513,8 +515,8 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert process.returncode == -signal.SIGKILL
     assert any(step.status is Status.PENDING for step in steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = search.run(sweep, tmp_path / "killed", budget=11, resume=True)
-    whole = search.run(sweep, tmp_path / "whole", budget=11)
+    again = ibrid_search.search(sweep, tmp_path / "killed", budget=11, resume=True)
+    whole = ibrid_search.search(sweep, tmp_path / "whole", budget=11)
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program
     assert again.trajectory == whole.trajectory

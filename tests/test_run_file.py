@@ -7,10 +7,10 @@ from types import MappingProxyType
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ibrid_search.run_file import FREE, read_run_toml, require_same, run_toml
+from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
-from search.run_file import FREE, read_run_toml, require_same, run_toml
-from search.settings import SearchSettings
 
 OPTIONS = {
     "seed": 3,

@@ -10,6 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.page import write_run_page
+from ibrid_search.report.models import response_html
+from ibrid_search.report.run_data import read_run
+from ibrid_search.report.statistics import MEANINGS, speed, statistics_html
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
 from made_run import REFUSALS, a_run, meta, put
 from page_reader import Reader, self_contained
 
@@ -20,12 +26,6 @@ from ibrid.measurement.noise import add_noise
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook, textbook_text
 from ibrid.structure.program import parse_program
-from search.page import write_run_page
-from search.report.models import response_html
-from search.report.run_data import read_run
-from search.report.statistics import MEANINGS, speed, statistics_html
-from search.step import Status, Step
-from search.store import Store
 
 HOSTILE = '<script>alert("x")</script>&'
 
@@ -53,7 +53,7 @@ def reader(page) -> Reader:
 @pytest.fixture
 def few_figures(monkeypatch):
     """Leaves out the frequency responses, which take most of the time, where a test is about something else."""
-    monkeypatch.setattr("search.page.response_html", lambda _: "")
+    monkeypatch.setattr("ibrid_search.page.response_html", lambda _: "")
 
 
 def test_page_begins_with_the_verdict(reader):
@@ -245,7 +245,7 @@ def test_a_truth_that_cannot_be_read_or_fitted_is_said_on_the_page(tmp_path):
 
 
 def test_data_that_cannot_be_read_leave_the_model_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr("search.report.models.POINTS", 1)
+    monkeypatch.setattr("ibrid_search.report.models.POINTS", 1)
     folder = a_run(tmp_path / "run", meta(data="op,p\n"), until=1)
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
         run = read_run(store)

@@ -5,21 +5,21 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import ibrid_search
 import numpy as np
 import pytest
+from ibrid_bench.search import speed_table
+from ibrid_bench.search.__main__ import main
+from ibrid_bench.search.inverters import hardware, inverter
+from ibrid_bench.search.page import page
+from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
+from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
+from ibrid_bench.search.tables import heading, seed_line, summary
+from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
 
 import ibrid
-import search
 from ibrid.errors import IbridError
 from ibrid.ledger import NAME, Ledger
-from search.bench import speed_table
-from search.bench.__main__ import main
-from search.bench.inverters import hardware, inverter
-from search.bench.page import page
-from search.bench.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
-from search.bench.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
-from search.bench.tables import heading, seed_line, summary
-from search.bench.trials import PROPOSERS, TABLES, Trial, trials
 
 FOLDER = Path("nowhere")
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
@@ -345,7 +345,7 @@ def test_the_speed_table_says_why_a_step_of_the_policy_is_not_timed(tmp_path, mo
 @pytest.mark.skipif(not speed_table.learns(), reason="needs torch and transformers; make setup-llm")
 @pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 def test_a_step_of_the_policy_is_timed_in_a_search(tmp_path):
-    found = policy_step(search.run, tmp_path / "run", answers=16)
+    found = policy_step(ibrid_search.search, tmp_path / "run", answers=16)
     assert found["answers"] == 16
     assert 0 < found["sampling"] < 100
     assert 0 < found["update"] < 100

@@ -5,22 +5,22 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.store import Store
 from scripted_search import NAIVE, QUICK, steps_of
 from scripted_server import says, scripted
 
 import ibrid
 from ibrid import cli
-from search.evaluation.assess import Subject
-from search.store import Store
 
 DATA = "paper_like"
 
 
 def make_quick(patched: pytest.MonkeyPatch) -> None:
     """Pages take seconds and fits some; neither is asked for here."""
-    patched.setattr("search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    patched.setattr("search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
-    patched.setattr("search.running.FitSettings", lambda: QUICK)
+    patched.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    patched.setattr("ibrid_search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
+    patched.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
 
 
 @pytest.fixture(autouse=True)
@@ -296,7 +296,7 @@ def test_the_tools_need_data(capsys):
 
 
 def test_the_command_and_the_function_give_the_same_run(folder, tmp_path):
-    import search
+    import ibrid_search
 
-    search.run(ibrid.read_sweep(ibrid.benchmarks()[DATA]), tmp_path / "run", budget=3)
+    ibrid_search.search(ibrid.read_sweep(ibrid.benchmarks()[DATA]), tmp_path / "run", budget=3)
     assert steps_of(tmp_path / "run" / "archive.sqlite") == steps_of(folder / "archive.sqlite")

@@ -7,17 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 from fitted import measured
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.merit import Floor, noise_floor
+from ibrid_search.report.selection import read_selection
+from ibrid_search.selecting import MOST, select, selection_json
+from ibrid_search.step import Status, Step
 from scripted_search import QUICK
 
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.thinning import EVERY
-from search.evaluation.assess import Subject
-from search.merit import Floor, noise_floor
-from search.report.selection import read_selection
-from search.selecting import MOST, select, selection_json
-from search.step import Status, Step
 
 HELD = "p=0.5,q=0"
 SWEEP = measured(["p=1,q=0.3", "p=1,q=-0.3", HELD])

@@ -15,18 +15,18 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_policy.learning.updates import META, read_updates
+from ibrid_policy.smollm2 import missing, smollm2
+from ibrid_search.context import prompt
+from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Task
+from ibrid_search.proposers.chat import ChatError, estimated_tokens
+from ibrid_search.proposers.language_model import LanguageModel
+from ibrid_search.proposers.local_model import LocalModel
+from ibrid_search.store import Store
 
 import ibrid
 from ibrid import cli
 from ibrid.modules import VOCABULARY
-from search.context import prompt
-from search.learning.updates import META, read_updates
-from search.proposal import Complaint, Context, Evaluated, Proposal, Task
-from search.proposers.chat import ChatError, estimated_tokens
-from search.proposers.language_model import LanguageModel
-from search.proposers.local_model import LocalModel
-from search.proposers.smollm2 import missing, smollm2
-from search.store import Store
 
 pytestmark = [
     pytest.mark.skipif(bool(missing()), reason=missing()),
@@ -116,7 +116,7 @@ def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(fol
         return [{"role": "user", "content": ibrid.program_text(context.parent.diagram)}]
 
     # the whole question is read in the test above; with its 2600 tokens an update takes a core two minutes
-    monkeypatch.setattr("search.learning.text_policy.prompt", program_alone)
+    monkeypatch.setattr("ibrid_policy.learning.text_policy.prompt", program_alone)
     run = tmp_path / "run"
     learn = "--learn --learn-constrained --learn-contexts 1 --learn-group 2 --learn-judge look --learn-optimizer sgd"
     asked = f"--proposer llm --model {folder} --budget 3 --workers 1 {learn} --learn-longest 150"

@@ -1,11 +1,11 @@
 """Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
 
 import pytest
+from ibrid_bench.search.inverters import inverter
+from ibrid_search.sorts import sort_of_control
 
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook
-from search.bench.inverters import inverter
-from search.sorts import sort_of_control
 
 
 @pytest.mark.parametrize(

@@ -11,20 +11,20 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import ibrid_search
 import numpy as np
 import pytest
 from fitted import evaluated
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
+from ibrid_search.tables import FIELDS, VERSION
 
 import ibrid
-import search
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY
-from search.step import Status, Step
-from search.store import Store
-from search.tables import FIELDS, VERSION
 
-ROOT = Path(search.__file__).parents[1]
+ROOT = Path(ibrid_search.__file__).parents[1]
 FULL = Step(
     number=3,
     parent=1,
@@ -72,7 +72,11 @@ def pending(number: int, **changes) -> Step:
 @contextmanager
 def child(code: str, path: Path) -> Iterator[subprocess.Popen]:
     """A Python process of its own that runs `code` with the archive's path as its argument."""
-    command = [sys.executable, "-c", "import sys\nfrom search.step import *\nfrom search.store import Store\n" + code]
+    command = [
+        sys.executable,
+        "-c",
+        "import sys\nfrom ibrid_search.step import *\nfrom ibrid_search.store import Store\n" + code,
+    ]
     with subprocess.Popen([*command, path], cwd=ROOT, stdin=-1, stdout=-1, text=True) as process:
         try:
             yield process

@@ -7,6 +7,18 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from ibrid_search.lineage import lineage
+from ibrid_search.report.selection import plain_selection
+from ibrid_search.step import EVALUATED, REFUSED, Status, Step
+from ibrid_search.tally import Tally, counts
+from ibrid_search.trajectory import (
+    ROUNDING,
+    band_that_got_better,
+    best_step,
+    milestones,
+    trajectory,
+    trajectory_csv,
+)
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -15,18 +27,6 @@ from ibrid.evaluation.record import Record
 from ibrid.report.figure import inline_svg
 from ibrid.report.trajectory import CELLS, Front, Trajectory, draw_front, draw_trajectory
 from ibrid.structure.difference import difference
-from search.lineage import lineage
-from search.report.selection import plain_selection
-from search.step import EVALUATED, REFUSED, Status, Step
-from search.tally import Tally, counts
-from search.trajectory import (
-    ROUNDING,
-    band_that_got_better,
-    best_step,
-    milestones,
-    trajectory,
-    trajectory_csv,
-)
 
 BANDS = ("5-50", "50-500", "500-2000", "2000-5000")
 

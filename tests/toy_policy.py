@@ -4,10 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-
-from search.edits import edit_between
-from search.policy.interface import Sampled
-from search.proposal import Context, Proposal
+from ibrid_policy.interface import Sampled
+from ibrid_search.edits import edit_between
+from ibrid_search.proposal import Context, Proposal
 
 #: Makes of a parent's program and the number of an edit the program after it.
 Change = Callable[[str, int], str]
@@ -53,7 +52,7 @@ class ToyPolicy:
     def sample(
         self, prompts: Sequence[Sequence[int]], contexts: Sequence[Context], number: int, seed: int
     ) -> list[list[Sampled]]:
-        from search.learning.sampling import sample_answers
+        from ibrid_policy.learning.sampling import sample_answers
 
         self.sampled += number * len(prompts)
         return [

@@ -16,7 +16,7 @@ PARTS = {
     "ibrid.analysis": "Prediction and stability",
     "ibrid.export": "Export",
     "ibrid.report": "Pages",
-    "search": "Search",
+    "ibrid_search": "Search",
 }
 #: Public though no package lists them: what a declaration or a proposer of one's own is written with.
 FURTHER = {
@@ -25,9 +25,9 @@ FURTHER = {
         "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect", "ibrid.gap.effect.Effect", "ibrid.gap.effect.Strength",
         "ibrid.gap.catalogue.insertions",
     ),
-    "search": (
-        "search.proposal.Proposer", "search.proposal.Context", "search.proposal.Proposal",
-        "search.proposers.spending.Limits",
+    "ibrid_search": (
+        "ibrid_search.proposal.Proposer", "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",
+        "ibrid_search.proposers.spending.Limits",
     ),
 }  # fmt: skip
 

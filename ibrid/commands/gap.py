@@ -109,8 +109,8 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
             )
         return (low_order_blocks,)
 
-    from search.proposers.choose import choose_proposers
-    from search.suggesting import FEW, MANY, suggestions_of
+    from ibrid_search.proposers.choose import choose_proposers
+    from ibrid_search.suggesting import FEW, MANY, suggestions_of
 
     chosen = choose_proposers(arguments.suggest, arguments.models)
     number = FEW if arguments.models else MANY

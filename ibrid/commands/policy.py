@@ -32,10 +32,10 @@ def declare(commands: Any) -> None:
 
 def run_train(arguments: Namespace) -> int:
     """Train and say how good the policy is."""
-    from search.evaluation.ray_session import open_session
-    from search.policy.experience.shards import Processes, RayCluster
-    from search.policy.making import Order, train_policy
-    from search.policy.training import TrainingSettings
+    from ibrid_policy.experience.shards import Processes, RayCluster
+    from ibrid_policy.making import Order, train_policy
+    from ibrid_policy.training import TrainingSettings
+    from ibrid_search.evaluation.ray_session import open_session
 
     workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
     if workers < 1:

@@ -101,7 +101,7 @@ def _run_page(arguments: Namespace) -> int:
     require_distinct({"--out": out}, {"the archive": folder / ARCHIVE})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
-    from search.page import write_run_page
+    from ibrid_search.page import write_run_page
 
     print(write_run_page(folder, out, sweep=sweep))
     return 0

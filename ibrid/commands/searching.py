@@ -12,9 +12,10 @@ from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
+    from ibrid_policy.learning.settings import LearningSettings
+    from ibrid_search.running import Run
+
     from ibrid.structure.diagram import Diagram
-    from search.learning.settings import LearningSettings
-    from search.running import Run
 
 
 MODEL_HELP = (
@@ -169,11 +170,11 @@ def run_search(arguments: Namespace) -> int:
 
     from math import inf
 
-    import search
-    from search.proposers.spending import Limits
+    import ibrid_search
+    from ibrid_search.proposers.spending import Limits
 
     try:
-        found = search.run(
+        found = ibrid_search.search(
             sweep,
             arguments.out,
             start=start,
@@ -220,7 +221,7 @@ def _learning(arguments: Namespace) -> "LearningSettings | bool":
             )
         return False
 
-    from search.learning.settings import profile
+    from ibrid_policy.learning.settings import profile
 
     return replace(profile(given.pop("profile", "paper")), **given)
 
@@ -248,9 +249,10 @@ def _go_on(arguments: Namespace) -> str:
 
 
 def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
+    from ibrid_search.proposers.spending import spent_words
+
     from ibrid.evaluation.record import Record
     from ibrid.measurement.quantities import counted
-    from search.proposers.spending import spent_words
 
     ending = found.ending
     if found.evaluations > arguments.budget:
@@ -284,8 +286,8 @@ def run_mcp(arguments: Namespace) -> int:
 
     from pathlib import Path
 
-    from search.logbook import Effort
-    from search.mcp_server import Options, serve
+    from ibrid_search.logbook import Effort
+    from ibrid_search.mcp_server import Options, serve
 
     options = Options(
         parameters=arguments.parameters,

@@ -1,0 +1,175 @@
+"""The page docs/search_results.md, made from the rows of the ledger."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ibrid_bench.search.speed_table import known_speed_lines
+from ibrid_bench.search.tables import error_words, groups, median_of, median_to_limit, verdict_words
+
+from ibrid.markdown import markdown_table
+
+Row = Mapping[str, Any]
+
+_TOP = """# What the search finds
+
+Made by `make bench-search`, which keeps what it has measured and goes on where it was stopped; the tables are made of its rows.
+Every search begins with the naive diagram and sees the sweep alone, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3
+unless it is a measured one. It ends at its budget of evaluations, or at the noise floor (for clean data, at an exact fit) when
+nothing better has come for a while. `rules` is the default proposer, `random` draws legal edits, the baseline.
+
+**Reached**: the NRMSE that is asked for, 0.0435 in the paper's setting, 1e-3 else, with noise 1.1 times that of the refitted
+truth. **Found**: reached by a stable answer whose modules and connections have an F1 of at least 0.9 against the hidden
+diagram, up to what `compare` calls equivalent. **Lowest**: NRMSE of the best of the search; **answer**: of what it answers
+with, which has fewer free numbers where these gain little, fitted anew. **Truth**: the true diagram fitted to the same data.
+**Held out**: the answer at an operating point, p = 0.5, q = 0, that the search never saw. **Numbers**: free ones of the
+answer. **BIC**: where the noise is known, the Bayesian information criterion of the answer less that of the truth; what is
+below zero the data prefer to the truth. **To limit**: evaluations until the error was reached. **s**: seconds of the whole
+run on a shared machine, on one core where "workers" is 1. **Median**: of two in the middle the upper one; a search that
+never reaches the error counts as the last.
+
+The rules were chosen on seeds 0 to 29, 50 to 54 and 60 of `paper_like`, clean, with an eye on droop and other grid-forming
+inverters; the price of a free number under noise on seeds 0 and 1 at 40 dB. Of what was kept nothing was chosen on seeds 30 to
+39, on the published sets or on the random draws; variants that were dropped had been tried on seeds 30 to 37 and 40 to 48 too.
+
+"""
+_PAPER = """Per-point fits, the paper's equilibrium and its 23 kinds of modules. The paper reached 0.0435 on a device of its own;
+the true structure, refitted in this setting, has 0.0432 here. **In time**: 0.0435 within 500 evaluations and ten minutes.
+"""
+_STRUCTURE = """Exact equilibrium, one parameter set for both points, 34 kinds of modules.
+"""
+_OTHERS = """As before. The names with `published_`, `gfl_`, `gfm_`, `hybrid_`, `parallel_` and `random_` are those of
+`docs/inverters.md`; the others are variants of the benchmark. That a hidden structure is not found although the error is
+reached has two reasons: another wiring that these data do not tell from it, or blocks too many.
+"""
+_HARDWARE = """A 400 Hz inverter of Virginia Tech, 60 to 100 frequencies. Nobody published its diagram, so nothing can be called
+found; the noise is 0.03 to 0.05. Held out: the other operating point, where there is one.
+"""
+#: Title, text, and which rows belong there.
+_SECTIONS: tuple[tuple[str, str, Callable[[Row], bool]], ...] = (
+    ("The paper's setting", _PAPER, lambda row: row["table"] == "paper"),
+    ("paper_like, clean", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "clean"),
+    ("paper_like, 60 dB", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "60 dB"),
+    ("paper_like, 40 dB", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "40 dB"),
+    ("Other hidden inverters", _OTHERS, lambda row: row["table"] == "inverters"),
+    ("Measured hardware", _HARDWARE, lambda row: row["table"] == "hardware"),
+)
+NOT_YET = "Not measured yet.\n"
+
+_SUMMARY = (
+    "inverter",
+    "data",
+    "proposer",
+    "budget",
+    "seeds",
+    "reached",
+    "{verdict}",
+    "lowest, median (range)",
+    "F1 modules / connections",
+    "to limit, median",
+    "s, median",
+)
+_EVERY = (
+    "inverter",
+    "data",
+    "proposer",
+    "budget",
+    "seed",
+    "lowest",
+    "answer",
+    "truth",
+    "held out",
+    "F1 modules / connections",
+    "numbers",
+    "BIC",
+    "evaluations",
+    "to limit",
+    "workers",
+    "s",
+    "{verdict}",
+)
+
+
+def page(rows: Mapping[str, Row]) -> str:
+    """Markdown: for every table what the searches come to, and each of them; rows by their keys, as in the ledger."""
+    searches = [row for row in rows.values() if row["table"] != "speed"]
+    parts = [_section(title, text, [row for row in searches if belongs(row)]) for title, text, belongs in _SECTIONS]
+    speed = "".join(f"    {line}\n" for line in known_speed_lines(rows))
+    return f"{_TOP}{''.join(parts)}## Speed\n\nOn two cores.\n\n{speed or NOT_YET}"
+
+
+def _section(title: str, text: str, rows: Sequence[Row]) -> str:
+    whole = f"## {title}\n\n{text}\n"
+    if not rows:
+        return f"{whole}{NOT_YET}\n"
+    grouped = [sorted(group, key=lambda row: row["seed"]) for group in groups(rows)]
+    several = [group for group in grouped if len(group) > 1]
+    verdict = "in time" if rows[0]["table"] == "paper" else "found"
+    if several:
+        whole += markdown_table(_titles(_SUMMARY, verdict), [_summary(group) for group in several]) + "\n"
+    return whole + markdown_table(_titles(_EVERY, verdict), [_search(row) for group in grouped for row in group]) + "\n"
+
+
+def _titles(columns: Sequence[str], verdict: str) -> list[str]:
+    return [column.format(verdict=verdict) for column in columns]
+
+
+def _summary(rows: Sequence[Row]) -> tuple[str, ...]:
+    first, errors = rows[0], [row["nrmse"] for row in rows]
+    verdicts = [row["success"] for row in rows if row["success"] is not None]
+    reached = sum(row["first"] is not None for row in rows)
+    return (
+        f"`{first['inverter']}`",
+        first["data"],
+        first["proposer"],
+        str(first["budget"]),
+        _seeds([row["seed"] for row in rows]),
+        f"{reached} of {len(rows)}",
+        f"{sum(verdicts)} of {len(verdicts)}" if verdicts else "-",
+        f"{error_words(median_of(rows, 'nrmse'))} ({error_words(min(errors))} to {error_words(max(errors))})",
+        _pair(*(median_of(rows, name) for name in ("modules_f1", "connections_f1"))),
+        median_to_limit(rows),
+        f"{median_of(rows, 'seconds'):.0f}",
+    )
+
+
+def _search(row: Row) -> tuple[str, ...]:
+    return (
+        f"`{row['inverter']}`",
+        row["data"],
+        row["proposer"],
+        str(row["budget"]),
+        str(row["seed"]),
+        error_words(row["nrmse"]),
+        error_words(row["answer_nrmse"]),
+        error_words(row["truth_nrmse"]),
+        error_words(row["holdout"]),
+        _pair(row["modules_f1"], row["connections_f1"]),
+        str(row["free_parameters"]),
+        _signed(row.get("bic_over_truth")),
+        str(row["evaluations"]),
+        "-" if row["first"] is None else str(row["first"]),
+        str(row["workers"]),
+        f"{row['seconds']:.0f}",
+        verdict_words(row["success"]),
+    )
+
+
+def _seeds(seeds: Sequence[int]) -> str:
+    """Seeds in words, runs of them as "0 to 9"; they are sorted."""
+    runs: list[list[int]] = []
+    for seed in seeds:
+        if runs and seed == runs[-1][-1] + 1:
+            runs[-1].append(seed)
+        else:
+            runs.append([seed])
+    return ", ".join(f"{one[0]} to {one[-1]}" if len(one) > 1 else str(one[0]) for one in runs)
+
+
+def _signed(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:+.1f}" if abs(value) < 1e4 else f"{value:+.1e}"
+
+
+def _pair(first: float | None, second: float | None) -> str:
+    return "-" if first is None or second is None else f"{first:.2f} / {second:.2f}"

@@ -1,0 +1,78 @@
+"""What the fitted steps of a run are worth: their records, errors and oddities, and by that their order."""
+
+from math import inf
+
+from ibrid.evaluation.record import Record
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid_search.merit import Criterion
+from ibrid_search.oddities import Oddities, oddities
+from ibrid_search.parsed import parsed
+from ibrid_search.ranking import Entry
+from ibrid_search.sorts import sort_of_control
+from ibrid_search.step import Step
+from ibrid_search.store import Store
+
+#: Records that are kept at hand.
+RECORDS = 256
+#: Decimals to which two candidates are worth the same: two drawings of one thing, fitted, agree to more.
+DECIMALS = 6
+
+
+class Appraisal:
+    """Reads each record from the store when it is needed, and remembers what it says."""
+
+    def __init__(self, store: Store, criterion: Criterion, kinds: Vocabulary) -> None:
+        self.criterion = criterion
+        self._store, self._kinds = store, kinds
+        self._records: dict[int, Record] = {}
+        self._odd: dict[int, Oddities] = {}
+        self._error: dict[int, float] = {}
+
+    def record(self, number: int) -> Record:
+        """The record of a step; IbridError when it has none."""
+        if number not in self._records:
+            if len(self._records) > RECORDS:
+                self._records.clear()
+            self._records[number] = self._store.record(number, self._kinds)
+        return self._records[number]
+
+    def error(self, number: int) -> float:
+        """Error of a fitted step, as the run measures it."""
+        if number not in self._error:
+            self._error[number] = self.criterion.floor.error(self.record(number))
+        return self._error[number]
+
+    def oddities(self, step: Step) -> Oddities:
+        """What is doubtful in a fitted step."""
+        if step.number not in self._odd:
+            self._odd[step.number] = oddities(parsed(step.program), self.record(step.number), self._kinds)
+        return self._odd[step.number]
+
+    def at_floor(self, step: Step) -> bool:
+        """True when it fits as well as the noise allows, without an absurd plant."""
+        if self.oddities(step).absurd:
+            return False
+        return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
+
+    def rank(self, step: Step) -> tuple[float, int, int]:
+        """Of eligible steps the least is the best; of two that are worth the same the one with fewer states."""
+        value = self.criterion.value(self.error(step.number), int(step.free or 0), self.oddities(step))
+        return round(value, DECIMALS), int(step.order or 0), step.number
+
+    def entry(self, step: Step) -> Entry:
+        """The step as the archive keeps it."""
+        error, free, odd = self.error(step.number), int(step.free or 0), self.oddities(step)
+        return Entry(
+            step=step.number,
+            hash=step.hash,
+            parent=step.parent,
+            island=step.island,
+            reward=self.criterion.merit(error, free, odd),
+            nrmse=inf if step.nrmse is None else step.nrmse,
+            order=int(step.order or 0),
+            free=free,
+            stable=bool(step.stable),
+            program=step.program,
+            value=self.criterion.merit(error, 0, odd),
+            sort=sort_of_control(parsed(step.program), self._kinds) + ", absurd plant" * bool(odd.absurd),
+        )

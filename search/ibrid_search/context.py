@@ -1,0 +1,151 @@
+"""The prompt of a language model: the four parts of the paper's context (section V.B), the edit asked for, the history.
+
+1. objective and metric, 2. language, vocabulary and grammar, 3. the parent with its record, 4. engineering priors. The
+first, second and fourth stay the same in a run and form the system turn. Text that came from a model is data: it is
+fenced, and cannot close its fence or speak for another turn.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
+
+from ibrid.errors import IbridError
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.program import program_text
+from ibrid_search.blocks import write_block
+from ibrid_search.language import api_text, kinds_text, rules_text
+from ibrid_search.priors import PRIORS, SCALE_TEXTS
+from ibrid_search.proposal import Context, Evaluated, Task
+from ibrid_search.proposers.chat import Message, estimated_tokens
+from ibrid_search.quoting import FENCE, fenced, quoted
+from ibrid_search.record_text import record_text, score_text
+from ibrid_search.step import Step
+
+
+def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens) -> list[Message]:
+    """System and user turn for the next edit of `context.parent`.
+
+    Parameters
+    ----------
+    limit_tokens : of both turns together. What does not fit is left out: first candidates and failures of the history,
+        then details of vocabulary and record. count : tokens of a text, by default an estimate.
+
+    Raises IbridError when even the shortest form is longer.
+    """
+    for short in (False, True):
+        system, question = system_text(context.task, short=short), "\n\n".join(_question(context, short))
+        used = count(system) + count(question)
+        if used <= limit_tokens:
+            history = _history(context, limit_tokens - used, count)
+            user = f"{history}\n\n{question}" if history else question
+            return [{"role": "system", "content": system}, {"role": "user", "content": user}]
+    raise IbridError(
+        f"the shortest prompt for this program has about {used} tokens, but the limit is {limit_tokens}; raise it"
+    )
+
+
+def system_text(task: Task, *, short: bool = False) -> str:
+    """What does not change in a run: role and objective, language and grammar, priors, form of an answer."""
+    return "\n\n".join(
+        (
+            _objective(task),
+            f"# Programs\n{api_text()}",
+            f"# Modules\n{kinds_text(task.kinds, task.equilibrium, short=short)}",
+            f"# When a diagram is legal\n{rules_text(task.kinds, task.equilibrium)}",
+            f"# What engineers know\n{PRIORS}",
+            f"# Form of your answer\n{answer_form(task.kinds)}",
+        )
+    )
+
+
+def answer_form(kinds: Vocabulary) -> str:
+    """How an edit is written, with an example that is about no inverter."""
+    wire = '    g.connect("a.out", "b.in_")'
+    kind = _one_in_one_out(kinds)
+    inserted = f'    g.add("{kind}", "new")\n    g.connect("a.out", "new.in_")\n    g.connect("new.out", "b.in_")'
+    return (
+        "First one line `CHANGE: ` that says what changes and why. Then one or more SEARCH/REPLACE blocks. SEARCH holds whole "
+        "lines copied from the program, enough of them to be found only once; REPLACE holds what stands there afterwards, "
+        "which may be nothing. An empty SEARCH appends at the end. Blocks apply in order, all or none. For example, in a "
+        "program that has the line in SEARCH:\n\n" + write_block([wire], inserted.split("\n")) + "\n"
+        "Do not write the whole program again, and do not repeat a structure that is already known: it counts for nothing."
+    )
+
+
+def _objective(task: Task) -> str:
+    points = "; ".join(
+        f"{quoted(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
+        f"frequencies from {one.frequency[0]:.4g} to {one.frequency[-1]:.4g} Hz"
+        for one in task.sweep.points
+    )
+    shared = "one value at all operating points" if task.parameters == "shared" else "values of its own at every point"
+    return f"""\
+# Task
+You identify the hidden controller of a power inverter as a block diagram of textbook modules. All that is known is its
+measured 2x2 admittance Y(j omega) at the terminals, d and q axis, in per unit: i = Y v, current out of the inverter, q
+leading d. You improve a program that builds such a diagram by small edits.
+
+# Objective
+An evaluator fits the free parameters of your diagram to the measurement ({shared})
+and gives the NRMSE: the norm of the error of Y over the norm of Y at each operating point, averaged over the points.
+Lower is better; the reward is -ln(NRMSE). The record also resolves the error by frequency band, entry (dd, dq,
+qd, qq) and operating point. The measured device is stable, so a diagram whose fit is unstable cannot be the answer. What
+counts in the end is a diagram of recognisable modules, as few as explain the data.
+Measured: {points}."""
+
+
+def _question(context: Context, short: bool) -> Iterator[str]:
+    parent = context.parent
+    yield f"# The program to edit (step {parent.step})\n{_program(parent)}"
+    yield f"# Its record\n{record_text(parent.record, short=short)}"
+    if context.last is not None and context.last.number == parent.step and context.last.note:
+        yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
+    if context.remark:
+        yield f"# What else is known\n{fenced(context.remark)}"
+    yield f"# What to do\nWrite {SCALE_TEXTS[context.scale]}"
+    if context.complaint is not None:
+        yield (
+            "# Your first answer could not be used\n"
+            f"{fenced(context.complaint.edit)}\nReason: {quoted(context.complaint.reason)}\n"
+            "Answer again, with a whole edit of the program above."
+        )
+
+
+def _history(context: Context, room: int, count: Callable[[str], int]) -> str:
+    """The best candidates and the last failures in turn, as many as there is room for."""
+    best = [one for one in context.best if one.step != context.parent.step]
+    goods, bads = "# The best so far\n", "# What failed lately\n"
+    kept: tuple[list[str], list[str]] = ([], [])
+    room -= count(goods) + count(bads) + 4
+    for pair in zip_longest(map(_candidate, best), map(_failure, context.failures)):
+        for text, texts in zip(pair, kept, strict=True):
+            needed = count(text) + 2 if text is not None else 0
+            if text is not None and needed <= room:
+                texts.append(text)
+                room -= needed
+    return "\n\n".join(
+        heading + "\n\n".join(texts) for heading, texts in zip((goods, bads), kept, strict=True) if texts
+    )
+
+
+def _candidate(one: Evaluated) -> str:
+    return f"Step {one.step}: {score_text(one.record)}\n{_program(one)}"
+
+
+def _failure(step: Step) -> str:
+    what = f", {quoted(step.note)}" if step.note else ""
+    edit = f"\n{fenced(step.edit)}" if step.edit else ""
+    return f"Step {step.number} ({step.status}{what}): {quoted(step.reason) or 'no reason given'}{edit}"
+
+
+def _program(one: Evaluated) -> str:
+    return f"{FENCE}python\n{program_text(one.diagram)}{FENCE}"
+
+
+def _one_in_one_out(kinds: Vocabulary) -> str:
+    """A kind for the example, the plainest there is."""
+    fitting: Sequence[str] = [
+        kind.name
+        for kind in sorted(kinds, key=lambda kind: (kind.order, -len(kind.parameters)))
+        if [*kind.inputs] == ["in_"] and [*kind.outputs] == ["out"]
+    ]
+    return fitting[0] if fitting else "KIND"

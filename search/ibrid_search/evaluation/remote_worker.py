@@ -1,0 +1,104 @@
+"""One actor as the search sees it: started, asked, killed; what Ray can do wrong becomes a verdict or one of two errors."""
+
+import pickle
+from contextlib import suppress
+from typing import Any
+
+from ibrid.errors import IbridError
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.job import Job
+from ibrid_search.evaluation.verdict import Verdict, stopped
+from ibrid_search.evaluation.worker import ONE_THREAD, Worker
+from ibrid_search.step import Status
+
+#: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
+GRACE = 1.0
+
+
+class WorkerLost(Exception):
+    """The actor's process or node is gone, whoever's fault that is."""
+
+
+class RemoteWorker:
+    """An actor that may not be ready yet.
+
+    `who` : "host pid N", "" until `prepare` has ended. `alive` : False once it was killed. `wall` : limit of a job, s.
+    """
+
+    def __init__(self, ray: Any, actor: Any, wall: float):
+        self.who = ""
+        self.alive = True
+        self._ray = ray
+        self._actor = actor
+        self._wall = wall
+
+    def prepare(self) -> None:
+        """Wait until the actor runs and has loaded the subject.
+
+        Raises IbridError when the subject cannot be loaded there, WorkerLost when the actor dies before.
+        """
+        errors = self._ray.exceptions
+        try:
+            self.who = self._ray.get(self._actor.prepare.remote())
+        except errors.RayTaskError as error:
+            raise IbridError(
+                f"a worker could not load the data and the kinds ({_cause(error)}); write kinds of your own in the "
+                "notebook or script of the search, or install their module on every node"
+            ) from None
+        except errors.RayError as error:
+            raise WorkerLost(_cause(error)) from None
+
+    def evaluate(self, job: Job) -> Verdict:
+        """The verdict on a job; TIMEOUT when the actor had to be killed for it. Raises WorkerLost."""
+        errors = self._ray.exceptions
+        try:
+            return self._ray.get(self._actor.evaluate.remote(job), timeout=self._wall + GRACE)
+        except errors.GetTimeoutError:
+            self.kill()
+            return stopped(self._wall)
+        except (errors.RayTaskError, TypeError, pickle.PicklingError) as error:  # a job or record that cannot travel
+            return Verdict(Status.FAILED, reason=f"the evaluation broke off with {_cause(error)}")
+        except errors.RayError as error:
+            self.kill()  # an actor that cannot be reached may still be there
+            raise WorkerLost(_cause(error)) from None
+
+    def kill(self) -> None:
+        """End the actor's process, whatever it is doing, native code included."""
+        self.alive = False
+        with suppress(self._ray.exceptions.RayError, ValueError, RuntimeError):  # gone already
+            self._ray.kill(self._actor, no_restart=True)
+
+
+class Hiring:
+    """Starts actors that all have the same subject, which is stored in the cluster once."""
+
+    def __init__(self, ray: Any, subject: Subject, wall: float):
+        self._ray = ray
+        self._wall = wall
+        self._cargo = ray.put(_pickled(ray, subject))
+        self._kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(
+            Worker
+        )
+
+    def hire(self) -> RemoteWorker:
+        """An actor on its way; `prepare` waits for it."""
+        return RemoteWorker(self._ray, self._kind.remote([self._cargo], self._wall), self._wall)
+
+
+def _pickled(ray: Any, subject: Subject) -> bytes:
+    """The subject as bytes, functions of a notebook included."""
+    try:
+        return ray.cloudpickle.dumps(subject)
+    except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
+        raise IbridError(
+            f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "
+            "should use its arguments alone"
+        ) from None
+
+
+def _cause(error: BaseException) -> str:
+    """What lies behind an error, in one line."""
+    cause = getattr(error, "cause", None)
+    found = cause if isinstance(cause, BaseException) else error
+    lines = [line.strip() for line in str(found).splitlines() if line.strip()] or ["no message"]
+    return f"{type(found).__name__}: {lines[-1]}"[:300]

@@ -1,0 +1,67 @@
+"""One evaluation with its time limit, and the word for how it ended; the same in this process and on a worker."""
+
+import time
+from dataclasses import dataclass
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.record import Record
+from ibrid.evaluation.time_limit import time_limit
+from ibrid_search.evaluation.assess import Subject, assess
+from ibrid_search.evaluation.job import Job
+from ibrid_search.step import Status
+
+_STATUS = {
+    Outcome.OK: Status.OK,
+    Outcome.INVALID: Status.ILLEGAL,
+    Outcome.FAILED: Status.FAILED,
+    Outcome.TIMEOUT: Status.TIMEOUT,
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How one attempt at a job ended: fields as in `Result`."""
+
+    outcome: Status
+    record: Record | None = None
+    reason: str = ""
+    seconds: float = 0.0
+
+
+def judge(job: Job, subject: Subject, wall: float) -> Verdict:
+    """Assess a job within `wall` seconds. Whatever the code of a user's own kind raises makes the candidate fail."""
+    started = time.perf_counter()
+    verdict = _judge(job, subject, wall)
+    return Verdict(verdict.outcome, verdict.record, verdict.reason, time.perf_counter() - started)
+
+
+def stopped(wall: float) -> Verdict:
+    """The verdict on a job that did not end within the limit."""
+    return Verdict(
+        Status.TIMEOUT,
+        reason=f"the evaluation did not end within the limit of {wall:g} s, also when nothing else ran; "
+        "simplify the diagram or raise the limit",
+    )
+
+
+def _judge(job: Job, subject: Subject, wall: float) -> Verdict:
+    try:
+        with time_limit(wall):
+            record = assess(job, subject)
+    except TimeoutError:
+        return stopped(wall)
+    except IbridError as error:
+        return Verdict(Status.FAILED, reason=str(error))
+    except (Exception, SystemExit) as error:  # code of a user's own kind may raise anything; the run goes on
+        return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {_first(error)}")
+    status = _STATUS[Outcome(record.outcome)]
+    if status is Status.TIMEOUT:
+        return stopped(min(wall, subject.fit.seconds))
+    return Verdict(status, record, "; ".join(record.reasons))
+
+
+def _first(error: BaseException) -> str:
+    """The first line of a message, short."""
+    lines = str(error).strip().splitlines() or ["no message"]
+    return lines[0][:300]

@@ -1,0 +1,240 @@
+"""Programs that an agent had evaluated, numbered, each structure once; kept in memory, and in a store when there is one."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import IbridError, ProgramError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.plan import make_plan
+from ibrid.evaluation.record import Record
+from ibrid.evaluation.time_limit import time_limit
+from ibrid.fit.settings import FitSettings
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import violations
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import parse_program, program_text
+from ibrid_search.blocks import shown
+from ibrid_search.proposal import Evaluated, Task
+from ibrid_search.run_folder import write_best
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
+
+#: Characters that are kept of a refused program, and of the reasons.
+KEPT = 20_000
+_STATUS = {
+    Outcome.INVALID: Status.ILLEGAL,
+    Outcome.FAILED: Status.FAILED,
+    Outcome.TIMEOUT: Status.TIMEOUT,
+}
+
+
+@dataclass(frozen=True)
+class Effort:
+    """`restarts` : further waves of starts at most, None: the default. `seed` : of the starts. `seconds` : limit of one
+    evaluation. `holdout_op` : operating points kept out of the fit and predicted."""
+
+    restarts: int | None = None
+    seed: int = 0
+    seconds: float = 30.0
+    holdout_op: tuple[str, ...] = ()
+
+
+class Logbook:
+    """Evaluates programs under one task and remembers them.
+
+    `effort` : of an evaluation that asks for nothing else. `store`, `folder` : where steps and the best program go too.
+    `steps` : of an earlier sitting, whose records are in the store.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        effort: Effort | None = None,
+        store: Store | None = None,
+        folder: Path | None = None,
+        steps: Sequence[Step] = (),
+    ) -> None:
+        self.task = task
+        self.effort = effort or Effort()
+        self._require(self.effort)
+        self._store, self._folder = store, folder
+        self._steps = list(steps)
+        self._records: dict[int, Record] = {}
+        self._known = {_key(one.hash, one.usage): one.number for one in self._steps if _final(one)}
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """All of them, refused ones too."""
+        return tuple(self._steps)
+
+    def known(self, diagram: Diagram) -> int | None:
+        """Step of the same structure under the usual effort; None when it was not evaluated. The diagram is legal."""
+        return self._known.get(_key(self._hash(diagram), {}))
+
+    def met(self, diagram: Diagram) -> str | None:
+        """The same in words."""
+        number = self.known(diagram)
+        return None if number is None else f"step {number}"
+
+    def submit(self, program: str, *, note: str = "", parent: int | None = None, effort: Effort | None = None) -> Step:
+        """Check and evaluate a program; the step says how it ended, whatever the text is.
+
+        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage.
+        Raises IbridError for an effort that makes no sense, such as a held-out point that the data lack, and for a
+        parent that has no fit.
+        """
+        effort = effort or self.effort
+        self._require(effort)
+        if parent is not None:
+            self.record(parent)
+        step = Step(len(self._steps), parent, proposer="tools", note=shown(note), usage=_unusual(effort, self.effort))
+        try:
+            diagram = parse_program(program)
+        except ProgramError as error:
+            return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
+        step = replace(step, program=program_text(diagram))
+        try:
+            with time_limit(effort.seconds):
+                found = violations(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
+                structure = "" if found else self._hash(diagram)
+        except TimeoutError as error:
+            return self._keep(
+                replace(step, status=Status.TIMEOUT, reason=f"the check was {error}; simplify the diagram")
+            )
+        if found:
+            reason = "; ".join(map(str, found))[:KEPT]
+            return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
+        step = replace(step, hash=structure)
+        if (same := self._known.get(_key(step.hash, step.usage))) is not None:
+            reason = f"the same structure as step {same}, whose evaluation stands"
+            first = self._steps[same]
+            return self._keep(replace(step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse))
+        return self._evaluate(step, diagram, effort)
+
+    def record(self, number: int) -> Record:
+        """The record of a fitted step, or of the one that it repeats; IbridError when there is none."""
+        if not 0 <= number < len(self._steps):
+            last = len(self._steps) - 1
+            found = f"steps run from 0 to {last}" if self._steps else "nothing has been evaluated yet"
+            raise IbridError(f"there is no step {number}; {found}")
+        step = self._steps[number]
+        if step.same_as is not None:
+            return self.record(step.same_as)
+        if number not in self._records:
+            if step.status is not Status.OK or self._store is None:
+                raise IbridError(
+                    f"step {number} has no fit ({step.status}: {step.reason[:200]}); list_best names those that have"
+                )
+            return self._store.record(number, self.task.kinds)
+        return self._records[number]
+
+    def best(self, count: int) -> tuple[Evaluated, ...]:
+        """The best fitted steps of the usual effort, stable ones first; an unstable model is no answer."""
+        fitted = [one for one in self._steps if one.status is Status.OK and "holdout_op" not in one.usage]
+        ranked = sorted(fitted, key=lambda one: (not one.stable, one.nrmse, one.free, one.order, one.number))
+        return tuple(self._evaluated(one.number) for one in ranked[:count])
+
+    def _require(self, effort: Effort) -> None:
+        task = self.task
+        make_plan(
+            task.sweep,
+            task.parameters,
+            task.equilibrium,
+            task.kinds,
+            None,
+            effort.restarts,
+            effort.seed,
+            effort.holdout_op,
+            FitSettings(seconds=effort.seconds),
+        )
+
+    def _evaluated(self, number: int) -> Evaluated:
+        record = self.record(number)
+        return Evaluated(number, record.diagram, record)
+
+    def _hash(self, diagram: Diagram) -> str:
+        return structure_hash(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
+
+    def _evaluate(self, step: Step, diagram: Diagram, effort: Effort) -> Step:
+        if self._store is not None:
+            self._store.propose(step)
+        try:
+            record = evaluate(
+                diagram,
+                self.task.sweep,
+                parameters=self.task.parameters,
+                equilibrium=self.task.equilibrium,
+                vocabulary=self.task.kinds,
+                restarts=effort.restarts,
+                seed=effort.seed,
+                holdout_op=effort.holdout_op,
+                settings=FitSettings(seconds=effort.seconds),
+            )
+        except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
+            reason = f"{type(error).__name__}: {error}"
+            self._conclude(replace(step, status=Status.LOST, reason=reason), None)
+            raise
+        if record.outcome != Outcome.OK:
+            status, reason = _STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
+            return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
+        fitted = replace(
+            step,
+            status=Status.OK,
+            nrmse=record.nrmse,
+            reward=record.reward,
+            stable=all(record.stable.values()),
+            order=record.order,
+            free=record.free_parameters,
+            seconds=record.seconds,
+        )
+        self._conclude(fitted, record)
+        self._show_best(fitted, record)
+        return fitted
+
+    def _conclude(self, step: Step, record: Record | None) -> Step:
+        self._steps.append(step)
+        if record is not None:
+            self._records[step.number] = record
+        if _final(step):
+            self._known[_key(step.hash, step.usage)] = step.number
+        if self._store is not None:
+            self._store.conclude(
+                step.number, status=step.status, reason=step.reason, record=record, seconds=step.seconds
+            )
+        return step
+
+    def _keep(self, step: Step) -> Step:
+        self._steps.append(step)
+        if self._store is not None:
+            self._store.propose(step)
+        return step
+
+    def _show_best(self, step: Step, record: Record) -> None:
+        """best.py and best.json follow the best step."""
+        best = self.best(1)
+        if self._folder is not None and best and best[0].step == step.number:
+            write_best(self._folder, record)
+
+
+def _final(step: Step) -> bool:
+    """True when the same question would get the same answer again."""
+    return step.status in (Status.OK, Status.FAILED)
+
+
+def _unusual(effort: Effort, usual: Effort) -> dict[str, Any]:
+    """What an effort asks for beyond the usual."""
+    asked = {name: getattr(effort, name) for name in ("restarts", "seed", "seconds", "holdout_op")}
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in asked.items()
+        if value != getattr(usual, name)
+    }
+
+
+def _key(structure: str, unusual: Mapping[str, Any]) -> tuple[str, str]:
+    return structure, json.dumps(dict(unusual), sort_keys=True)

@@ -1,0 +1,377 @@
+"""The recursion: draw a parent, ask a proposer, judge the edit, evaluate, admit; in a fixed order, resumable anywhere.
+
+Proposal k is made from the results of the steps up to k - window and from random numbers that follow from the seed and k
+alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
+With a proposer that learns from evaluations, a whole batch of its answers is made from the results of the batches before.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from ibrid_policy.learning.learner import Learner
+
+from ibrid.errors import IbridError
+from ibrid.structure.program import parse_program
+from ibrid_search.appraisal import Appraisal
+from ibrid_search.archive import Archive, Entry
+from ibrid_search.evaluation.assess import PROMISING
+from ibrid_search.evaluation.job import Evaluator, Job, Result
+from ibrid_search.judging import Verdict, judge, judge_program
+from ibrid_search.merit import Criterion
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.proposers.spending import Spender, added
+from ibrid_search.requirements import Requirements
+from ibrid_search.settings import SearchSettings
+from ibrid_search.step import EVALUATED, USABLE, Status, Step
+from ibrid_search.store import Store
+from ibrid_search.trajectory import eligible
+
+#: Sentences about how a search ended.
+BUDGET, TARGET = "the budget is spent", "the target is reached"
+FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
+NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
+SPENT = "the limits of the language models are spent"
+
+
+@dataclass(frozen=True)
+class Goal:
+    """When to end. `budget` : evaluations, the start included. `target` : NRMSE that is enough; None: the noise floor."""
+
+    budget: int
+    target: float | None = None
+
+
+class Loop:
+    """One search over a store: `run` makes steps until an end is reached; made anew over an old store it goes on."""
+
+    def __init__(
+        self,
+        task: Task,
+        store: Store,
+        evaluator: Evaluator,
+        proposers: Sequence[tuple[Proposer, float]],
+        settings: SearchSettings,
+        goal: Goal,
+        *,
+        seed: int,
+        criterion: Criterion,
+        requirements: Requirements,
+        watch: Callable[["Loop", Step], None] = lambda loop, step: None,
+    ) -> None:
+        self.task, self.store, self.evaluator = task, store, evaluator
+        self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, seed
+        self.appraisal = Appraisal(store, criterion, task.kinds)
+        self.requirements, self.watch = requirements, watch
+        self.pruning, self.tidying = Pruning(), Pruning(thorough=True)
+        self.learner = next((one for one, _ in self.proposers if isinstance(one, Learner)), None)
+        self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
+        self.archive = Archive(settings)
+        self.steps: list[Step] = []
+        self.known: dict[str, int] = {}
+        self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
+        self.evaluations = 0
+        self.best: Step | None = None
+        self.idle = 0
+        self.bare: set[int] = set()  # steps from which nothing more can be taken away
+        self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
+
+    # --- the course --------------------------------------------------------------------------------------------------
+
+    def run(self, start: str) -> str:
+        """Go on from what the store holds, or from the program `start`; returns how the search ended."""
+        self._restore()
+        if not self.steps:
+            self._append(self._first(start))
+        ending = None
+        while ending is None:
+            self._absorb(self._horizon)
+            self._require_a_start()
+            self._learn()
+            ending = self._ending()
+            if ending is None:
+                ending = self._step()
+        self._absorb(len(self.steps) - 1)
+        return ending
+
+    def _step(self) -> str | None:
+        """Make a step; an ending instead when the best is good enough and has nothing left to take away.
+
+        While results are under way that may change this, the fruitless step is kept: what a step sees follows from its
+        number alone, also after a resume. A best that is not good enough yet leaves the rest of the budget to the search.
+        """
+        best, reached = self.best, self._reached
+        if best is not None and self._tidying and (reached is not None or best.number not in self.bare):
+            step = self._proposed(best)
+            fruitless = step.status is Status.NO_ANSWER
+            if fruitless and reached is not None and not self._under_way:
+                return reached
+            if not fruitless or reached is not None:
+                self._append(step)
+                return None
+            self.bare.add(best.number)
+        self._append(self._proposed())
+        return None
+
+    def _ending(self) -> str | None:
+        if self.stop_asked:
+            return STOPPED
+        if self.evaluations >= self.goal.budget:
+            return BUDGET
+        if self._spent and self.best is None and not self._under_way:
+            return SPENT
+        return NOTHING_NEW if self.idle >= self.settings.patience else None
+
+    @property
+    def _horizon(self) -> int:
+        """The last step whose result the next proposal sees."""
+        return max(len(self.steps) - self.window if self.learner is None else self.learner.rounds.horizon, 0)
+
+    def _learn(self) -> None:
+        """Train the proposer that learns once its batch is complete, and the results in where they matter."""
+        if self.learner is not None and self.learner.due and not self.stop_asked:
+            self.learner.learn(self.steps, self._asked_again)
+
+    @property
+    def _reached(self) -> str | None:
+        """TARGET, FLOOR or EXACT_FIT when the best step is good enough, SPENT when nobody can be asked any more."""
+        if self.best is None or self.best.nrmse is None:
+            return None
+        if self._spent:
+            return SPENT
+        if self.goal.target is not None and self.best.nrmse <= self.goal.target:
+            return TARGET
+        if not self._at_floor or self.appraisal.oddities(self.best).total:
+            return None
+        if not self.appraisal.criterion.floor.known:
+            return EXACT_FIT
+        return FLOOR if len(self.steps) - self.best.number >= self.settings.settled else None
+
+    @property
+    def _under_way(self) -> bool:
+        """True while there are evaluations whose results no proposal has seen."""
+        return any(map(_fresh, self.steps[self.absorbed :]))
+
+    @property
+    def _spent(self) -> bool:
+        """True when every proposer is over its limits; the answer of one that is over tells nothing."""
+        return all(isinstance(one, Spender) and bool(one.spending.over) for one, _ in self.proposers)
+
+    @property
+    def _at_floor(self) -> bool:
+        return self.best is not None and self.appraisal.at_floor(self.best)
+
+    @property
+    def _tidying(self) -> bool:
+        """True in the last part, in which things are only taken away from the best."""
+        kept = int(self.settings.final_pruning * self.goal.budget)
+        return self._at_floor or self._reached is not None or self.evaluations >= self.goal.budget - kept
+
+    def _require_a_start(self) -> None:
+        first = self.steps[0]
+        if first.status not in USABLE:
+            raise IbridError(
+                f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
+            )
+
+    def _restore(self) -> None:
+        """Take over the steps of the store; those that wait for their evaluation, or have lost it, are handed over again."""
+        for step in self.store.steps():
+            if step.status is Status.LOST:
+                self.store.reopen(step.number)
+                step = self.store.step(step.number)
+            self.steps.append(step)
+            self._remember(step)
+        self.restored = len(self.steps)
+        for step in self.steps:
+            if step.status is Status.PENDING:
+                self._submit(step)
+
+    def _append(self, step: Step) -> None:
+        self.store.propose(step)
+        self.steps.append(step)
+        self._remember(step)
+        if step.status is Status.PENDING:
+            self._submit(step)
+
+    def _remember(self, step: Step) -> None:
+        fresh = _fresh(step)
+        self.idle = 0 if fresh else self.idle + 1
+        self.evaluations += fresh
+        if step.hash and fresh:
+            self.known.setdefault(step.hash, step.number)
+        if self.learner is not None:
+            self.learner.add(step)
+
+    # --- proposing ---------------------------------------------------------------------------------------------------
+
+    def _first(self, start: str) -> Step:
+        verdict = judge_program(start, self.task)
+        if verdict.status is not Status.PENDING:
+            raise IbridError(f"the start must be a legal diagram: {verdict.reason}")
+        return Step(number=0, note="the start", hash=verdict.hash, program=verdict.program)
+
+    def _proposed(self, pruned: Step | None = None) -> Step:
+        """The next step: parent, scale and proposer are drawn, the proposer is asked, its edit is judged.
+
+        pruned : the step from which something is to be taken away, when that is settled.
+        """
+        number = len(self.steps)
+        rng = np.random.default_rng([self.seed, number])
+        for draw in self._drawn(rng, number, pruned):
+            parent, island, proposer, scale = draw
+            proposal, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
+            if proposer is not self.pruning or verdict.status is not Status.NO_ANSWER:
+                break  # else there is nothing left to take away, and the step is an ordinary one
+        return Step(
+            number=number,
+            parent=parent.step,
+            island=island,
+            scale=scale,
+            proposer=proposer.name,
+            note=proposal.note,
+            edit=proposal.edit,
+            reply=proposal.reply,
+            diagnosis=proposal.diagnosis,
+            usage=proposal.usage,
+            status=verdict.status,
+            reason=verdict.reason,
+            hash=verdict.hash,
+            same_as=verdict.same_as,
+            program=verdict.program,
+        )
+
+    def _drawn(
+        self, rng: np.random.Generator, number: int, pruned: Step | None
+    ) -> Iterator[tuple[Entry, int, Proposer, str]]:
+        """Parent, its child's island, proposer and scale, in the order in which they are tried."""
+        scale = str(rng.choice(SCALES, p=[self.settings.scales[one] for one in SCALES]))
+        weights = np.array([weight for _, weight in self.proposers])
+        proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
+        if self.learner is None or proposer is not self.learner:
+            parent, island = self.archive.sample(rng, number)
+        elif self.learner.rounds.leader is None:  # a new group: the active island goes round with the groups
+            parent, island = self.archive.sample(rng, self.learner.rounds.next.context)
+        else:
+            leader = self.steps[self.learner.rounds.leader]
+            parent, island, scale = self._parent(leader), leader.island, leader.scale
+        best = self.archive.best
+        if pruned is not None:
+            yield self.appraisal.entry(pruned), pruned.island, self.tidying, "module"
+            return
+        if best is not None and rng.random() < self.settings.pruning:
+            yield best, best.island, self.pruning, "module"
+        yield parent, island, proposer, scale
+
+    def _asked(
+        self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
+    ) -> tuple[Proposal, Verdict]:
+        """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before.
+
+        The usage is that of all attempts.
+        """
+        usage: Mapping[str, Any] = {}
+        for _ in range(max(proposer.attempts, 1)):
+            proposal = proposer.propose(context, rng)
+            usage = added(usage, proposal.usage)
+            verdict = judge(proposal, parent.program, parent.hash, self.task, self.known.get)
+            if verdict.status not in _WORTH_ANOTHER_TRY:
+                break
+            context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
+        return replace(proposal, usage=usage), verdict
+
+    def _context(self, parent: Entry, scale: str) -> Context:
+        history = self.settings.history
+        best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][:history]
+        return Context(
+            task=self.task,
+            parent=self._evaluated(parent),
+            scale=scale,
+            best=tuple(self._evaluated(one) for one in best),
+            failures=self._failures(history),
+            last=self.steps[self.absorbed - 1] if self.absorbed > 1 else None,
+            seen=self.known.__contains__,
+        )
+
+    def _parent(self, step: Step) -> Entry:
+        """What a step edits; the start has none, and is never asked."""
+        return self.appraisal.entry(self.steps[step.parent or 0])
+
+    def _asked_again(self, step: Step) -> Context:
+        """The question that led to a step, without what was known of other candidates."""
+        return Context(self.task, self._evaluated(self._parent(step)), step.scale)
+
+    def _failures(self, number: int) -> tuple[Step, ...]:
+        refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)
+        return tuple(step for step, _ in zip(refused, range(number), strict=False))
+
+    def _evaluated(self, entry: Entry) -> Evaluated:
+        return Evaluated(entry.step, parse_program(entry.program), self.appraisal.record(entry.step))
+
+    # --- evaluating and admitting ------------------------------------------------------------------------------------
+
+    def _submit(self, step: Step) -> None:
+        if step.parent is None:
+            job = Job(step.number, step.program)
+        else:
+            before, error = self.appraisal.record(step.parent), self.appraisal.error(step.parent)
+            job = Job(step.number, step.program, before.parameters, PROMISING * error, before.free_parameters)
+        self.evaluator.submit(job)
+
+    def _absorb(self, until: int) -> None:
+        """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
+        while self.absorbed <= until:
+            while self.steps[self.absorbed].status is Status.PENDING:
+                ended = self.evaluator.first_ended()  # results are stored as they come, whatever their turn
+                result = self.evaluator.collect(ended)
+                if self.halt_asked:  # compiled code may have made a failure of the interrupt
+                    raise KeyboardInterrupt
+                self._conclude(result)
+            step = self.steps[self.absorbed]
+            self._admit(step)
+            self.absorbed += 1
+            self.watch(self, step)
+
+    def _conclude(self, result: Result) -> None:
+        status, reason, record = result.outcome, result.reason, result.record
+        if status is Status.OK and record is not None and (complaint := self.requirements.unmet(record)):
+            status, reason = Status.REQUIRED, complaint
+        self.store.conclude(
+            result.number,
+            status=status,
+            reason=reason,
+            record=record,
+            seconds=result.seconds,
+            attempts=result.attempts,
+        )
+        self.steps[result.number] = self.store.step(result.number)
+
+    def _admit(self, step: Step) -> None:
+        """Let a valid step into the archive; a start that is not as required is a parent, but no elite."""
+        if step.status is not Status.OK and not (step.number == 0 and step.status in USABLE):
+            return
+        entry = self.appraisal.entry(step)
+        if step.number == 0:
+            self.archive.admit_start(replace(entry, stable=entry.stable and step.status is Status.OK))
+        else:
+            self.archive.admit(entry)
+        if eligible(step):
+            both = [step] if self.best is None else [self.best, step]
+            self.best = min(both, key=self.appraisal.rank)
+
+
+def _fresh(step: Step) -> bool:
+    """True for a step with an evaluation of its own, done or under way."""
+    return step.status in EVALUATED or step.status is Status.PENDING
+
+
+#: An attempt that ended so may be repeated with the complaint.
+_WORTH_ANOTHER_TRY = (
+    Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE, Status.ILLEGAL, Status.IMPLAUSIBLE,
+)  # fmt: skip
+#: What a proposer can learn from.
+_INSTRUCTIVE = (
+    *_WORTH_ANOTHER_TRY, Status.UNCHANGED, Status.DUPLICATE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED,
+)  # fmt: skip

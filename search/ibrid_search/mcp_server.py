@@ -1,0 +1,181 @@
+"""`ibrid mcp DATA`: the tools as an MCP server on standard input and output, for coding agents.
+
+Requests are read in a thread of their own and answered by the main thread one by one, because only there a time limit
+stops a computation. Standard output belongs to the protocol: the SDK sends what else is printed to standard error.
+"""
+
+import asyncio
+import importlib.util
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.fit import kernel
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import choose_vocabulary
+from ibrid.structure.check import require_legal
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook
+from ibrid.structure.program import program_text
+from ibrid_search.logbook import Effort
+from ibrid_search.priors import PRIORS
+from ibrid_search.proposal import Task
+from ibrid_search.sitting import open_logbook
+from ibrid_search.tool import Tool, call_by_name, failed
+from ibrid_search.workbench import Workbench
+
+if TYPE_CHECKING:
+    from mcp.server.lowlevel import Server
+
+_MISSING = (
+    "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip install 'ibrid[mcp]'"
+)
+
+#: What the server tells an agent about itself.
+INSTRUCTIONS = """\
+These tools identify the hidden controller of an inverter from its measured 2x2 dq admittance at the terminals. You write
+block diagrams as programs; evaluate_program fits their parameters and answers with the error: NRMSE, lower is better, and
+where it lies by operating point, frequency band and entry. Step 0 is the start.
+Work in a loop: look at the worst parts of the best record (list_best, show_record), name the layer that is missing or wrong,
+change one thing, check_grammar, evaluate_program, and write down what the result says about your guess. A smaller diagram
+that fits as well is better; an unstable one is no answer, because the device was measured in steady state.
+describe_vocabulary tells how programs are written and which modules there are.
+
+{priors}
+
+Data: {points}; {frequencies} frequencies from {low:g} to {high:g} Hz. Parameters {parameters}, equilibrium {equilibrium}.
+"""
+
+_Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """`parameters`, `equilibrium`, `vocabulary` : as of `ibrid.evaluate`. `out` : folder that keeps what was evaluated.
+    `start` : the program of step 0. `effort` : of an evaluation, with its time limit and held-out points."""
+
+    parameters: str = "shared"
+    equilibrium: str = "exact"
+    vocabulary: str | Sequence[ModuleKind] = "extended"
+    out: Path | None = None
+    start: Diagram | None = None
+    effort: Effort = field(default_factory=Effort)
+
+
+def serve(sweep: Sweep, options: Options) -> int:
+    """Answer on standard input and output until the input ends; returns the exit status 0.
+
+    Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
+    """
+    _require_sdk()
+    task = Task(sweep, choose_vocabulary(options.vocabulary), options.equilibrium, options.parameters)
+    start = options.start or textbook("naive")
+    require_legal(start, task.kinds, equilibrium=task.equilibrium)
+    with open_logbook(task, options.effort, options.out, program_text(start)) as logbook:
+        calls: SimpleQueue[_Call | None] = SimpleQueue()
+        listening = Event()
+        tools = Workbench(logbook).all
+        Thread(target=_listen, args=(tools, _instructions(task), calls, listening), daemon=True).start()
+        listening.wait()  # from here on standard output is out of reach
+        kernel.load()
+        if not logbook.steps:
+            logbook.submit(program_text(start), note="the start")
+        _answer(calls)
+    return 0
+
+
+def _answer(calls: "SimpleQueue[_Call | None]") -> None:
+    """Work off the calls until None comes."""
+    while (call := calls.get()) is not None:
+        function, answer = call
+        if answer.set_running_or_notify_cancel():
+            answer.set_result(function())
+
+
+def _listen(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call | None]", listening: Event) -> None:
+    from mcp.server.stdio import stdio_server
+
+    server = make_server(tools, instructions, calls)
+
+    async def speak() -> None:
+        async with stdio_server() as (incoming, outgoing):
+            listening.set()
+            await server.run(incoming, outgoing, server.create_initialization_options())
+
+    try:
+        asyncio.run(speak())
+    except Exception as error:  # the connection is gone: standard error is all that is left
+        print(f"ibrid mcp: the connection ended: {_in_words(error)}", file=sys.stderr)
+    finally:
+        listening.set()
+        calls.put(None)
+
+
+def make_server(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call | None]") -> "Server[Any]":
+    """The server of the SDK: the tools as they are declared, each call put into the queue and awaited."""
+    import mcp_types as types
+    from mcp.server.lowlevel import Server
+
+    async def on_list_tools(_: Any, __: Any) -> types.ListToolsResult:
+        return types.ListToolsResult(
+            tools=[types.Tool(name=one.name, description=one.description, input_schema=one.schema) for one in tools]
+        )
+
+    async def on_call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
+        answer: Future[dict[str, Any]] = Future()
+        calls.put((lambda: _guarded(tools, asked.name, asked.arguments), answer))
+        content = await asyncio.wrap_future(answer)
+        text = json.dumps(content, ensure_ascii=False)
+        return types.CallToolResult(content=[types.TextContent(text=text)], is_error="error" in content)
+
+    return Server(
+        "ibrid",
+        version=ibrid.__version__,
+        instructions=instructions,
+        on_list_tools=on_list_tools,
+        on_call_tool=on_call_tool,
+    )
+
+
+def _guarded(tools: Sequence[Tool], name: str, arguments: Any) -> dict[str, Any]:
+    """A call whose unforeseen end is an answer too: one bad request must not take the evaluated programs with it."""
+    try:
+        return call_by_name(tools, name, arguments)
+    except Exception as error:
+        return failed(f"{name} failed: {_in_words(error)}")
+
+
+def _in_words(error: Exception) -> str:
+    """An unforeseen error in a sentence; its traceback goes to standard error where IBRID_DEBUG asks for it."""
+    if os.environ.get("IBRID_DEBUG") == "1":
+        traceback.print_exception(error, file=sys.stderr)
+    return f"{type(error).__name__}: {error}; start the server with IBRID_DEBUG=1 for more"
+
+
+def _instructions(task: Task) -> str:
+    points = task.sweep.points
+    return INSTRUCTIONS.format(
+        priors=PRIORS,
+        points=f"operating point{'' if len(points) == 1 else 's'} {', '.join(task.sweep.names)}",
+        frequencies=len(points[0].frequency),
+        low=min(float(one.frequency[0]) for one in points),
+        high=max(float(one.frequency[-1]) for one in points),
+        parameters=task.parameters,
+        equilibrium=task.equilibrium,
+    )
+
+
+def _require_sdk() -> None:
+    if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
+        raise IbridError(_MISSING)

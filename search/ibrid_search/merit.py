@@ -1,0 +1,122 @@
+"""By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
+
+from dataclasses import dataclass, field
+from math import inf, log, sqrt
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.evaluation.reward import reward
+from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.sweep import Sweep, measured_numbers
+from ibrid_search.oddities import SOUND, Oddities
+from ibrid_search.settings import SearchSettings
+
+#: Errors up to this count as exact.
+EXACT = 1e-6
+#: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
+DOUBTFUL = 1e-3
+#: Source of a noise that the data do not tell.
+UNKNOWN = "unknown noise"
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` : how it is known.
+
+    Error is measured against the noise where that is known: `Record.misfit` times `level`, the relative size of the
+    noise, so it means the same at every frequency. Without a known noise it is the NRMSE, and the floor that of an exact
+    fit, `EXACT`.
+    """
+
+    level: float
+    numbers: int
+    source: str
+
+    @property
+    def known(self) -> bool:
+        """True when the data tell their noise."""
+        return self.source != UNKNOWN
+
+    @property
+    def most(self) -> float:
+        """Largest error that noise explains, two standard deviations allowed; that of an exact fit where it is not known."""
+        return self.level * (1.0 + 2.0 / sqrt(2.0 * self.numbers)) if self.known else EXACT
+
+    def error(self, record: Record) -> float:
+        """Error of a fitted record, infinite where it has none."""
+        if self.known:
+            return inf if record.misfit is None else record.misfit * self.level
+        return inf if record.nrmse is None else record.nrmse
+
+    def reached(self, error: float, free: int = 0) -> bool:
+        """True when an error is no larger than noise would leave it after a fit of so many free numbers, on average."""
+        left = max(1.0 - free / self.numbers, 0.0) if self.known else 1.0
+        return error <= max(self.level * sqrt(left), EXACT)
+
+
+def noise_floor(sweep: Sweep) -> Floor:
+    """Law: level is the mean over frequencies and operating points of sqrt(2) |sigma|_F / |Y|_F.
+
+    sigma as given or from repeats; smoothness gives only an upper bound, which must not end a search.
+    """
+    numbers, levels = measured_numbers(sweep.points), []
+    for point in sweep.points:
+        noise = estimate_point(point)
+        if noise.relative is None or noise.source not in ("sigma", "repeats"):
+            return Floor(EXACT, numbers, UNKNOWN)
+        levels.append(noise.relative)
+        source = noise.source
+    return Floor(max(float(np.mean(np.concatenate(levels))), EXACT), numbers, source)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What the best of a run is: the least ln(max(error, `EXACT`)) + price x free numbers (of one operating point, when
+    each has its own).
+
+    With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
+    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `settings` : with the prices that
+    order the parents.
+    """
+
+    floor: Floor
+    price: float
+    alone: int = 1
+    settings: SearchSettings = field(default_factory=SearchSettings)
+
+    def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
+        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
+        return log(max(error, _least(odd))) + self.price * (free / self.alone + 2 * odd.total)
+
+    def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
+        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
+        prices = self.settings
+        return (
+            reward(max(error, _least(odd)))
+            - (prices.parsimony * free + prices.bound * odd.at_bound) / self.alone
+            - prices.layer * odd.missing
+            - prices.residual * odd.residual
+        )
+
+
+def _least(odd: Oddities) -> float:
+    return DOUBTFUL if odd.absurd else EXACT
+
+
+def information_price(numbers: int, alone: int) -> float:
+    """What a free number of one operating point must gain in ln(error) by the Bayesian information criterion, `alone` of them
+    having their own: ln(n) / 2n for each of n measured real numbers."""
+    return log(numbers) * alone / (2 * numbers)
+
+
+#: Price of a free number when the noise is not known: it breaks ties.
+TIE = 1e-3
+
+
+def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criterion:
+    """The criterion for the operating points that are fitted."""
+    floor = noise_floor(sweep)
+    alone = len(sweep.points) if parameters == "per-op" else 1
+    price = information_price(floor.numbers, alone) if floor.known else TIE
+    return Criterion(floor, price, alone, settings)

@@ -1,0 +1,57 @@
+"""What an engineer would doubt in a fitted candidate, however well it fits."""
+
+from dataclasses import dataclass
+
+from ibrid.evaluation.record import Record
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import PLANT
+from ibrid_search.proposers.moves.family import views_of
+
+#: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
+ABSURD = 30.0
+
+
+@dataclass(frozen=True)
+class Oddities:
+    """`missing` : control layers that are not there; of two devices those of the one that lacks fewer.
+    `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` : plant parameters that
+    stand in for a controller, such as a resistance of 1 per unit. `residual` : modules that fit anything and mean
+    little, which is a reason to look further, but none to doubt the rest."""
+
+    missing: int = 0
+    at_bound: int = 0
+    absurd: int = 0
+    residual: int = 0
+
+    @property
+    def total(self) -> int:
+        """All that is doubtful, together."""
+        return self.missing + self.at_bound + self.absurd
+
+
+#: Nothing to doubt.
+SOUND = Oddities()
+
+
+def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
+    """Count them in a fitted diagram."""
+    return Oddities(
+        missing=min((view.roles.missing_layers for view in views_of(diagram, kinds)), default=0),
+        at_bound=len(record.at_bound),
+        absurd=max((_absurd(diagram, record, kinds, op) for op in record.parameters), default=0),
+        residual=record.residual_modules,
+    )
+
+
+def _absurd(diagram: Diagram, record: Record, kinds: Vocabulary, op: str) -> int:
+    by_name = {kind.name: kind for kind in kinds}
+    values, count = record.parameters[op], 0
+    for instance in diagram.instances:
+        kind = by_name[instance.kind]
+        for name, box in kind.parameters.items() if kind.family == PLANT else ():
+            bound = instance.bindings.get(name)
+            value = values.get(bound if isinstance(bound, str) else f"{instance.name}.{name}", box.typical)
+            low = 0.0 if name.startswith("R_") else box.typical / ABSURD
+            count += not low <= value <= box.typical * ABSURD
+    return count

@@ -1,0 +1,106 @@
+"""What a proposer is asked and what it answers; the one interface between the loop and whoever has the ideas."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.diagram import Diagram
+from ibrid_search.examination import Examination
+from ibrid_search.step import Step
+
+#: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
+SCALES = ("local", "module", "structural")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What stays the same in a run: the data, the physics and the words a program may use."""
+
+    sweep: Sweep
+    kinds: Vocabulary
+    equilibrium: str = "exact"
+    parameters: str = "shared"
+
+    @cached_property
+    def examined(self) -> Examination:
+        """The grammar of the run."""
+        return Examination(self.kinds, self.equilibrium)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A valid candidate with its record."""
+
+    step: int
+    diagram: Diagram
+    record: Record
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """An answer to the same question that could not be used, and why: the second attempt sees it."""
+
+    edit: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a proposer sees.
+
+    `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
+    refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
+    for agents. `remark` : what else is known of the device, for language models. `seen` : structure hash -> True when the
+    run has met it. `complaint` : why the first attempt failed.
+    """
+
+    task: Task
+    parent: Evaluated
+    scale: str = "module"
+    best: tuple[Evaluated, ...] = ()
+    failures: tuple[Step, ...] = ()
+    last: Step | None = None
+    remark: str = ""
+    seen: Callable[[str], bool] = field(default=lambda _: False)
+    complaint: Complaint | None = None
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """An edit of the parent's program.
+
+    `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a line. `reply` : the whole
+    answer of a language model, kept and never parsed again. `diagnosis` : a paragraph for the store and the next context.
+    `usage` : tokens, cost, seconds, retries. `failure` : one sentence when there is no answer (a dead server).
+    """
+
+    edit: str
+    note: str = ""
+    reply: str = ""
+    diagnosis: str = ""
+    usage: Mapping[str, Any] = field(default_factory=dict)
+    failure: str = ""
+
+
+@runtime_checkable
+class Proposer(Protocol):
+    """Anything with a `name` and `propose`.
+
+    `attempts` : how often a question is asked, the later times with the complaint about the first. `window` : the
+    loop asks question k only when the results up to k - window are in; None leaves it to the settings. An agent that
+    must see every result has 1. All randomness comes from `rng`.
+    """
+
+    name: str
+    attempts: int
+    window: int | None
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit of `context.parent`; never raises for what a server or a model does wrong."""
+        ...

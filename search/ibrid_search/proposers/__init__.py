@@ -1,0 +1,1 @@
+"""Whoever has the ideas: rules, chance, language models and agents, behind the interface of `ibrid_search.proposal`."""

@@ -1,0 +1,186 @@
+"""One turn of an agent: answers and tools in exchange, until an edit is taken or the answers are used up."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ibrid.report.verdict import verdict
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.program import program_text
+from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking, write_block
+from ibrid_search.judging import judge
+from ibrid_search.proposal import Context, Evaluated, Proposal
+from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
+from ibrid_search.proposers.agent_dialogue import Dialogue
+from ibrid_search.proposers.agent_memory import paragraph
+from ibrid_search.proposers.agent_question import SUBMIT, AgentSettings
+from ibrid_search.proposers.agent_view import View
+from ibrid_search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
+from ibrid_search.proposers.spending import Spending, added
+from ibrid_search.step import Status
+from ibrid_search.tool import call_by_name, failed
+from ibrid_search.tools import Tools
+
+#: Characters of the reply that the store keeps, and of what submit_edit passes on.
+LONGEST_REPLY, LONGEST_SUBMISSION = 400_000, 1_000_000
+
+_ASK_EDIT = (
+    "Your answer had neither a tool call nor whole SEARCH/REPLACE blocks. End the turn: call submit_edit, or write the "
+    "blocks and a paragraph that begins with Diagnosis:"
+)
+_ASK_DIAGNOSIS = (
+    "The edit is taken. Now write the diagnosis in one paragraph, without tools or code: what the record shows, which layer "
+    "is missing or wrong, what the edit changes and what you expect of it."
+)
+_CUT = "Your answer was cut off at its limit; be shorter. "
+_LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
+
+
+class Turn:
+    """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused."""
+
+    def __init__(
+        self,
+        chat: Chat,
+        settings: AgentSettings,
+        spending: Spending,
+        context: Context,
+        view: View,
+        question: Sequence[Mapping[str, Any]],
+        rng: np.random.Generator,
+        *,
+        native: bool = True,
+    ) -> None:
+        self.chat, self.settings, self.spending, self.context, self.rng = chat, settings, spending, context, rng
+        self.tools = Tools(context.task, view).reading
+        self.dialogue = Dialogue(question)
+        self.native = native
+        self._edit = self._diagnosis = self._note = self._failure = ""
+        self._calls = 0
+        self._usage: dict[str, Any] = {}
+        self._reply: list[str] = []
+
+    def proposal(self) -> Proposal:
+        """Ask until the turn has ended."""
+        for left in reversed(range(self.settings.answers)):
+            answer = self._answer()
+            if answer is None or self._ended_by(read_wish(answer), answer.cut):
+                break
+            if left == 1:
+                self.dialogue.say(_LAST)
+        if self._edit and not self._diagnosis and not self._failure:
+            self.dialogue.say(_ASK_DIAGNOSIS)
+            answer = self._answer()
+            self._diagnosis = "" if answer is None else diagnosis_in(read_wish(answer).said)
+        return Proposal(
+            edit=self._edit,
+            note=shown(self._note or self._diagnosis),
+            reply="\n\n".join(self._reply)[:LONGEST_REPLY],
+            diagnosis=paragraph(self._diagnosis) or _undiagnosed(self.context.parent),
+            usage={**self._usage, "answers": len(self._reply), "tool_calls": self._calls},
+            failure="" if self._edit else self._failure,
+        )
+
+    def _answer(self) -> Answer | None:
+        """The next answer; None when there is none, with the reason kept."""
+        self.dialogue.shorten(self.settings.tokens)
+        self._failure = self.spending.over
+        if self._failure:
+            return None
+        try:
+            answer = self._complete(int(self.rng.integers(2**31)))
+        except ChatError as error:
+            self._count(error.usage)
+            self._failure = str(error)
+            return None
+        self._count({"thinking_tokens": estimated_tokens(strip_thinking(answer.text)[0]), **answer.usage})
+        calls = "".join(f"\n[called {one.name} {one.arguments}]" for one in answer.tool_calls)
+        self._reply.append(answer.text + calls)
+        return answer
+
+    def _complete(self, seed: int) -> Answer:
+        """An answer; a server that refuses tools at the first question is asked again without."""
+        messages = self.dialogue.messages
+        if self.native:
+            try:
+                return self.chat.complete(messages, tools=self._declared, rng_seed=seed)
+            except ChatError as error:
+                if self.dialogue.begun or not _refused(error):
+                    raise
+                self._count(error.usage)
+                self.native = False
+        return self.chat.complete(messages, rng_seed=seed)
+
+    @property
+    def _declared(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "type": "function",
+                "function": {"name": one.name, "description": one.description, "parameters": one.schema},
+            }
+            for one in (*self.tools, SUBMIT)
+        ]
+
+    def _ended_by(self, wish: Wish, cut: bool) -> bool:
+        """Take up what an answer asks for; True when the turn is over."""
+        self.dialogue.answered(wish)
+        if wish.edit:
+            wrong = self._taken(wish.edit, wish.diagnosis, wish.change)
+            if wrong:
+                self.dialogue.say(wrong)
+            return not wrong
+        if not wish.calls:
+            self.dialogue.say((_CUT if cut else "") + _ASK_EDIT)
+        ended = False
+        for call in wish.calls:  # each is answered, also after the end: servers want it so
+            answer = failed("the turn has ended") if ended else self._called(call)
+            self.dialogue.tell(call, answer)
+            ended = ended or "taken" in answer
+        return ended
+
+    def _called(self, call: Call) -> dict[str, Any]:
+        """What a call is answered; {"taken": True} ends the turn."""
+        if call.arguments is None:
+            return failed(f"the arguments of {call.name} are no JSON object; write them again")
+        if call.name == SUBMIT.name:
+            given = SUBMIT.call(call.arguments, longest=LONGEST_SUBMISSION)
+            wrong = str(given["error"]) if "error" in given else self._taken(**given)
+            return failed(wrong) if wrong else {"taken": True}
+        if self._calls >= self.settings.calls:
+            return failed(f"the {self.settings.calls} calls of this turn are used up; end it with {SUBMIT.name}")
+        self._calls += 1
+        return call_by_name(self.tools, call.name, call.arguments, longest=self.settings.longest)
+
+    def _taken(self, edit: str, diagnosis: str, change: str = "") -> str:
+        """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what to mend."""
+        self._edit, self._diagnosis, self._note = _blocks_alone(edit), diagnosis, change
+        parent, task = self.context.parent, self.context.task
+        own = structure_hash(parent.diagram, task.kinds, equilibrium=task.equilibrium)
+        found = judge(Proposal(edit), program_text(parent.diagram), own, task, lambda _: None)
+        if found.status is not Status.PENDING:
+            return f"The edit cannot be evaluated ({found.status}): {found.reason[:2_000]} Mend it, or try another."
+        if self.context.seen(found.hash):
+            return "The run has evaluated this structure already, so the edit tells nothing new. Try another."
+        return ""
+
+    def _count(self, usage: Mapping[str, Any]) -> None:
+        self.spending.count(usage)
+        self._usage = added(self._usage, usage)
+
+
+def _refused(error: ChatError) -> bool:
+    """True for an answer of the kind "this parameter I do not take", which for a first question means the tools."""
+    return any(f"HTTP {status}" in str(error) for status in (400, 404, 405, 422, 501))
+
+
+def _undiagnosed(parent: Evaluated) -> str:
+    return f"No diagnosis was written. {verdict(parent.record)}"
+
+
+def _blocks_alone(edit: str) -> str:
+    """The blocks without the words around them; the whole text where they cannot be read."""
+    try:
+        return "\n".join(write_block(one.search, one.replace) for one in read_blocks(edit))
+    except EditError:
+        return edit

@@ -1,0 +1,135 @@
+"""One request to a chat server: the body of its reply, or one sentence why there is none and whether to ask again."""
+
+import importlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+from ibrid.errors import IbridError
+from ibrid_search.proposers.chat import ChatError
+
+#: Bytes of a reply that are read at most.
+LARGEST_REPLY = 8_000_000
+#: HTTP status that may be another one the next time, besides all from 500 on.
+_AGAIN = (408, 409, 425, 429)
+#: Parameters that some servers refuse, and what they want in their place.
+_INSTEAD: Mapping[str, str | None] = {"max_tokens": "max_completion_tokens", "seed": None, "temperature": None}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a request has no reply.
+
+    `sentence` : goes on after the name of the model and its server. `again` : the next time may be better. `pause` :
+    seconds that the server asks to wait. `body` : the request without what this server does not know, None when that is
+    not the reason.
+    """
+
+    sentence: str
+    again: bool = False
+    pause: float = 0.0
+    body: Mapping[str, Any] | None = None
+
+
+def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
+    """Ask once. The reply is read piece by piece, so that neither its size nor its slowness is up to the server.
+
+    Raises ChatError when the package openai is not installed.
+    """
+    openai = require_openai()
+    transport = _transport(openai)
+    end = time.monotonic() + timeout
+    pieces, size = [], 0
+    try:
+        with (
+            openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0) as client,
+            client.chat.completions.with_streaming_response.create(**body) as response,
+        ):
+            for piece in response.iter_bytes():
+                pieces.append(piece)
+                size += len(piece)
+                if size > LARGEST_REPLY:
+                    return Refusal(f"sent more than {LARGEST_REPLY} bytes; ask for fewer tokens")
+                if time.monotonic() > end:
+                    return Refusal(f"did not end its answer within {timeout:g} s", again=True)
+    except (openai.APITimeoutError, transport.TimeoutException):
+        return Refusal(f"did not answer within {timeout:g} s", again=True)
+    except openai.APIStatusError as error:
+        return _refused(error, body)
+    except (openai.APIConnectionError, transport.HTTPError, transport.StreamError) as error:
+        return Refusal(f"cannot be reached ({_cause(error)}); is the server running?", again=True)
+    except (openai.OpenAIError, transport.InvalidURL) as error:
+        return Refusal(f"cannot be asked ({_cause(error)})")
+    return b"".join(pieces)
+
+
+def check_url(url: str) -> None:
+    """Raise IbridError unless `url` is that of a server, without a name and password, which would be stored."""
+    try:
+        parts = urlsplit(url)
+        fine = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        parts, fine = urlsplit(""), False
+    if parts.username or parts.password:
+        raise IbridError("a base URL must not hold a password; put the key into an environment variable")
+    if not fine or not url.isprintable() or " " in url or len(url) > 2_000:
+        raise IbridError(f"a base URL looks like http://127.0.0.1:8000/v1, found {url!r:.80}; give that of a server")
+
+
+def require_openai() -> Any:
+    """The package openai; ChatError when it is not installed."""
+    try:
+        return importlib.import_module("openai")
+    except ImportError:
+        raise ChatError("a language model on a server needs the package openai; pip install 'ibrid[llm]'") from None
+
+
+def _transport(openai: Any) -> Any:
+    """The HTTP library that this version of openai builds on (httpx, later httpx2)."""
+    base = openai.DefaultHttpxClient.__mro__[1]
+    return importlib.import_module(base.__module__.partition(".")[0])
+
+
+def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
+    status, said = error.status_code, _said(error)
+    unknown = [name for name in _INSTEAD if name in body and name in said] if status in (400, 422) else []
+    adapted = None
+    if unknown:
+        adapted = {name: value for name, value in body.items() if name not in unknown}
+        adapted |= {new: body[name] for name in unknown if (new := _INSTEAD[name])}
+    sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_remedy(status)}"
+    return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), adapted)
+
+
+def _said(error: Any) -> str:
+    """What a server gives as the reason of an error; pages of HTML say nothing."""
+    body = error.body
+    if isinstance(body, Mapping):
+        inner = body.get("error", body)
+        body = inner.get("message", "") if isinstance(inner, Mapping) else inner
+    text = body if isinstance(body, str) and "<html" not in body.lower() else ""
+    return " ".join("".join(one if one.isprintable() else " " for one in text[:400]).split())[:200]
+
+
+def _remedy(status: int) -> str:
+    if status in (401, 403):
+        return "; check the key in the environment"
+    if status in (404, 405):
+        return "; check the model's name and the base URL, which usually ends in /v1"
+    return ""
+
+
+def _retry_after(error: Any) -> float:
+    try:
+        return max(0.0, float(error.response.headers.get("retry-after", 0.0)))
+    except ValueError:  # a date, or nonsense
+        return 0.0
+
+
+def _cause(error: BaseException) -> str:
+    """The innermost reason, cut; an error of openai alone says only 'Connection error.'"""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return " ".join((str(error) or type(error).__name__).split())[:200]

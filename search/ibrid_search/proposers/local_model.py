@@ -1,0 +1,157 @@
+"""A language model in a folder on this machine, run by transformers; nothing is downloaded and no code of the folder runs."""
+
+import importlib
+import os
+import time
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ibrid_policy.backend import damage
+
+from ibrid.errors import IbridError
+from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
+
+
+class LocalModel:
+    """A model saved with `save_pretrained`: weights, config and tokenizer in one folder.
+
+    `max_tokens`, `seconds` : where an answer ends at the latest. `temperature`, `top_p` : of the sampling, which is seeded
+    by `rng_seed`, so an answer repeats on one machine. `threads` : of torch on the CPU, by default half the cores, so that
+    evaluations beside it keep running; a GPU that torch finds is used.
+
+    Raises IbridError when the folder holds no model.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        max_tokens: int = 2_048,
+        seconds: float = 600.0,
+        temperature: float = 1.0,
+        top_p: float = 1.0,
+        threads: int | None = None,
+    ) -> None:
+        self.folder = Path(folder).expanduser()
+        if not (self.folder / "config.json").is_file():
+            raise IbridError(
+                f"{self.folder}: holds no model; give a folder with config.json, weights and tokenizer, as save_pretrained "
+                "writes it"
+            )
+        if max_tokens < 1 or not seconds > 0 or not temperature > 0 or not 0 < top_p <= 1:
+            raise IbridError(
+                "a local model needs max_tokens, seconds and temperature above zero and top_p within (0, 1]; "
+                "leave them out for the defaults"
+            )
+        self.max_tokens, self.seconds = max_tokens, seconds
+        self.temperature, self.top_p = temperature, top_p
+        self.threads = threads or max(1, (os.cpu_count() or 2) // 2)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
+        kind = type(self)
+        return {k: v for k, v in vars(self).items() if not isinstance(getattr(kind, k, None), cached_property)}
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.resolve().name
+
+    def complete(
+        self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
+    ) -> Answer:
+        """The next turn; see `ibrid_search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
+        started = time.monotonic()
+        _, model, tokenizer = self._loaded
+        prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
+        number = int(prompt["input_ids"].shape[1])
+        room = getattr(model.config, "max_position_embeddings", None)
+        if room is not None and number >= room:
+            raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
+        most = self.max_tokens if room is None else min(self.max_tokens, room - number)
+        new = self._generated(prompt, most, rng_seed)[number:]
+        usage = {
+            "model": self.name,
+            "prompt_tokens": number,
+            "completion_tokens": len(new),
+            "cost": 0.0,
+            "seconds": time.monotonic() - started,
+            "retries": 0,
+        }
+        ends = model.generation_config.eos_token_id
+        cut = not new or new[-1] not in (ends if isinstance(ends, list) else [ends])
+        return Answer(tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut)
+
+    def tokens(self, text: str) -> int:
+        """Number of tokens of a text."""
+        return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
+
+    def _generated(self, prompt: Any, most: int, seed: int) -> list[int]:
+        """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
+        torch, model, tokenizer = self._loaded
+        padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
+        threads = torch.get_num_threads()
+        torch.set_num_threads(self.threads)
+        try:
+            with torch.random.fork_rng(), torch.inference_mode():
+                torch.manual_seed(seed)
+                found = model.generate(
+                    **prompt.to(model.device),
+                    do_sample=True,
+                    temperature=self.temperature,
+                    top_p=self.top_p,
+                    top_k=0,
+                    max_new_tokens=most,
+                    max_time=self.seconds,
+                    pad_token_id=padding,
+                )
+        except (RuntimeError, ValueError) as error:  # out of memory, probabilities that are not numbers
+            raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
+        finally:
+            torch.set_num_threads(threads)
+        return found[0].tolist()
+
+    @cached_property
+    def _loaded(self) -> tuple[Any, Any, Any]:
+        torch, transformers = _require("torch"), _require("transformers")
+        transformers.utils.logging.disable_progress_bar()  # the search shows its own
+        try:
+            tokenizer = transformers.AutoTokenizer.from_pretrained(self.folder, local_files_only=True)
+            model = transformers.AutoModelForCausalLM.from_pretrained(
+                self.folder, local_files_only=True, use_safetensors=True, dtype="auto"
+            )
+        except damage() as error:
+            raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
+        return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
+
+    def _templated(self, tokenizer: Any, messages: Sequence[Message]) -> str:
+        """The conversation in the model's own form; models without a system turn get it in front of the first question."""
+        if tokenizer.chat_template is None:
+            return prompt_text(messages) + "\n\nassistant:"
+        plain = [{"role": one["role"], "content": one.get("content") or ""} for one in messages]
+        errors = _require("jinja2").exceptions.TemplateError
+        for conversation in (plain, _without_system(plain)):
+            try:
+                return tokenizer.apply_chat_template(conversation, tokenize=False, add_generation_prompt=True)
+            except errors as error:
+                reason = error
+        raise ChatError(f"the template of {self.name} takes no such conversation ({str(reason)[:200]})")
+
+
+def _without_system(messages: Sequence[Message]) -> list[dict[str, str]]:
+    system = "\n\n".join(one["content"] for one in messages if one["role"] == "system")
+    rest = [dict(one) for one in messages if one["role"] != "system"]
+    if system and rest:
+        rest[0]["content"] = f"{system}\n\n{rest[0]['content']}"
+    return rest
+
+
+def _require(package: str) -> Any:
+    try:
+        return importlib.import_module(package)
+    except ImportError:
+        raise ChatError(
+            f"a local model needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
+        ) from None

@@ -1,0 +1,79 @@
+"""Roundabout drawings of simple things, as what they are: a gain of 1 is a wire, one of -1 a sign, a frequency meter that
+turns its own frame a PLL."""
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import chain
+
+from ibrid.evaluation.record import Record
+from ibrid.structure.drafting import Draft
+from ibrid.structure.wiring import split_port
+from ibrid_search.proposers.moves.drawing import after
+from ibrid_search.proposers.moves.family import Move, View
+
+#: A gain this near to 1 or -1 is a wire.
+UNITY = 0.02
+
+
+def plain_forms(view: View, record: Record) -> Iterator[Move]:
+    """Every edit that draws the same thing more plainly; the fit tells whether it is the same."""
+    return chain(_wires(view, record), _plls(view))
+
+
+def _wires(view: View, record: Record) -> Iterator[Move]:
+    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign."""
+    for name in view.draft.named("Gain", "Gain_dq"):
+        shared = view.draft.instances[name].bindings.get("k")
+        sign = _unit(shared if isinstance(shared, str) else f"{name}.k", record)
+        if sign > 0:
+            yield Move(f"{name} is 1, a wire", lambda draft, name=name: draft.bypass(name))
+        elif sign < 0:
+            yield Move(f"{name} is -1, a sign", lambda draft, name=name: _negate(draft, name))
+
+
+def _negate(draft: Draft, name: str) -> None:
+    draft.replace(name, draft.instances[name].kind.replace("Gain", "Negate"), f"minus_{name}")
+
+
+def _unit(parameter: str, record: Record) -> int:
+    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or an interval that tells
+    its sign; else 0."""
+
+    def near(op: str, sign: int) -> bool:
+        value, interval = record.parameters[op].get(parameter), record.intervals.get(op, {}).get(parameter)
+        if value is None:
+            return False
+        if abs(value - sign) <= UNITY:
+            return True
+        return interval is not None and interval[0] * interval[1] > 0 and interval[0] <= sign <= interval[1]
+
+    return next((sign for sign in (1, -1) if record.parameters and all(near(op, sign) for op in record.parameters)), 0)
+
+
+def _plls(view: View) -> Iterator[Move]:
+    """A frequency meter in the frame that it turns itself, with the integrator that makes the angle, as an SRF_PLL.
+
+    Both are the same where the voltage that it sees is on the d axis at rest.
+    """
+    draft = view.draft
+    for meter in draft.named("PLL_frequency") if view.known("SRF_PLL") else ():
+        frequency = f"{meter}.delta_omega_pll"
+        angles = [split_port(one)[0] for one in draft.targets(frequency) if draft.sources(one) == [frequency]]
+        angles = [name for name in angles if name and draft.instances[name].kind == "Integrator"]
+        if angles and draft.sources(f"{meter}.delta_omega") == [frequency]:
+            words = f"{meter} turns its own frame, a PLL"
+            yield Move(words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0]))
+
+
+def _as_pll(draft: Draft, *, plant: str, meter: str, angle: str) -> None:
+    pll = draft.add("SRF_PLL", "pll", **draft.instances[meter].bindings)
+    for source in draft.sources(f"{meter}.v"):
+        q_axis = f"{plant}.e_q" if source == f"{plant}.e" else after(draft, source, "SliceQ", "q_axis")
+        draft.connect(q_axis, f"{pll}.e_q")
+    for target in draft.targets(f"{meter}.delta_omega_pll"):
+        if split_port(target)[0] not in (meter, angle):
+            draft.connect(f"{pll}.delta_omega", target)
+    for target in draft.targets(f"{angle}.out"):
+        draft.connect(f"{pll}.delta", target)
+    draft.remove(meter)
+    draft.remove(angle)

@@ -1,0 +1,156 @@
+"""The offline default: reads where the error lies, knows the textbook's blocks, and tries what an engineer would try."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrid.evaluation.record import Record
+from ibrid.fit.objective import BAND_NAMES
+from ibrid.structure.diagram import Diagram
+from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
+from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.edited import edited, new_structure, proposal_of
+from ibrid_search.proposers.moves.components import COMPONENTS
+from ibrid_search.proposers.moves.family import Family, Move, View, views_of
+from ibrid_search.proposers.moves.sub_loops import SUB_LOOPS
+from ibrid_search.proposers.moves.wiring import WIRING
+
+FAMILIES: tuple[Family, ...] = (*SUB_LOOPS, *COMPONENTS, *WIRING)
+
+#: Share of proposals that ignore where the error lies and how usual a family is.
+CURIOSITY = 0.2
+#: How much the scale that was asked for raises the weight of a family.
+ASKED = 3.0
+#: How much lighter everything else is while a part that every controller has is missing.
+LATER = 0.05
+#: Least part of a family's weight that the residual cannot take away.
+LEAST_RELEVANCE = 0.1
+#: A parent's NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a
+#: smaller one for a detail.
+GROSS, ABOVE_NOISE = 0.03, 2.0
+#: Edits that a first look compares.
+COMPARED = 6
+
+
+class Rules:
+    """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
+
+    One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a preference, not a fence: what
+    an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over. Of
+    two devices behind one PCC one is edited at a time.
+
+    Once the error is no longer gross, every other proposal is the best of several edits, drawn as always, that a first look
+    at the data tells apart. Before that a wrong structure may gain more at once than the first part of the right one; and
+    the right edit may look no better at first than none, so that the rest come as they are drawn. `looks` : how many; 1: no
+    looks.
+    """
+
+    name = "rules"
+    attempts = 1
+    window: int | None = None
+
+    def __init__(self, families: Sequence[Family] = FAMILIES, *, looks: int = COMPARED) -> None:
+        self.families, self.looks = tuple(families), looks
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit of the parent that leads to a structure which the run has not met."""
+        views = views_of(context.parent.diagram, context.task.kinds)
+        if not views:
+            return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
+        record = context.parent.record
+        bands, gross = residual_bands(record), _gross(record)
+        moves = _Moves(views)
+        families = [one for one in self.families if not one.first or moves.of(one)]
+        number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
+        edits: list[_Edit] = []
+        while families and len(edits) < number:
+            family = _drawn(families, bands, context.scale, rng, gross=gross)
+            if not moves.of(family):
+                families.remove(family)
+                continue
+            view, move = _popped(moves.of(family), rng)
+            found = edited(view, move)
+            if new_structure(found, context):
+                edits.append(_Edit(view, move, found, family.name))
+        if not edits:
+            return Proposal("", failure="every edit that the rules know leads to a structure met before")
+        return edits[0].proposal if len(edits) == 1 else _most_promising(edits, context, rng)
+
+
+@dataclass(frozen=True, eq=False)
+class _Edit:
+    """A move that leads to a new structure, `diagram`."""
+
+    view: View
+    move: Move
+    diagram: Diagram
+    family: str
+
+    @property
+    def proposal(self) -> Proposal:
+        return proposal_of(self.view, self.move, self.diagram, self.family)
+
+
+def _most_promising(edits: Sequence[_Edit], context: Context, rng: np.random.Generator) -> Proposal:
+    """The edit that a first look at all of them finds best. Their number and seconds are kept beside it."""
+    began = time.perf_counter()
+    worth = [first_look(one.diagram, context, rng).worth for one in edits]
+    proposal = edits[int(np.argmin(worth))].proposal
+    looked = {LOOKS: len(edits), LOOKING: time.perf_counter() - began}
+    return replace(proposal, usage={**proposal.usage, **looked})
+
+
+class _Moves:
+    """The moves of the families that are asked for, not yet tried, each with the view that it was found in."""
+
+    def __init__(self, views: Sequence[View]) -> None:
+        self._views = views
+        self._left: dict[Family, list[tuple[View, Move]]] = {}
+
+    def of(self, family: Family) -> list[tuple[View, Move]]:
+        if family not in self._left:
+            self._left[family] = [(view, move) for view in self._views for move in family.moves(view)]
+        return self._left[family]
+
+
+def residual_bands(record: Record) -> np.ndarray:
+    """How much each frequency band matters (4,), adding up to 1: half its share of the squared error, half how badly
+    the band itself is met."""
+    share = np.array([_number(record.share_by_band, name) for name in BAND_NAMES])
+    relative = np.array([_number(record.nrmse_by_band, name) for name in BAND_NAMES])
+    total = np.zeros(len(BAND_NAMES))
+    for part in (share, relative):
+        if part.sum() > 0:
+            total += part / part.sum()
+    return total / total.sum() if total.sum() > 0 else np.full(len(BAND_NAMES), 1 / len(BAND_NAMES))
+
+
+def _gross(record: Record) -> bool:
+    return record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
+
+
+def _number(table: Mapping[str, float | None], name: str) -> float:
+    value = table.get(name)
+    return value if value is not None and np.isfinite(value) else 0.0
+
+
+def _popped(moves: list[tuple[View, Move]], rng: np.random.Generator) -> tuple[View, Move]:
+    """A move with the view that it was found in, drawn by weight and taken off the list."""
+    weights = np.array([one.weight for _, one in moves])
+    return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
+
+
+def _drawn(
+    families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.random.Generator, *, gross: bool
+) -> Family:
+    """A family, by how usual it is, how much it matters where the error lies, and whether it has the scale asked for."""
+    weights = np.array([ASKED if one.scale == scale else 1.0 for one in families])
+    if rng.random() >= CURIOSITY:
+        weights *= [
+            one.readiness(gross=gross) * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families
+        ]
+        if any(one.first for one in families):
+            weights *= [1.0 if one.first or one.any_time else LATER for one in families]
+    return families[int(rng.choice(len(families), p=weights / weights.sum()))]

@@ -1,0 +1,217 @@
+"""Everything that the page about a run needs, read once: steps, records, data, the selection and the given truth."""
+
+import json
+import math
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.read import read_sweep
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
+from ibrid.structure.compare import Comparison, compare
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import parse_program
+from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
+from ibrid_search.report.selection import Selection, plain_selection, read_selection
+from ibrid_search.report.truth import given_truth
+from ibrid_search.run_folder import SELECTION
+from ibrid_search.step import Step
+from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
+
+
+class Stored(Protocol):
+    """What is asked of a store; `ibrid_search.store.Store` has it."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def meta(self) -> Mapping[str, str]: ...
+    def steps(self) -> Iterator[Step]: ...
+    def record(self, number: int, vocabulary: Sequence[ModuleKind], /) -> Record: ...
+    def retried(self) -> Mapping[int, int]: ...
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run as it stands.
+
+    `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the milestones with their parents.
+    `answer` : the step that is shown as found, None before the first valid one. `truth_record` : the given truth, fitted
+    to the same data with the same options. `retried` : steps that were begun more than once, and how often. `archive` : its
+    statistics, once the search has ended. `notes` : what could not be had, in sentences.
+    """
+
+    meta: Mapping[str, str]
+    settings: Mapping[str, Any]
+    kinds: tuple[ModuleKind, ...]
+    steps: Mapping[int, Step]
+    records: Mapping[int, Record]
+    points: tuple[Point, ...]
+    milestones: tuple[Milestone, ...]
+    sweep: Sweep | None
+    selection: Selection
+    answer: Step | None
+    truth: Diagram | None
+    truth_record: Record | None
+    retried: Mapping[int, int]
+    archive: Mapping[str, Any]
+    notes: tuple[str, ...]
+
+    @property
+    def start(self) -> Step | None:
+        """The step that the search began with."""
+        return self.steps.get(0)
+
+    @property
+    def record(self) -> Record | None:
+        """The record of the answer."""
+        return None if self.answer is None else self.records.get(self.answer.number)
+
+    @cached_property
+    def floor(self) -> Floor | None:
+        """What the noise of the fitted points leaves of an error; None without data."""
+        if self.sweep is None:
+            return None
+        held = [name for name in self.settings.get("holdout_op", ()) if name in self.sweep.names]
+        return noise_floor(self.sweep.without(held) if held else self.sweep)
+
+    @cached_property
+    def explained(self) -> bool:
+        """True when a stable candidate follows the data down to their noise; exactly, where that is not known."""
+        floor = self.floor or Floor(EXACT, 1, UNKNOWN)
+        able = [record for number, record in self.records.items() if eligible(self.steps[number])]
+        return any(floor.error(one) <= floor.most for one in able)
+
+    @cached_property
+    def comparison(self) -> Comparison | None:
+        """What the found diagram has in common with the given truth."""
+        if self.truth is None or self.answer is None:
+            return None
+        try:
+            return compare(parse_program(self.answer.program), self.truth, self.kinds)
+        except IbridError:
+            return None
+
+
+def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None) -> RunData:
+    """Read what a page needs; the store is not needed afterwards.
+
+    sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped one.
+    """
+    meta = dict(store.meta)
+    settings = _settings(meta.get("settings", ""))
+    known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), VOCABULARY)
+    known = known if kinds is None else tuple(kinds)
+    steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
+    notes: list[str] = []
+    if sweep is None:
+        sweep, remark = _measured(meta.get("data", ""))
+        notes += [remark] if remark else []
+    plain, chosen = plain_selection(steps.values()), None
+    try:
+        chosen = read_selection(store.path.parent / SELECTION)
+    except IbridError as problem:
+        notes.append(str(problem))
+    named = [None if chosen is None else chosen.answer, _number(meta.get("best", "")), plain.answer]
+    answer = _first_fitted(steps, named)
+    points = trajectory(steps.values())
+    records = _records(store, steps, _worth_reading(points, steps, answer), known, notes)
+    found = None if answer is None else records.get(answer.number)
+    truth, truth_record, remark = given_truth(meta.get("truth", ""), sweep, found)
+    notes += [remark] if remark else []
+    return RunData(
+        meta=meta,
+        settings=settings,
+        kinds=known,
+        steps=steps,
+        records=records,
+        points=points,
+        milestones=milestones(points, steps, records.get),
+        sweep=sweep,
+        selection=chosen or plain,
+        answer=answer,
+        truth=truth,
+        truth_record=truth_record,
+        retried=store.retried(),
+        archive=_archive(meta.get("archive", "")),
+        notes=tuple(notes),
+    )
+
+
+def _worth_reading(points: Sequence[Point], steps: Mapping[int, Step], answer: Step | None) -> set[int]:
+    """Numbers of the steps whose records the page shows."""
+    better = [steps[one.step] for one in points if one.better]
+    numbers = {one.number for one in better} | {one.parent for one in better if one.parent is not None}
+    return numbers | {0} | (set() if answer is None else {answer.number})
+
+
+def _records(
+    store: Stored, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
+) -> dict[int, Record]:
+    """Records of those steps that were fitted; a damaged one becomes a note."""
+    found: dict[int, Record] = {}
+    for number in sorted(numbers):
+        if number in steps and steps[number].nrmse is not None:
+            try:
+                found[number] = store.record(number, kinds)
+            except IbridError as problem:
+                notes.append(str(problem))
+    return found
+
+
+def _settings(text: str) -> dict[str, Any]:
+    """The run's settings as one flat table; empty where they cannot be read."""
+    try:
+        return _flat(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return {}
+
+
+def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> Step | None:
+    """The answer: the step of the selection, else the one the run calls its best, else what the steps say."""
+    for number in numbers:
+        step = None if number is None else steps.get(number)
+        if step is not None and step.nrmse is not None and math.isfinite(step.nrmse):
+            return step
+    return None
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdecimal() else None
+
+
+def _archive(text: str) -> dict[str, Any]:
+    """What `ibrid_search.archive.Archive.statistics` said; empty where it cannot be read."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _measured(text: str) -> tuple[Sweep | None, str]:
+    """The data that the run was started with, and a sentence when they cannot be read."""
+    if not text:
+        return None, "The run holds no data, so there are no measured dots; give the sweep to show them."
+    with tempfile.TemporaryDirectory(prefix="ibrid-") as folder:
+        file = Path(folder) / "data.csv"
+        file.write_text(text, encoding="utf-8")
+        try:
+            return read_sweep(file), ""
+        except IbridError as problem:
+            return None, f"The data in the run cannot be read, so there are no measured dots: {problem}"
+
+
+def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in table.items():
+        found |= _flat(value) if isinstance(value, Mapping) else {name: value}
+    return found

@@ -1,0 +1,112 @@
+"""Which structures are worth a look: read from the run's selection.json, or the plain front where that is not there yet."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import IbridError
+from ibrid_search.step import Step
+from ibrid_search.trajectory import ROUNDING, TIE, best_step, eligible
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A structure of the front. `holdout` : error where it was not fitted. `more` : other numbers, by their name."""
+
+    step: int
+    nrmse: float | None
+    order: int | None
+    free: int | None
+    stable: bool | None = None
+    holdout: float | None = None
+    more: Mapping[str, float | None] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """`front` : candidates that nothing simpler beats. `equally_good` : steps that fit as well as the answer. `why` : a
+    sentence. `residual` : modules of the answer that stand for no physics."""
+
+    front: tuple[Choice, ...] = ()
+    equally_good: tuple[int, ...] = ()
+    answer: int | None = None
+    why: str = ""
+    residual: tuple[str, ...] = ()
+
+
+def read_selection(path: Path) -> Selection | None:
+    """The selection of a run, None where it has none yet; IbridError, one sentence, for a file that is damaged."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, RecursionError):
+        raise IbridError(f"{path}: must be the JSON of a selection; it cannot be read, finish the run again") from None
+    try:
+        return Selection(
+            front=tuple(map(_choice, found["front"])),
+            equally_good=tuple(int(number) for number in found.get("equally_good") or ()),
+            answer=None if found.get("answer") is None else int(found["answer"]),
+            why=str(found.get("why") or ""),
+            residual=tuple(map(str, found.get("residual_modules") or ())),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise IbridError(f"{path}: must hold a front of steps with their numbers; finish the run again") from None
+
+
+def plain_selection(steps: Iterable[Step]) -> Selection:
+    """What the steps alone tell: the eligible candidates that no other beats in error, order and free parameters at once."""
+    fit = [step for step in steps if eligible(step)]
+    best = best_step(fit)
+    if best is None:
+        return Selection()
+    front: dict[tuple[float, ...], Step] = {}
+    for step in sorted(fit, key=lambda one: (_merits(one), one.number)):
+        if not any(all(a <= b for a, b in zip(other, _merits(step), strict=True)) for other in front):
+            front[_merits(step)] = step
+    limit = (1 + TIE) * _merits(best)[0]
+    return Selection(
+        front=tuple(Choice(one.number, one.nrmse, one.order, one.free, one.stable) for one in front.values()),
+        equally_good=tuple(one.number for one in fit if _merits(one)[0] <= limit),
+        answer=best.number,
+    )
+
+
+def _merits(step: Step) -> tuple[float, float, float]:
+    """Error, order and free parameters; errors that are rounding are alike."""
+    nrmse = math.inf if step.nrmse is None else step.nrmse
+    return max(nrmse, ROUNDING), float(step.order or 0), float(step.free or 0)
+
+
+def _choice(entry: Mapping[str, Any]) -> Choice:
+    known = {"step", "nrmse", "order", "free_parameters", "stable", "holdout", "note"}
+    return Choice(
+        step=int(entry["step"]),
+        nrmse=_number(entry.get("nrmse")),
+        order=_whole(entry.get("order")),
+        free=_whole(entry.get("free_parameters")),
+        stable=None if entry.get("stable") is None else bool(entry["stable"]),
+        holdout=_number(entry.get("holdout")),
+        more={
+            name: _number(value)
+            for name, value in entry.items()
+            if name not in known and (value is None or _is_number(value))
+        },
+        note=str(entry.get("note") or ""),
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if _is_number(value) and math.isfinite(value) else None
+
+
+def _whole(value: Any) -> int | None:
+    return int(value) if _is_number(value) and math.isfinite(value) else None

@@ -1,0 +1,160 @@
+"""Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+
+from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.thinning import can_be_thinned, thinned
+from ibrid_search.evaluation.assess import Subject
+from ibrid_search.merit import Floor
+from ibrid_search.report.selection import plain_selection
+from ibrid_search.requirements import passivity_index
+from ibrid_search.step import Step
+from ibrid_search.trajectory import eligible
+
+#: Structures of the front that are looked at closely, the least errors first.
+MOST = 10
+#: Ways to choose.
+WAYS = ("error", "frequencies", "op")
+#: Errors within this factor fit equally well, where the noise does not say.
+ALIKE = 1.02
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A structure of the front. `frequencies` : error at frequencies that a refit did not see. `holdout` : at operating
+    points that no fit saw. `passivity` : least eigenvalue of -(Y+Y')/2 over the measured band, per unit.
+    `damping` : least damping ratio of all poles, negative when one is unstable."""
+
+    step: int
+    nrmse: float
+    order: int
+    free_parameters: int
+    stable: bool
+    holdout: float | None
+    frequencies: float | None
+    passivity: float | None
+    damping: float | None
+    note: str
+
+
+def select(
+    steps: Sequence[Step],
+    best: Step,
+    record_of: Callable[[int], Record],
+    subject: Subject,
+    floor: Floor,
+    error: Callable[[int], float],
+    way: str,
+) -> dict[str, Any]:
+    """The content of selection.json, and beside it the `seconds` of the refits.
+
+    error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
+    the run; "frequencies", "op": of the front, the least error at held-out frequencies or operating points. The answer is
+    always stable.
+    """
+    front = plain_selection(steps).front[:MOST]
+    numbers = sorted({one.step for one in front} | {best.number})
+    by_number = {step.number: step for step in steps}
+    records = {number: record_of(number) for number in numbers}
+    refits = {number: _refit(record, subject) for number, record in records.items()}
+    found = [_candidate(by_number[number], record, subject, refits[number]) for number, record in records.items()]
+    answer, why = _chosen(found, best, way)
+    alike = _alike(steps, best, error, floor)
+    record = record_of(answer)
+    return {
+        "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
+        "equally_good": alike,
+        "answer": answer,
+        "why": why,
+        "residual_modules": [one.name for one in record.diagram.instances if _kinds(subject)[one.kind].residual],
+        "seconds": sum(one.seconds for one in refits.values() if one is not None),
+    }
+
+
+def _alike(steps: Sequence[Step], best: Step, error: Callable[[int], float], floor: Floor) -> list[int]:
+    """Numbers of the steps whose error is as low as that of the best; with known noise, as low as noise would leave it,
+    two standard deviations allowed."""
+    limit = ALIKE * max(error(best.number), floor.most)
+    return [step.number for step in steps if eligible(step) and error(step.number) <= limit]
+
+
+def selection_json(found: dict[str, Any]) -> str:
+    """The text of selection.json."""
+    return json.dumps(found, indent=1, allow_nan=False) + "\n"
+
+
+def _kinds(subject: Subject) -> dict[str, Any]:
+    return {kind.name: kind for kind in subject.kinds}
+
+
+def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]:
+    if way == "frequencies":
+        able = [one for one in found if one.frequencies is not None and one.stable]
+        if able:
+            one = min(able, key=lambda each: (each.frequencies, each.free_parameters))
+            return one.step, f"of the front it has the least error at held-out frequencies, {one.frequencies:.3g}"
+    if way == "op":
+        able = [one for one in found if one.holdout is not None and one.stable]
+        if able:
+            one = min(able, key=lambda each: (each.holdout, each.free_parameters))
+            return one.step, f"of the front it has the least error at held-out operating points, {one.holdout:.3g}"
+    return best.number, "it is the simplest of those with the least error, and stable at every operating point"
+
+
+def _candidate(step: Step, record: Record, subject: Subject, refit: Record | None) -> Candidate:
+    low, high = record.settings["frequency_hz"]
+    return Candidate(
+        step=step.number,
+        nrmse=float(step.nrmse or 0.0),
+        order=int(step.order or 0),
+        free_parameters=int(step.free or 0),
+        stable=bool(step.stable),
+        holdout=_mean_or_none(record.holdout.values()),
+        frequencies=_at_held_out_frequencies(refit, subject),
+        passivity=min(passivity_index(record, name, low, high) for name in record.stable),
+        damping=_least_damping(record),
+        note=step.note,
+    )
+
+
+def _mean_or_none(errors: Iterable[float | None]) -> float | None:
+    """The mean; None without errors, and where one is unknown: the model has no such operating point."""
+    known = [nan if error is None else error for error in errors]
+    mean = float(np.mean(known)) if known else nan
+    return mean if isfinite(mean) else None
+
+
+def _least_damping(record: Record) -> float | None:
+    """Least -Re(p)/|p| over all poles and operating points; None without poles."""
+    poles = [complex(*one) for found in record.poles.values() for one in found]
+    ratios = [-one.real / abs(one) for one in poles if abs(one) > 0]
+    return min(ratios, default=None)
+
+
+def _refit(record: Record, subject: Subject) -> Record | None:
+    """A fit without every fourth frequency, from the found values; None where too few are left."""
+    fitted = _fitted(subject)
+    if not can_be_thinned(fitted):
+        return None
+    fewer = replace(subject, sweep=thinned(fitted, hold=False), holdout_op=())
+    return fewer.record_of(record.program, subject.fit, record.parameters)
+
+
+def _at_held_out_frequencies(refit: Record | None, subject: Subject) -> float | None:
+    """Error of a refit at the frequencies that it did not see."""
+    if refit is None or refit.nrmse is None:
+        return None
+    held = thinned(_fitted(subject), hold=True).points
+    return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in held]))
+
+
+def _fitted(subject: Subject) -> Sweep:
+    return subject.sweep.without(subject.holdout_op) if subject.holdout_op else subject.sweep

@@ -1,0 +1,103 @@
+"""Every number of a search, with the paper's values where it gives them."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from ibrid.errors import IbridError
+from ibrid_search.proposal import SCALES
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How a run samples, admits, evaluates and ends.
+
+    Archive (paper, section V.A): `population` : most candidates kept. `islands` : in a ring. `elites` : highest rewards
+    over all islands. `from_elites`, `from_island` : share of parents from the elites and from the active island; the
+    rest from everything. `sweep` : admissions between migrations. `migrants` : share of an island that its neighbours get to
+    see. `rank_power`, `crowding` : parents are drawn with probability rank^-rank_power / (1 + children / crowding) among
+    elites and within islands; 0 and infinity for all alike. `variety` : share of the draws from the elites that are made among
+    the sorts of control (what makes the frequency, a voltage loop, an absurd plant), in proportion to 1 / the least error of
+    each: another sort may need several edits before it is better, and an absurd plant may be one edit away from the right
+    diagram. `front` : of the rest, the share along the front of error against free parameters, its `front_size` entries of
+    least error.
+    `parsimony` : what a free number must gain in ln(NRMSE), per operating point that has its own, to keep its rank.
+    `layer` : what a missing control layer (synchronisation, inner loop, outer loops) costs a parent's rank, in ln(NRMSE).
+    `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
+
+    Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
+    something away from the best. `history` : best candidates and last failures that a proposer sees.
+
+    Loop: `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
+    `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in
+    a row without a new structure that end the search. `settled` : steps for which the best must stay the best before the
+    search ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose
+    workers die; it is tried again when the run goes on. `wall` : seconds after which the process of a candidate is killed.
+
+    Raises IbridError for a number that means nothing.
+    """
+
+    population: int = 10_000
+    islands: int = 10
+    elites: int = 200
+    from_elites: float = 0.6
+    from_island: float = 0.2
+    sweep: int = 1_000
+    migrants: float = 0.1
+    rank_power: float = 2.0
+    crowding: float = 10.0
+    front: float = 1.0
+    front_size: int = 8
+    variety: float = 0.25
+    parsimony: float = 0.05
+    layer: float = 3.0
+    bound: float = 0.3
+    residual: float = 0.3
+    scales: Mapping[str, float] = field(
+        default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
+    )
+    pruning: float = 0.15
+    history: int = 0
+    window: int = 8
+    final_pruning: float = 0.1
+    patience: int = 200
+    settled: int = 300
+    lost: int = 3
+    wall: float = 60.0
+
+    def __post_init__(self) -> None:
+        for holds, law, found in (*_archive_laws(self), *_loop_laws(self)):
+            if not holds:
+                raise IbridError(f"{law}, found {found}; change it in the settings of the search")
+
+
+def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+    """Whether a law holds, the law in words, and what was found."""
+    drawn = one.from_elites + one.from_island
+    yield one.islands >= 1, "islands must be 1 or more", one.islands
+    yield one.elites >= 1, "elites must be 1 or more", one.elites
+    yield one.sweep >= 1, "sweep must be 1 or more (migrants = 0 switches migration off)", one.sweep
+    yield 0 <= one.migrants <= 1, "migrants must be a share from 0 to 1", one.migrants
+    yield 0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites
+    yield 0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island
+    yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
+    yield 0 <= one.front <= 1, "front must be a share from 0 to 1", one.front
+    yield 0 <= one.variety <= 1, "variety must be a share from 0 to 1", one.variety
+    yield one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size
+    yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
+    yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power
+    yield one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population
+
+
+def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+    shares = dict(one.scales)
+    yield one.window >= 1, "window must be 1 or more", one.window
+    yield one.patience >= 1, "patience must be 1 or more", one.patience
+    yield one.settled >= 0, "settled must be 0 or more", one.settled
+    yield 0 <= one.pruning <= 1, "pruning must be a share from 0 to 1", one.pruning
+    yield 0 <= one.final_pruning <= 1, "final_pruning must be a share from 0 to 1", one.final_pruning
+    yield set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))
+    whole = all(share >= 0 for share in shares.values()) and abs(sum(shares.values()) - 1) < 1e-9
+    yield whole, "scales must be shares that add up to 1", shares

@@ -1,0 +1,162 @@
+"""The store: every step of a run with its record in `archive.sqlite`; a killed process loses nothing."""
+
+import json
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid_search.database import Database
+from ibrid_search.step import Status, Step
+from ibrid_search.tables import COLUMNS, FIELDS, SCHEMA, SET_META, VERSION, cell, json_text, numbers_of, row_of, step_of
+
+#: Steps read at a time: a long run with long answers must fit in memory, and a reader must not hold up the writer.
+_PAGE = 500
+#: A step that was lost and evaluated again keeps count of all attempts.
+_EVALUATED = """
+    INSERT INTO evaluations VALUES (?, ?, ?)
+    ON CONFLICT (number) DO UPDATE SET attempts = attempts + excluded.attempts, record = excluded.record"""
+_REOPENED = "UPDATE steps SET status = ?, reason = '', seconds = 0.0 WHERE number = ? AND status = ?"
+
+
+class Store:
+    """Steps, records (compressed JSON, a third of the size) and texts that stay, in SQLite with a write-ahead log.
+
+    What a method has written when it returns survives the death of the process, SIGKILL included. synchronous=NORMAL:
+    after a power failure the last moments may be missing, which a resumed run does again, but the file is whole.
+    One process writes, any number read meanwhile; one thread uses a store. The folder must be on a disk of this machine.
+    Every method raises IbridError, one sentence, when the disk is full, the file damaged or the store closed.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self.path = database.path
+
+    @classmethod
+    def create(cls, path: str | Path, meta: Mapping[str, str]) -> Self:
+        """A new store, open for writing. An empty file, which a run that was killed as it began leaves, is taken over.
+
+        Raises IbridError when there is a store already, another run is making one, or the place cannot be written.
+        """
+        tables = [(one, ()) for one in SCHEMA]
+        texts = [(SET_META, (cell(key), cell(value))) for key, value in meta.items()]
+        return cls(Database.create(Path(path), VERSION, tables + texts))
+
+    @classmethod
+    def open(cls, path: str | Path, read_only: bool = False) -> Self:
+        """The store of an earlier run to go on with, or to read, also while another process writes it.
+
+        Raises IbridError when it is missing, no archive, of another version, damaged, or written by another live run.
+        """
+        return cls(Database.open(Path(path), VERSION, read_only=read_only))
+
+    @property
+    def meta(self) -> dict[str, str]:
+        """The texts that stay: data, start program, settings and the like."""
+        return dict(self._database.rows("SELECT key, value FROM meta"))
+
+    def set_meta(self, key: str, value: str) -> None:
+        """Write one of the texts, replacing the one there was."""
+        self._database.run(SET_META, cell(key), cell(value))
+
+    def propose(self, step: Step) -> None:
+        """Write a step, pending or refused; IbridError when its number is taken."""
+        row = row_of(step)
+        with self._database.transaction():
+            if self._database.rows("SELECT 1 FROM steps WHERE number = ?", step.number):
+                raise IbridError(f"{self.path}: there is a step {step.number} already; a step is written once")
+            self._database.run(f"INSERT INTO steps ({COLUMNS}) VALUES ({', '.join('?' * len(FIELDS))})", *row)
+
+    def conclude(
+        self,
+        number: int,
+        *,
+        status: Status,
+        reason: str = "",
+        record: Record | Mapping[str, Any] | None = None,
+        nrmse: float | None = None,
+        reward: float | None = None,
+        stable: bool | None = None,
+        order: int | None = None,
+        free: int | None = None,
+        seconds: float | None = None,
+        attempts: int = 1,
+    ) -> None:
+        """Write how a pending step ended, with its record or the JSON of it; IbridError when it is not pending.
+
+        Numbers that are not given are those of the record. `attempts` : how often it was evaluated.
+        """
+        plain = record.to_json() if isinstance(record, Record) else record
+        packed = None if plain is None else zlib.compress(json_text(plain).encode(), 3)
+        given = {"nrmse": nrmse, "reward": reward, "stable": stable, "order": order, "free": free, "seconds": seconds}
+        known = {name: value for name, value in given.items() if value is not None}
+        ended = {"status": status, "reason": reason, **numbers_of(plain), **known}
+        columns = ", ".join(f'"{name}" = ?' for name in ended)
+        with self._database.transaction():
+            if (found := self.step(number).status) is not Status.PENDING:
+                raise IbridError(f"{self.path}: step {number} must be pending to be concluded, it is {found}")
+            self._database.run(f"UPDATE steps SET {columns} WHERE number = ?", *map(cell, ended.values()), number)
+            self._database.run(_EVALUATED, number, attempts, packed)
+
+    def reopen(self, number: int) -> None:
+        """Let a lost step wait for its evaluation again; IbridError when it is not lost."""
+        if not self._database.run(_REOPENED, Status.PENDING, number, Status.LOST):
+            found = self.step(number).status
+            raise IbridError(f"{self.path}: step {number} must be lost to be evaluated again, it is {found}")
+
+    def steps(self, after: int = -1) -> Iterator[Step]:
+        """Steps with a number above `after`, in order; those written meanwhile are met too."""
+        while found := self._steps("WHERE number > ? ORDER BY number LIMIT ?", after, _PAGE):
+            yield from found
+            after = found[-1].number
+
+    def step(self, number: int) -> Step:
+        """One step; IbridError when there is none of this number."""
+        found = self._steps("WHERE number = ?", number)
+        if not found:
+            last = self._database.rows("SELECT MAX(number) FROM steps")[0][0]
+            known = "there is none at all" if last is None else f"the last is {last}"
+            raise IbridError(f"{self.path}: there is no step {number}; {known}")
+        return found[0]
+
+    def record(self, number: int, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
+        """The record of a step; IbridError when it has none or it is damaged."""
+        query = "SELECT record FROM evaluations WHERE number = ? AND record IS NOT NULL"
+        if not (found := self._database.rows(query, number)):
+            raise IbridError(f"{self.path}: step {number} has no record, it is {self.step(number).status}")
+        try:
+            plain = json.loads(zlib.decompress(found[0][0]))
+        except (zlib.error, TypeError, ValueError, RecursionError):
+            raise IbridError(
+                f"{self.path}: the record of step {number} is damaged; evaluate its program again"
+            ) from None
+        return Record.from_json(plain, vocabulary)
+
+    def pending(self) -> tuple[Step, ...]:
+        """Steps that wait for their evaluation, in order."""
+        return self._steps("WHERE status = ? ORDER BY number", Status.PENDING)
+
+    def retried(self) -> dict[int, int]:
+        """Steps that were begun more than once, since the wall limit stopped them or a worker was lost, and how often."""
+        return dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
+
+    def close(self) -> None:
+        """End; the right to write is free again. Twice is once."""
+        self._database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _steps(self, where: str, *values: Any) -> tuple[Step, ...]:
+        rows = self._database.rows(f"SELECT {COLUMNS} FROM steps {where}", *values)
+        try:
+            return tuple(map(step_of, rows))
+        except (TypeError, ValueError, RecursionError) as error:
+            raise IbridError(f"{self.path}: a step is damaged ({error}); restore a copy, or start a new run") from None

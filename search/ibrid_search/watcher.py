@@ -1,0 +1,73 @@
+"""What is kept up to date while a search goes on: the files of the best, the display, time and tokens that it has taken."""
+
+import time
+from collections import Counter
+from pathlib import Path
+
+from ibrid_search.loop import Loop
+from ibrid_search.progress import Progress, Snapshot
+from ibrid_search.proposers.spending import Spending
+from ibrid_search.run_folder import write_best
+from ibrid_search.step import EVALUATED, Status, Step
+from ibrid_search.store import Store
+from ibrid_search.tally import Tally
+from ibrid_search.trajectory import improves, milestone
+
+#: The text of the store that says how long all sittings took together.
+SECONDS = "seconds"
+
+
+class Watcher:
+    """Called with every step once its result is in, in their order; of those of an earlier sitting it only takes note.
+
+    `spending` : of language models, in all sittings.
+    """
+
+    def __init__(self, store: Store, folder: Path, shown: Progress, budget: int) -> None:
+        self.store, self.folder, self.shown, self.budget = store, folder, shown, budget
+        self.spending = Spending()
+        self._began = time.monotonic() - _seconds(store)
+        self._mark: float | None = None  # the best NRMSE that was told
+        self._counts: Counter[Status] = Counter()
+        self._evaluation = 0
+        self._started = False
+
+    def __call__(self, loop: Loop, step: Step) -> None:
+        if not self._started:
+            self._started = True
+            self.shown.start(self.budget, sum(one.status in EVALUATED for one in loop.steps))
+        self._evaluation += step.status in EVALUATED
+        self._counts[step.status] += step.number > 0
+        self.spending.count(step.usage)
+        if step.number < loop.restored:
+            if loop.best is step and improves(self._mark, step.nrmse or 0.0):
+                self._mark = step.nrmse
+            if step.number == loop.restored - 1 and loop.best is not None:
+                self._keep(loop, loop.best)
+        else:
+            self.store.set_meta(SECONDS, f"{time.monotonic() - self._began:.3f}")
+            if loop.best is step:
+                self._keep(loop, step)
+                self._tell(loop, step)
+        tally = Tally.of(self._counts)
+        self.shown.update(Snapshot(step.number, self._evaluation, self._mark, tally, self.spending.words))
+
+    def _keep(self, loop: Loop, step: Step) -> None:
+        write_best(self.folder, loop.appraisal.record(step.number))
+        self.store.set_meta("best", str(step.number))
+
+    def _tell(self, loop: Loop, step: Step) -> None:
+        before = self._mark
+        if not improves(before, step.nrmse or 0.0):
+            return  # as good, and simpler
+        self._mark = step.nrmse
+        parent = None if step.parent is None else loop.appraisal.record(step.parent)
+        self.shown.milestone(milestone(self._evaluation, step, before, loop.appraisal.record(step.number), parent))
+
+
+def _seconds(store: Store) -> float:
+    """What earlier sittings took."""
+    try:
+        return float(store.meta.get(SECONDS, ""))
+    except ValueError:
+        return 0.0

@@ -1,1 +1,0 @@
-"""Whoever has the ideas: rules, chance, language models and agents, behind the interface of `search.proposal`."""
