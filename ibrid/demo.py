@@ -37,7 +37,7 @@ def main() -> int:
 
 def _search() -> Path:
     """Search from the naive start, as `ibrid search paper_like --out out/search --truth gfl_pll_filter_exact` does."""
-    import ibrid_search  # on top of ibrid, like the command line
+    from ibrid_search.running import search  # on top of ibrid, like the command line
 
     sweep = read_sweep(benchmarks()["paper_like"])
     print(
@@ -48,7 +48,7 @@ def _search() -> Path:
     if RUN.is_dir():
         shutil.rmtree(RUN)
     workers = (os.cpu_count() or 1) if find_spec("ray") is not None else 1
-    run = ibrid_search.search(sweep, RUN, workers=workers, truth=textbook(TRUTH), progress="auto")
+    run = search(sweep, RUN, workers=workers, truth=textbook(TRUTH), progress="auto")
     print(f"\n{run.evaluations} evaluations in {run.seconds:.0f} s; {run.ending}.")
     if run.best is None:
         raise IbridError("the search found no valid candidate; see out/search/report.html")

@@ -36,7 +36,7 @@ def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> i
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
     proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
-    return ibrid_search.search(sweep, folder, proposer=proposer, **given)
+    return ibrid.search(sweep, folder, proposer=proposer, **given)
 
 
 @needs_torch
@@ -182,9 +182,7 @@ def test_what_belongs_to_a_language_model_is_refused_for_the_policy(tmp_path, ca
 def test_two_that_could_learn_are_refused_in_a_sentence(tmp_path):
     two = [(PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0), (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0)]
     with pytest.raises(IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"):
-        ibrid_search.search(
-            ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True
-        )
+        ibrid.search(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True)
     assert replace(LearningSettings(), contexts=4).batch == 64
 
 

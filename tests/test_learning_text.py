@@ -7,7 +7,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import ibrid_search
 import numpy as np
 import pytest
 import scripted_server
@@ -306,7 +305,7 @@ def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is
     learn = LearningSettings(longest=longest)
     told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest}; train"
     with pytest.raises(IbridError, match=told):
-        ibrid_search.search(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
+        ibrid.search(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
     assert not (tmp_path / "run").exists()
 
 
@@ -334,7 +333,7 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     begun = [one.clone() for one in policy.model().parameters()]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
-    ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
+    ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
     with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
         updates = read_updates(store.meta[META])
         looks = sum(step.usage.get(LOOKS, 0) for step in store.steps())

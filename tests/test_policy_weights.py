@@ -13,7 +13,6 @@ import pytest
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
     pytest.skip("the policy needs torch and transformers; make setup-llm", allow_module_level=True)
 
-import ibrid_search
 import torch
 from ibrid_policy import small_policy
 from ibrid_policy.learning.choose import learning
@@ -113,29 +112,29 @@ def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, t
 def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
     changed(folder, lambda tensors: tensors.update({name: value * 0 for name, value in tensors.items()}))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    mine = ibrid_search.search(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
-    shipped = ibrid_search.search(sweep, tmp_path / "shipped", proposer="policy", budget=6)
+    mine = ibrid.search(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
+    shipped = ibrid.search(sweep, tmp_path / "shipped", proposer="policy", budget=6)
     assert mine.trajectory != shipped.trajectory
     assert f'policy = "{folder}"' in (mine.folder / "run.toml").read_text(encoding="utf-8")
     with pytest.raises(IbridError, match="policy"):
-        ibrid_search.search(sweep, mine.folder, proposer="policy", budget=8, resume=True)
+        ibrid.search(sweep, mine.folder, proposer="policy", budget=8, resume=True)
 
 
 def test_a_run_goes_on_with_the_weights_that_it_was_made_with_alone(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     options = {"proposer": "policy", "policy": folder, "budget": 1}
-    ibrid_search.search(sweep, tmp_path / "run", **options)
+    ibrid.search(sweep, tmp_path / "run", **options)
     changed(folder, lambda tensors: tensors.update({ONE: tensors[ONE] * 2}))
     with pytest.raises(IbridError, match="the run was made with policy of other content; resume with the same"):
-        ibrid_search.search(sweep, tmp_path / "run", resume=True, **options)
+        ibrid.search(sweep, tmp_path / "run", resume=True, **options)
 
 
 def test_weights_that_nobody_reads_are_told(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="--policy belongs to the proposer policy, found random, rules alone"):
-        ibrid_search.search(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
+        ibrid.search(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
     with pytest.raises(IbridError, match="found proposers of your own alone"):
-        ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
+        ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
 
 
 class Absent:
@@ -154,7 +153,7 @@ def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path,
     monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="the folder cannot be loaded"):
-        ibrid_search.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
+        ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
     assert not (tmp_path / "run").exists()
 
 

@@ -53,7 +53,7 @@ def real_fits(monkeypatch: pytest.MonkeyPatch):
 
 
 def ran(folder: Path, **options) -> Run:
-    return ibrid_search.search(SWEEP, folder, **{"budget": 5, **options})
+    return ibrid.search(SWEEP, folder, **{"budget": 5, **options})
 
 
 def steps_in(folder: Path):
@@ -79,7 +79,7 @@ def test_the_public_names_stay_what_they_are_whatever_is_imported():
     for path in Path(ibrid_search.__file__).parent.rglob("*.py"):
         assert path.stem not in ibrid_search.__all__, "importing this module would hide the public name"
     for _ in range(2):
-        assert callable(ibrid_search.search)
+        assert callable(ibrid.search)
         assert ibrid_search.Run is Run
         assert ibrid_search.SearchSettings is SearchSettings
 
@@ -90,7 +90,7 @@ def test_the_public_names_stay_what_they_are_whatever_is_imported():
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A small run with everything written, its page too."""
-    return ibrid_search.search(SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", budget=8, seed=1)
+    return ibrid.search(SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", budget=8, seed=1)
 
 
 def test_a_run_leaves_the_files_of_the_contract(finished):
@@ -267,7 +267,7 @@ def test_a_run_does_not_go_on_with_other_data(tmp_path):
     ran(tmp_path / "run", budget=1)
     other = ibrid.read_sweep(ibrid.benchmarks()["random_00"])
     with pytest.raises(IbridError, match="the run was made with data"):
-        ibrid_search.search(other, tmp_path / "run", budget=2, resume=True)
+        ibrid.search(other, tmp_path / "run", budget=2, resume=True)
 
 
 def test_a_truth_that_comes_when_a_run_goes_on_is_on_its_page_and_changes_nothing_else(tmp_path):
@@ -409,7 +409,7 @@ def test_a_file_of_somebody_else_is_not_overwritten(tmp_path, name):
 def test_a_run_without_a_folder_is_refused(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(IbridError, match="needs a folder"):
-        ibrid_search.search(SWEEP, folder, budget=1)
+        ibrid.search(SWEEP, folder, budget=1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -515,8 +515,8 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert process.returncode == -signal.SIGKILL
     assert any(step.status is Status.PENDING for step in steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = ibrid_search.search(sweep, tmp_path / "killed", budget=11, resume=True)
-    whole = ibrid_search.search(sweep, tmp_path / "whole", budget=11)
+    again = ibrid.search(sweep, tmp_path / "killed", budget=11, resume=True)
+    whole = ibrid.search(sweep, tmp_path / "whole", budget=11)
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program
     assert again.trajectory == whole.trajectory

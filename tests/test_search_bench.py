@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import ibrid_search
 import numpy as np
 import pytest
 from ibrid_bench.search import speed_table
@@ -345,7 +344,7 @@ def test_the_speed_table_says_why_a_step_of_the_policy_is_not_timed(tmp_path, mo
 @pytest.mark.skipif(not speed_table.learns(), reason="needs torch and transformers; make setup-llm")
 @pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 def test_a_step_of_the_policy_is_timed_in_a_search(tmp_path):
-    found = policy_step(ibrid_search.search, tmp_path / "run", answers=16)
+    found = policy_step(ibrid.search, tmp_path / "run", answers=16)
     assert found["answers"] == 16
     assert 0 < found["sampling"] < 100
     assert 0 < found["update"] < 100

@@ -296,7 +296,6 @@ def test_the_tools_need_data(capsys):
 
 
 def test_the_command_and_the_function_give_the_same_run(folder, tmp_path):
-    import ibrid_search
 
-    ibrid_search.search(ibrid.read_sweep(ibrid.benchmarks()[DATA]), tmp_path / "run", budget=3)
+    ibrid.search(ibrid.read_sweep(ibrid.benchmarks()[DATA]), tmp_path / "run", budget=3)
     assert steps_of(tmp_path / "run" / "archive.sqlite") == steps_of(folder / "archive.sqlite")

@@ -170,11 +170,11 @@ def run_search(arguments: Namespace) -> int:
 
     from math import inf
 
-    import ibrid_search
     from ibrid_search.proposers.spending import Limits
+    from ibrid_search.running import search
 
     try:
-        found = ibrid_search.search(
+        found = search(
             sweep,
             arguments.out,
             start=start,

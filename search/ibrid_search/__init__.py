@@ -7,7 +7,6 @@ from typing import Any
 _HOME = {
     "Run": "ibrid_search.running",
     "SearchSettings": "ibrid_search.settings",
-    "search": "ibrid_search.running",
 }
 
 
