@@ -1,0 +1,114 @@
+"""Control practice as it stands: every edit of the catalogue and every move of the rules, on diagrams of many kinds.
+
+The list is in golden/practice.json. After a change that is meant: `python tests/test_golden_practice.py`, and say in the
+commit which entries changed and why.
+"""
+
+import json
+from pathlib import Path
+
+from ibrid_search.proposers.moves.blocks import twin_removals
+from ibrid_search.proposers.moves.family import view_of, views_of
+from ibrid_search.proposers.rules import FAMILIES
+
+from ibrid.gap.catalogue import insertions
+from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
+from ibrid.structure import Diagram, parse_program, structure_hash, textbook, textbook_names
+
+ROOT = Path(__file__).resolve().parents[1]
+LIST = ROOT / "tests" / "golden" / "practice.json"
+PROGRAMS = ROOT / "search" / "ibrid_bench" / "search" / "programs"
+#: Effects that are put into a textbook diagram one by one; the diagrams that come out are edited as well.
+PUT_IN = {
+    "gfl_exact": ("command_filter", "active_damping", "virtual_impedance", "frequency_droop", "voltage_sensor"),
+    "gfl_dc_link": ("command_filter",),
+    "gfm_vsm": ("control_delay",),
+}
+
+
+def diagrams() -> dict[str, tuple[Diagram, tuple]]:
+    """Name -> diagram and vocabulary."""
+    found = {name: (textbook(name), VOCABULARY) for name in textbook_names()}
+    found |= {f"{name}, paper": (textbook(name), PAPER_VOCABULARY) for name in ("naive", "gfl")}
+    found |= {one.stem: (parse_program(one.read_text("utf-8")), VOCABULARY) for one in sorted(PROGRAMS.glob("*.py"))}
+    for name, effects in PUT_IN.items():
+        edits = insertions(textbook(name), VOCABULARY)
+        for effect in effects:
+            first = next(one for one in edits if one.effect == effect)
+            found[f"{name}, {first.change} {effect}"] = (first.diagram, VOCABULARY)
+    return found
+
+
+def _hash(diagram: Diagram, kinds: tuple) -> str:
+    return structure_hash(diagram, kinds)[:8]
+
+
+def edits_of(diagram: Diagram, kinds: tuple) -> list[str]:
+    """A line for each edit of the catalogue: effect, change, place, hash, new parameters with what does nothing."""
+    return [
+        f"{one.effect} | {one.change} | {one.where} | {_hash(one.diagram, kinds)} | "
+        + ", ".join(
+            f"{name}: {' '.join(f'{value:.6g}' for value in bank)}"
+            + (f" ({one.nothing[name]:g})" if name in one.nothing else "")
+            for name, bank in one.parameters.items()
+        )
+        for one in insertions(diagram, kinds)
+    ]
+
+
+def moves_of(diagram: Diagram, kinds: tuple) -> list[str]:
+    """A line for each move of the rules, and of the pruning alone, in order: family, note, weight if not 1, hash."""
+    views = views_of(diagram, kinds)
+    families = [(one.name, one.moves) for one in FAMILIES] + [("twins", twin_removals)]
+    return [
+        f"{name} | {view.words(move)} | {'' if move.weight == 1 else f'{move.weight:g} | '}{_hash(view.after(move), kinds)}"
+        for name, moves in families
+        for view in views
+        for move in moves(view)
+    ]
+
+
+def practice() -> dict[str, dict[str, list[str]]]:
+    return {
+        name: {"effects": edits_of(diagram, kinds), "moves": moves_of(diagram, kinds)}
+        for name, (diagram, kinds) in diagrams().items()
+    }
+
+
+def test_every_effect_and_every_move_edits_every_diagram_as_it_did():
+    golden, now = json.loads(LIST.read_text("utf-8")), practice()
+    changed = [
+        f"{name}, {what}: {sign} {line}"
+        for name in {**golden, **now}
+        for what in ("effects", "moves")
+        for sign, lines, others in (
+            ("-", golden.get(name, {}).get(what, []), now.get(name, {}).get(what, [])),
+            ("+", now.get(name, {}).get(what, []), golden.get(name, {}).get(what, [])),
+        )
+        for line in lines
+        if line not in others
+    ]
+    assert not changed, "\n".join(["control practice changed (the docstring says what to do):", *changed[:60]])
+    assert now == golden, "the order of effects or moves changed"
+
+
+def test_the_families_of_moves_keep_their_order_weights_and_bands():
+    golden = json.loads(LIST.with_name("families.json").read_text("utf-8"))
+    assert families() == golden
+
+
+def families() -> list[str]:
+    return [
+        f"{one.name} | {one.scale} | {' '.join(map(str, one.bands))} | {one.weight:g} | first {one.first} | "
+        f"any time {one.any_time} | if gross {one.if_gross}"
+        for one in FAMILIES
+    ]
+
+
+def test_a_diagram_without_a_command_has_no_moves():
+    assert view_of(Diagram("empty"), VOCABULARY) is None
+
+
+if __name__ == "__main__":
+    LIST.write_text(json.dumps(practice(), indent=0) + "\n", "utf-8")
+    LIST.with_name("families.json").write_text(json.dumps(families(), indent=0) + "\n", "utf-8")
