@@ -19,6 +19,7 @@ LAYERS = (
     ("evaluation",),
     ("plants",),
     ("gap",),
+    ("plugins",),
     ("analysis",),
     ("export",),
     ("report",),

@@ -7,6 +7,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
 
 if TYPE_CHECKING:
+    from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
 
 
@@ -32,12 +33,12 @@ def run_check(arguments: Namespace) -> int:
     from ibrid.structure.parameters import parameter_table
     from ibrid.structure.wiring import wire
 
-    diagram = inputs.program(arguments.program)
-    if _complain_of_violations(diagram, arguments.program, arguments.vocabulary, arguments.equilibrium):
+    diagram, vocabulary = inputs.program(arguments.program), inputs.vocabulary(arguments.vocabulary)
+    if _complain_of_violations(diagram, arguments.program, vocabulary, arguments.equilibrium):
         return 2
     from ibrid.modules.vocabulary import choose_vocabulary
 
-    wiring = wire(diagram, choose_vocabulary(arguments.vocabulary))
+    wiring = wire(diagram, choose_vocabulary(vocabulary))
     order = sum(kind.order for kind in wiring.kinds.values())
     sums = sum(len(sources) > 1 for sources in wiring.sources.values())
     free = len(parameter_table(wiring, arguments.equilibrium).free)
@@ -49,7 +50,7 @@ def run_check(arguments: Namespace) -> int:
     )
     modules, *others = (counted(number, word) for number, word in counts)
     print(f"legal: {modules}, order {order}, {', '.join(others)}")
-    for warning in warnings(diagram, arguments.vocabulary, equilibrium=arguments.equilibrium):
+    for warning in warnings(diagram, vocabulary, equilibrium=arguments.equilibrium):
         print(f"warning: {warning}")
     return 0
 
@@ -61,16 +62,17 @@ def run_compare(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"the first PROGRAM": arguments.first, "the second": arguments.second})
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
+    vocabulary = inputs.vocabulary(arguments.vocabulary)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):
-        if _complain_of_violations(diagram, source, arguments.vocabulary, "paper"):  # the equilibrium plays no part
+        if _complain_of_violations(diagram, source, vocabulary, "paper"):  # the equilibrium plays no part
             return 2
-    comparison = compare(first, second, arguments.vocabulary)
+    comparison = compare(first, second, vocabulary)
     if not give_json(comparison.to_json(), arguments.json):
         print(format_comparison(comparison))
     return 0
 
 
-def _complain_of_violations(diagram: "Diagram", source: str, vocabulary: str, equilibrium: str) -> bool:
+def _complain_of_violations(diagram: "Diagram", source: str, vocabulary: "str | Vocabulary", equilibrium: str) -> bool:
     from ibrid.structure.check import violations
 
     found = violations(diagram, vocabulary, equilibrium=equilibrium)

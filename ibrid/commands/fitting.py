@@ -61,7 +61,7 @@ def run(arguments: Namespace) -> int:
         sweep,
         parameters=arguments.parameters,
         equilibrium=arguments.equilibrium,
-        vocabulary=arguments.vocabulary,
+        vocabulary=inputs.vocabulary(arguments.vocabulary),
         objective=arguments.objective,
         restarts=arguments.restarts,
         seed=arguments.seed,

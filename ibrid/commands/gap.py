@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import require_distinct
+from ibrid.commands.outputs import complain, require_distinct
 from ibrid.commands.searching import MODEL_HELP
 from ibrid.errors import IbridError
 from ibrid.writing import require_folder, require_place, write_whole
@@ -80,8 +80,16 @@ def _answer(
     tell: "Tell",
 ) -> "Gap":
     from ibrid.gap.workflow import find_gap
+    from ibrid.plugins import extended_catalogue
 
-    options = {"holdout_op": arguments.holdout_op, "seed": arguments.seed, "suggest": suggest, "progress": tell}
+    options = {
+        "holdout_op": arguments.holdout_op,
+        "vocabulary": inputs.vocabulary(),
+        "catalogue": extended_catalogue(complain),
+        "seed": arguments.seed,
+        "suggest": suggest,
+        "progress": tell,
+    }
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:

@@ -6,10 +6,13 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 
 if TYPE_CHECKING:
+    from ibrid.evaluation.record import Record
     from ibrid.measurement.sweep import Sweep
+    from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
 
 PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
@@ -40,6 +43,20 @@ def data(text: str) -> "Sweep":
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of `data` lies; None when there is none."""
     return text if _exists(text) else _known_sweeps().get(text)
+
+
+def vocabulary(text: str = "extended") -> "str | Vocabulary":
+    """The vocabulary of that name; the extended one has the kinds of plug-ins too."""
+    from ibrid.plugins import extended_vocabulary
+
+    return extended_vocabulary(complain) if text == "extended" else text
+
+
+def record(path: str | Path) -> "Record":
+    """The record in a file, whose program may have kinds of plug-ins."""
+    from ibrid.evaluation.record import read_record
+
+    return read_record(path, vocabulary())
 
 
 def positive(text: str) -> float:

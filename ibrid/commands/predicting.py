@@ -61,13 +61,12 @@ def run_predict(arguments: Namespace) -> int:
     _require_places(arguments, {"--out": arguments.out})
 
     from ibrid.analysis.prediction import predict, predicted_sweep
-    from ibrid.evaluation.record import read_record
     from ibrid.measurement.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
     from ibrid.report.prediction_text import format_predictions
 
     frequency = frequency_grid(arguments.freq)
-    record = read_record(Path(arguments.record))
+    record = inputs.record(arguments.record)
     found = [predict(record, op, frequency) for op in arguments.op]
     sweep = predicted_sweep(record, found)
     made = f"predicted, not measured: {_command(arguments)}"
@@ -93,13 +92,12 @@ def run_stability(arguments: Namespace) -> int:
 
     from ibrid.analysis.grid import ratios
     from ibrid.analysis.stability import stability
-    from ibrid.evaluation.record import read_record
     from ibrid.plants.sweeping import frequency_grid
     from ibrid.report.stability_text import format_stability
 
     scr = () if arguments.scr is None else ratios(arguments.scr)
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
-    record = read_record(Path(arguments.record))
+    record = inputs.record(arguments.record)
     grid = None if arguments.grid is None else _grid(arguments.grid, record)
     found = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
     printed = give_json(found.plain(), arguments.json)

@@ -45,12 +45,11 @@ def run_export(arguments: Namespace) -> int:
     require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
 
     from ibrid.analysis.validity import doubts
-    from ibrid.evaluation.record import read_record
     from ibrid.export.formats import export
     from ibrid.plants.sweeping import frequency_grid
 
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
-    record = read_record(Path(arguments.record))
+    record = inputs.record(arguments.record)
     model = export(
         record,
         arguments.out,
@@ -75,9 +74,8 @@ def run_report(arguments: Namespace) -> int:
     require_place(out)
     data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
     require_distinct({"--out": out}, {"RECORD": source, "--data": data_file})
-    from ibrid.evaluation.record import read_record
 
-    record = read_record(source)
+    record = inputs.record(source)
     measured = record.settings.get("data")
     require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
@@ -103,7 +101,9 @@ def _run_page(arguments: Namespace) -> int:
 
     from ibrid_search.page import write_run_page
 
-    print(write_run_page(folder, out, sweep=sweep))
+    from ibrid.plugins import extended_vocabulary
+
+    print(write_run_page(folder, out, sweep=sweep, vocabulary=extended_vocabulary(complain)))
     return 0
 
 

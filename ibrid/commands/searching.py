@@ -70,7 +70,8 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--proposer",
         default="rules",
-        help="rules (default) | random | policy | llm | agent, or a mix with weights such as rules:0.7,random:0.3",
+        help="rules (default) | random | policy | llm | agent, or one of a plug-in (ibrid modules lists them), or a mix with "
+        "weights such as rules:0.7,random:0.3",
     )
     search.add_argument(
         "--model",
@@ -194,7 +195,7 @@ def run_search(arguments: Namespace) -> int:
             ray=arguments.ray,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,
-            vocabulary=arguments.vocabulary,
+            vocabulary=inputs.vocabulary(arguments.vocabulary),
             holdout_op=arguments.holdout_op,
             history=arguments.history,
             require=arguments.require,
@@ -292,7 +293,7 @@ def run_mcp(arguments: Namespace) -> int:
     options = Options(
         parameters=arguments.parameters,
         equilibrium=arguments.equilibrium,
-        vocabulary=arguments.vocabulary,
+        vocabulary=inputs.vocabulary(arguments.vocabulary),
         out=None if arguments.out is None else Path(arguments.out),
         start=start,
         effort=Effort(seconds=arguments.seconds, seed=arguments.seed, holdout_op=tuple(arguments.holdout_op)),

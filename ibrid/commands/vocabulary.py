@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ibrid.commands.outputs import table
+from ibrid.commands.outputs import complain, table
 
 if TYPE_CHECKING:
     from ibrid.modules.kind import ModuleKind, Range
@@ -23,13 +23,15 @@ def declare(commands: Any) -> None:
 
 def run(arguments: Namespace) -> int:
     """Print the table, or everything about one kind."""
-    from ibrid.modules.vocabulary import VOCABULARY, find_kind
+    from ibrid.modules.vocabulary import find_kind
+    from ibrid.plugins import extended_vocabulary, listed_plugins
 
+    kinds = extended_vocabulary(complain)
     if arguments.kind is None:
-        print(vocabulary_table(VOCABULARY))
+        print("\n".join([vocabulary_table(kinds), *(f"Plug-in {line}" for line in listed_plugins())]))
         return 0
-    same = [kind.name for kind in VOCABULARY if kind.name.casefold() == arguments.kind.casefold()]
-    print(kind_in_full(find_kind(same[0] if len(same) == 1 else arguments.kind, VOCABULARY)))
+    same = [kind.name for kind in kinds if kind.name.casefold() == arguments.kind.casefold()]
+    print(kind_in_full(find_kind(same[0] if len(same) == 1 else arguments.kind, kinds)))
     return 0
 
 

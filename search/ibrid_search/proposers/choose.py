@@ -5,6 +5,7 @@ from math import inf
 from pathlib import Path
 
 from ibrid.errors import IbridError, near
+from ibrid.plugins import plugin_proposers
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.language_model import LanguageModel
@@ -65,6 +66,7 @@ def _makers(
         return models
 
     return {
+        **plugin_proposers(),
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),

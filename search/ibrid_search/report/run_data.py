@@ -108,8 +108,8 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
     """
     meta = dict(store.meta)
     settings = _settings(meta.get("settings", ""))
-    known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), VOCABULARY)
-    known = known if kinds is None else tuple(kinds)
+    own = VOCABULARY if kinds is None else tuple(kinds)
+    known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), own)
     steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
     notes: list[str] = []
     if sweep is None:

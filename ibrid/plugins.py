@@ -1,0 +1,115 @@
+"""Kinds, effects and proposers of other distributions, found by their entry points and loaded when they are asked for.
+
+    [project.entry-points."ibrid.kinds"]
+    lag = "ibrid_lag:LAG"                # a ModuleKind, or a tuple of them: joins the extended vocabulary
+    [project.entry-points."ibrid.effects"]
+    stiction = "ibrid_lag:STICTION"      # an Effect, or a tuple of them: joins the catalogue
+    [project.entry-points."ibrid.proposers"]
+    delays = "ibrid_lag:Delays"          # called, gives a proposer: known under this name
+
+The command line takes them by itself; in Python they are arguments, as one's own declarations are:
+`evaluate(..., vocabulary=extended_vocabulary())`, `find_gap(..., catalogue=extended_catalogue())`.
+"""
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ibrid.errors import IbridError
+
+if TYPE_CHECKING:
+    from ibrid.gap.catalogue import Catalogue
+    from ibrid.modules.vocabulary import Vocabulary
+
+KINDS, EFFECTS, PROPOSERS = "ibrid.kinds", "ibrid.effects", "ibrid.proposers"
+Declared = TypeVar("Declared")
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, stacklevel=4)
+
+
+def extended_vocabulary(tell: Callable[[str], None] = _warn) -> "Vocabulary":
+    """The extended vocabulary and the kinds of plug-ins. tell : gets a sentence about each plug-in that is left out."""
+    from ibrid.modules.kind import ModuleKind
+    from ibrid.modules.vocabulary import VOCABULARY
+
+    return _joined(KINDS, VOCABULARY, ModuleKind, lambda kind: kind.name, tell)
+
+
+def extended_catalogue(tell: Callable[[str], None] = _warn) -> "Catalogue":
+    """The catalogue of effects and the effects of plug-ins. tell : gets a sentence about each plug-in that is left out."""
+    from ibrid.gap.catalogue import CATALOGUE
+    from ibrid.gap.effect import Effect
+
+    return _joined(EFFECTS, CATALOGUE, Effect, lambda effect: effect.id, tell)
+
+
+def plugin_proposers() -> Mapping[str, Callable[..., Any]]:
+    """Name -> what makes the proposer of a plug-in; nothing is loaded before it is called.
+
+    Calling raises IbridError, which names the distribution, where the plug-in cannot be loaded or made.
+    """
+    return {entry.name: partial(_made, entry) for entry in _entries(PROPOSERS)}
+
+
+def listed_plugins() -> tuple[str, ...]:
+    """A line for each plug-in: its distribution, and what it brings. Nothing is loaded."""
+    what = {KINDS: "kinds", EFFECTS: "effects", PROPOSERS: "proposer"}
+    return tuple(f"{_origin(entry)}: {word} {entry.name}" for group, word in what.items() for entry in _entries(group))
+
+
+def _entries(group: str) -> list[EntryPoint]:
+    return sorted(entry_points(group=group), key=lambda entry: (_origin(entry), entry.name))
+
+
+def _origin(entry: EntryPoint) -> str:
+    """Name and version of the distribution."""
+    return "an unknown distribution" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+
+
+def _made(entry: EntryPoint, *arguments: Any, **options: Any) -> Any:
+    try:
+        return entry.load()(*arguments, **options)
+    except IbridError:
+        raise  # a sentence already: an option that is wrong, an extra that is missing
+    except Exception as error:  # other people's code: anything may go wrong in it
+        raise IbridError(_complaint(entry, f"{type(error).__name__}: {error}")) from error
+
+
+def _joined(
+    group: str,
+    shipped: tuple[Declared, ...],
+    wanted: type[Declared],
+    name_of: Callable[[Declared], str],
+    tell: Callable[[str], None],
+) -> tuple[Declared, ...]:
+    """What ships, then what the plug-ins of a group bring under names of their own."""
+    owners = {name_of(value): "ibrid" for value in shipped}
+    joined = list(shipped)
+    for entry in _entries(group):
+        try:
+            values = list(_declared(entry.load(), wanted))
+        except Exception as error:  # other people's code: anything may go wrong in it
+            tell(_complaint(entry, f"{type(error).__name__}: {error}"))
+            continue
+        for value in values:
+            if (name := name_of(value)) in owners:
+                tell(_complaint(entry, f"{owners[name]} has {name} already"))
+                continue
+            owners[name] = _origin(entry)
+            joined.append(value)
+    return tuple(joined)
+
+
+def _declared(loaded: object, wanted: type[Declared]) -> Iterator[Declared]:
+    for value in loaded if isinstance(loaded, Iterable) else (loaded,):
+        if not isinstance(value, wanted):
+            raise TypeError(f"must be {wanted.__name__} or a tuple of them, found {type(value).__name__}")
+        yield value
+
+
+def _complaint(entry: EntryPoint, reason: str) -> str:
+    return f"the plug-in {entry.name} of {_origin(entry)} is left out, {' '.join(reason.split())[:300]}; mend or uninstall it"
