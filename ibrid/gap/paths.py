@@ -2,19 +2,8 @@
 
 from collections.abc import Iterable
 
-from ibrid.modules.kind import ModuleKind
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-
-
-def in_line(kind: ModuleKind) -> bool:
-    """True for a block of one input in_ and one output out of the same signal."""
-    return set(kind.inputs) == {"in_"} and set(kind.outputs) == {"out"} and kind.inputs["in_"] is kind.outputs["out"]
-
-
-def passes(kind: ModuleKind) -> bool:
-    """True for a block in line that hands a signal on at rest: a sign, gain, filter or delay, no integrator, no J."""
-    return in_line(kind) and (kind.static or kind.dc_gain is not None) and kind.name != "JMul"
 
 
 def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None] = ()) -> tuple[str, ...] | None:
@@ -29,7 +18,7 @@ def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None
             return ()
         for one in draft.sources(port):
             name = split_port(one)[0]
-            if name and name not in seen and passes(draft.kind(name)):
+            if name and name not in seen and draft.kind(name).passes:
                 seen.add(name)
                 found = behind(f"{name}.in_")
                 if found is not None:
@@ -39,12 +28,12 @@ def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None
     return behind(target)
 
 
-def row_before(draft: Draft, target: str, kinds: Iterable[str]) -> tuple[str, ...]:
-    """Blocks of these kinds in a row right before an input, the nearest first, each the only source of the next."""
+def row_before(draft: Draft, target: str) -> tuple[str, ...]:
+    """Filters and delays in a row right before an input, the nearest first, each the only source of the next."""
     row: list[str] = []
     while len(sources := draft.sources(target)) == 1:
         name = split_port(sources[0])[0]
-        if not name or name in row or draft.instances[name].kind not in tuple(kinds):
+        if not name or name in row or not draft.kind(name).shapes:
             break
         row.append(name)
         target = f"{name}.in_"

@@ -4,21 +4,17 @@ from ibrid.gap.effect import Model
 from ibrid.gap.paths import path, row_before
 from ibrid.structure.drafting import Draft
 
-#: Blocks that may stand in the way of the whole command, behind everything that the controller computes.
-LAGS = ("Delay", "Pade1_dq", "LPF1_dq")
-
-
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
 def lags(model: Model) -> tuple[str, ...]:
     """Delays and filters of the whole command, the nearest to the plant first."""
-    return row_before(model.draft, model.roles.command, LAGS)
+    return row_before(model.draft, model.roles.command)
 
 
 def command_entries(draft: Draft, command: str) -> list[str]:
     """The inputs at which paths to the command add up: before its lags; else the command, and what is wired like it."""
-    row = row_before(draft, command, LAGS)
+    row = row_before(draft, command)
     if row:
         return [f"{row[-1]}.in_"]
     return [command, *_wired_like(draft, command)]

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from ibrid.errors import ModuleError
+from ibrid.modules.behaviour import Behaviour
 from ibrid.modules.declaration import check_declaration
 from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
@@ -61,8 +62,8 @@ PAPER_RANGES: Mapping[str, Range] = {
 
 
 @dataclass(frozen=True)
-class ModuleKind:
-    """One word of the vocabulary.
+class ModuleKind(Behaviour):
+    """One word of the vocabulary. What it does, as far as diagrams ask, follows from its declaration: see `Behaviour`.
 
     Parameters
     ----------
@@ -84,6 +85,8 @@ class ModuleKind:
     extended : True for kinds beyond the 23 of the paper.
     large_signal : the law in absolute quantities, for kinds whose matrices depend on the operating point; others are
         linear. A kind may leave it out: then diagrams with it have no nonlinear export.
+    branches : of a plant, the parameters (resistance, capacitance) of each series branch at the node of the measured voltage
+        e, None for no resistor; with them its operating point is known in closed form from p, q and v.
 
     Raises ModuleError where the declaration contradicts itself; `ibrid.modules.contract.check_kind` asks more.
     """
@@ -104,6 +107,7 @@ class ModuleKind:
     bilinear: bool = False
     extended: bool = False
     large_signal: LargeSignal | None = None
+    branches: tuple[tuple[str | None, str], ...] | None = None
 
     def __post_init__(self) -> None:
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
@@ -112,16 +116,6 @@ class ModuleKind:
     def order(self) -> int:
         """Number of states counted in the order bound; a transport delay counts as 2."""
         return 2 if self.delay is not None else len(self.states)
-
-    @property
-    def residual(self) -> bool:
-        """True for blocks that no designer would draw."""
-        return self.family == "residual"
-
-    @property
-    def static(self) -> bool:
-        """True for memoryless kinds."""
-        return not self.states and self.delay is None
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:

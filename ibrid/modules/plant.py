@@ -94,6 +94,7 @@ LCL = ModuleKind(
     equilibrium={"i_ti": "I0d", "e": "E0d", "i_g": "I0d"},
     reference="paper, appendix A.2 and equation (1)",
     large_signal=LargeSignal(_lcl_law, _lcl_at_rest),
+    branches=((None, "C_F"),),
 )
 
 
@@ -127,4 +128,5 @@ L_FILTER = ModuleKind(
     equilibrium={"i_g": "I0d"},
     reference="paper, appendix A.2",
     large_signal=LargeSignal(_l_filter_law, current_at_rest),
+    branches=(),
 )

@@ -66,6 +66,7 @@ LCL_R = replace(
     extended=True,
     reference="passive damping of LCL filters; equation (1) of the paper with the resistor",
     large_signal=LargeSignal(_lcl_r_law, _lcl_r_at_rest),
+    branches=(("R_C", "C_F"),),
 )
 
 
@@ -114,6 +115,7 @@ LCL_RC = replace(
     extended=True,
     reference="passive damping of LCL filters; equation (1) of the paper with the branch",
     large_signal=LargeSignal(_lcl_rc_law, _lcl_rc_at_rest),
+    branches=((None, "C_F"), ("R_d", "C_d")),
 )
 
 

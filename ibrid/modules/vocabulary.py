@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ibrid.errors import DiagramError, near
+from ibrid.modules.behaviour import Element
 from ibrid.modules.branch import DC_LINK, SHUNT_RC
 from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
 from ibrid.modules.delay import DELAY
@@ -23,6 +24,7 @@ from ibrid.modules.static import (
     SLICE_Q,
 )
 from ibrid.modules.synchronisation import DVOC, PLL_FREQUENCY, SRF_PLL
+from ibrid.signals import Signal
 
 Vocabulary = tuple[ModuleKind, ...]
 
@@ -94,3 +96,13 @@ def find_kind(name: str, vocabulary: Sequence[ModuleKind]) -> ModuleKind:
         if kind.name == name:
             return kind
     raise DiagramError(f"the vocabulary has no kind {name!r}; {near(name, (kind.name for kind in vocabulary))}")
+
+
+def usual_kind(element: Element, signal: Signal | None = None, kinds: Sequence[ModuleKind] = VOCABULARY) -> ModuleKind:
+    """The kind that a new block of this element gets: the first of `kinds`, the one that ships where they have none.
+
+    signal : what it carries, where there is one of it for scalars and one for dq vectors.
+    """
+    return next(
+        kind for kind in (*kinds, *VOCABULARY) if kind.element is element and (signal is None or kind.signal is signal)
+    )

@@ -5,8 +5,9 @@ from collections.abc import Iterable, Mapping
 
 import networkx as nx
 
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import Vocabulary
+from ibrid.modules.vocabulary import Vocabulary, usual_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
 from ibrid.structure.wiring import split_port
@@ -36,6 +37,15 @@ class Draft:
     def named(self, *kinds: str) -> list[str]:
         """Modules of some kinds, in order."""
         return [name for name, one in self.instances.items() if one.kind in kinds]
+
+    def having(self, *elements: Element, signal: Signal | None = None) -> list[str]:
+        """Modules that are one of these elements, in order; of one signal if it is given."""
+        kinds = ((name, self.kind(name)) for name in self.instances)
+        return [name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal)]
+
+    def usual(self, element: Element, signal: Signal | None = None) -> str:
+        """Name of the kind that a new block of this element gets in this vocabulary."""
+        return usual_kind(element, signal, tuple(self.vocabulary.values())).name
 
     def sources(self, target: str) -> list[str]:
         """What drives an input."""

@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ibrid.errors import DiagramError
+from ibrid.modules.behaviour import PLANT, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 
-PLANT = "physical plant"
+__all__ = ["PLANT", "Wiring", "split_port", "wire"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class Wiring:
     def plant(self) -> str:
         """Name of the plant; of two devices behind one PCC that of the first."""
         return next(name for name, kind in self.kinds.items() if kind.family == PLANT)
+
+    def having(self, *elements: Element) -> tuple[str, ...]:
+        """Names of the instances that are one of these elements."""
+        return tuple(name for name, kind in self.kinds.items() if kind.element in elements)
 
     def named(self, kind: str) -> tuple[str, ...]:
         """Names of the instances of a kind."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from ibrid.gap.effect import Edit, Effect, Insertion, Model
 from ibrid.gap.effects.feedforward import feedforward
-from ibrid.gap.effects.synchronisation import PREFILTERS
 from ibrid.gap.paths import after, row_before
 from ibrid.gap.places import (
     command_entries,
@@ -52,7 +51,7 @@ def _locked(model: Model, voltage: str) -> dict[str, str]:
     """PLL -> the scalar input that takes the q axis of a voltage on the way to it."""
     draft, found = model.draft, {}
     for pll in draft.named("SRF_PLL"):
-        row = row_before(draft, f"{pll}.e_q", PREFILTERS)
+        row = row_before(draft, f"{pll}.e_q")
         entry = f"{row[-1]}.in_" if row else f"{pll}.e_q"
         sources = draft.sources(entry)
         slices = [

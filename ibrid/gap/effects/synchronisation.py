@@ -11,7 +11,6 @@ from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.frames import put_into_frame, put_into_grid_frame
 
 PLL_GAINS = {"kP_pll": Strength((20.0, 60.0, 200.0)), "kI_pll": Strength((150.0, 1500.0, 15000.0))}
-PREFILTERS = ("LPF1", "Notch", "Pade1")
 
 
 def _pll_missing(model: Model) -> Iterator[Insertion]:
@@ -76,7 +75,7 @@ PLL_MISSING = Effect(
 
 def _pll_prefilter(model: Model) -> Iterator[Insertion]:
     for pll in model.draft.named("SRF_PLL"):
-        row = row_before(model.draft, f"{pll}.e_q", PREFILTERS)
+        row = row_before(model.draft, f"{pll}.e_q")
         for name in row:
             kind = model.draft.instances[name].kind
             yield from model.bypassed("pll_prefilter", "remove", f"{name} before {pll}.e_q", name)

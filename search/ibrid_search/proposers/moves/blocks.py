@@ -6,7 +6,7 @@ from itertools import combinations
 from ibrid.structure.drafting import Draft
 from ibrid_search.proposers.moves.drawing import frequency_sources
 from ibrid_search.proposers.moves.family import Move, View
-from ibrid_search.proposers.moves.shapers import STEMS, in_line
+from ibrid_search.proposers.moves.shapers import STEMS
 
 #: Kinds that take each other's place, by what they do.
 _EXCHANGES = (
@@ -67,7 +67,7 @@ def removals(view: View) -> Iterator[Move]:
         kind = view.draft.kind(name)
         if name == view.roles.plant or kind.name in ("ConstZero", "Rot_v", "Rot_i", "PackDQ"):
             continue
-        if in_line(kind):
+        if kind.in_line:
             yield Move(f"without the {kind.name} {name}", lambda draft, name=name: draft.bypass(name))
         yield Move(f"without the path through {name}", lambda draft, name=name: draft.remove(name))
 
@@ -80,7 +80,7 @@ def twin_removals(view: View) -> Iterator[Move]:
             (one.bindings.get(key, f"{one.name}.{key}"), twin.bindings.get(key, f"{twin.name}.{key}"))
             for key in kind.parameters
         ]
-        if one.kind == twin.kind and in_line(kind) and pairs and all(a == b for a, b in pairs):
+        if one.kind == twin.kind and kind.in_line and pairs and all(a == b for a, b in pairs):
 
             def change(draft: Draft, name: str = one.name, other: str = twin.name) -> None:
                 draft.bypass(other)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.drafting import Draft
@@ -29,16 +28,11 @@ STEMS = {
 }
 
 
-def in_line(kind: ModuleKind) -> bool:
-    """True for a block of one input in_ and one output out of the same signal."""
-    return set(kind.inputs) == {"in_"} and set(kind.outputs) == {"out"} and kind.inputs["in_"] is kind.outputs["out"]
-
-
 def shapers(view: View, signal: Signal) -> tuple[str, ...]:
     """Filters and delays for a signal: the usual ones and in-line kinds of the user's own with parameters."""
     usual = view.known(*(SHAPERS if signal is Signal.SCALAR else SHAPERS_DQ))
     shipped = {*SHAPERS, *SHAPERS_DQ, "PI", "PI_dq", "Gain", "Gain_dq", "JMul", "Integrator", "Negate", "Negate_dq"}
-    own = [k.name for k in view.kinds if k.name not in shipped and in_line(k) and k.inputs["in_"] is signal]
+    own = [k.name for k in view.kinds if k.name not in shipped and k.in_line and k.inputs["in_"] is signal]
     return (*usual, *own)
 
 
