@@ -1,0 +1,183 @@
+"""Conventions: correct data pass, one wrong declaration is named, and what cannot be decided is not guessed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ibrid.measurement import (
+    OperatingPoint,
+    PointSweep,
+    Sweep,
+    add_noise,
+    check_conventions,
+    hardware_sweeps,
+    read_sweep,
+)
+from ibrid.measurement.plausibility import implausible_numbers
+from ibrid.measurement.tail import inductive_tail
+
+SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data").glob("*.csv"))
+T = np.diag([1.0, -1.0])
+J = np.array([[0.0, -1.0], [1.0, 0.0]])
+POINTS = ((1.0, 0.3), (0.6, -0.3), (-0.8, 0.1))
+LOW = np.geomspace(0.05, 5000, 80)
+
+
+def inverter(frequency: np.ndarray, p: float, q: float, *, delay: float = 1e-4, power: float = 20.0) -> np.ndarray:
+    """Y of an L-filter inverter with PLL, PI current control, feedforward, delay and PI power control, at v = 1."""
+    i_0, u_0 = np.array([p, -q]), np.array([1.0, 0.0]) + (0.005 * np.eye(2) + 0.15 * J) @ [p, -q]
+    result = []
+    for s in 2j * np.pi * frequency:
+        impedance = (0.005 + s * 0.15 / (120 * np.pi)) * np.eye(2) + 0.15 * J
+        angle = np.array([0, (60 + 1400 / s) / (s + 60 + 1400 / s)])
+        v_local, i_angle, u_angle = (
+            np.eye(2) - np.outer(J @ [1, 0], angle),
+            np.outer(J @ i_0, angle),
+            np.outer(J @ u_0, angle),
+        )
+        pq_i, pq_v = np.diag([1.0, -1.0]), np.array([[p, -q], [q, p]])
+        outer = (0.02 + power / s) * np.diag([-1.0, 1.0])
+        current = (0.5 + 10 / s) * np.exp(-s * delay)
+        from_i = current * (outer @ pq_i - np.eye(2)) + np.exp(-s * delay) * 0.15 * J
+        from_v = current * outer @ pq_v + np.exp(-s * delay) * np.eye(2)
+        # u = from_i (i - i_angle v) + from_v v_local v + u_angle v and u - v = impedance i
+        right = -from_i @ i_angle + from_v @ v_local + u_angle - np.eye(2)
+        result.append(np.linalg.solve(impedance - from_i, right))
+    return np.array(result)
+
+
+def measured(
+    wrong=lambda values: values, declared=lambda p, q: (p, q), points=POINTS, frequency=LOW, **options
+) -> Sweep:
+    return Sweep(
+        tuple(
+            PointSweep(
+                OperatingPoint(f"p={p},q={q}", *declared(p, q)), frequency, wrong(inverter(frequency, p, q, **options))
+            )
+            for p, q in points
+        )
+    )
+
+
+def rescaled(sweep: Sweep, factor: float) -> Sweep:
+    return replace(sweep, points=tuple(replace(point, frequency=factor * point.frequency) for point in sweep.points))
+
+
+def test_the_law_that_the_test_rests_on_holds():
+    for p, q in POINTS:
+        np.testing.assert_allclose(inverter(np.array([1e-5]), p, q)[0], -np.array([[p, -q], [-q, -p]]), atol=1e-5)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_sweeps_raise_no_doubt(path):
+    sweep = read_sweep(path)
+    assert check_conventions(sweep).status != "doubt"
+    assert implausible_numbers(sweep) == ()
+
+
+@pytest.mark.parametrize("path", hardware_sweeps().values(), ids=lambda path: path.stem)
+def test_hardware_raises_no_doubt_and_shows_the_direction_of_the_current(path):
+    sweep = read_sweep(path)
+    assert check_conventions(sweep).status == "agree"
+    assert implausible_numbers(sweep) == ()
+    verdict = check_conventions(read_sweep(path, current="out"))
+    assert verdict.status == "doubt"
+    assert "the current is probably counted the other way" in verdict.warnings[0]
+
+
+def test_correct_data_agree():
+    verdict = check_conventions(measured())
+    assert verdict.status == "agree"
+    assert verdict.warnings == ()
+
+
+@pytest.mark.parametrize("start", [0.1, 0.5, 2.0, 5.0, 20.0])
+@pytest.mark.parametrize("power", [0.5, 5.0, 50.0])
+def test_correct_data_raise_no_doubt_however_slow_the_power_loops(start, power):
+    assert check_conventions(measured(frequency=np.geomspace(start, 5000, 24), power=power)).status != "doubt"
+
+
+MISTAKES = {
+    "current": (lambda Y: -Y, lambda p, q: (p, q), "current is counted the other way"),
+    "q axis": (lambda Y: T @ Y @ T, lambda p, q: (p, q), "the q axis points the other way"),
+    "sign of q": (lambda Y: Y, lambda p, q: (p, -q), "the sign of q is reversed"),
+    "p consumed": (lambda Y: Y, lambda p, q: (-p, q), "p is what the inverter consumes"),
+    "p and q consumed": (lambda Y: Y, lambda p, q: (-p, -q), "p and q are what the inverter consumes"),
+    "d and q exchanged": (lambda Y: Y[:, ::-1, ::-1], lambda p, q: (p, q), "d and q are exchanged"),
+    "current and q axis": (lambda Y: -(T @ Y @ T), lambda p, q: (p, q), "current and q axis are both declared"),
+    "three phases": (lambda Y: 3 * Y, lambda p, q: (p, q), "three times too small"),
+    "siemens": (lambda Y: Y / 428, lambda p, q: (p, q), "the unit or the base"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("noise_db", [None, 40, 20])
+def test_a_wrong_declaration_is_named(name, noise_db):
+    wrong, declared, sentence = MISTAKES[name]
+    sweep = measured(wrong, declared)
+    if noise_db is not None:
+        sweep = add_noise(sweep, noise_db, rng=np.random.default_rng(0), record_sigma=False)
+    verdict = check_conventions(sweep)
+    assert verdict.status == "doubt"
+    assert sentence in verdict.warnings[0]
+
+
+def test_unsettled_low_end_gives_no_verdict():
+    # at 5 Hz integral power control of 2 rad/s still moves; the delayed feedforward hides the inductance
+    sweep = measured(lambda Y: T @ Y @ T, frequency=np.geomspace(5, 5000, 16), power=2.0)
+    assert check_conventions(sweep).status == "undecided"
+
+
+def test_one_point_that_disagrees_forbids_a_verdict():
+    good, bad = measured(), measured(lambda Y: T @ Y @ T)
+    assert check_conventions(replace(good, points=(*bad.points[:2], good.points[2]))).status != "doubt"
+
+
+def test_without_q_the_q_axis_is_said_to_be_untested():
+    verdict = check_conventions(measured(lambda Y: T @ Y @ T, points=((1.0, 0.0), (0.5, 0.0))))
+    assert verdict.status == "agree"
+    assert "q is too small to test the q axis" in verdict.sentence
+
+
+def test_an_idle_inverter_says_nothing():
+    sweep = measured(lambda Y: -Y, points=((0.0, 0.0),))
+    assert check_conventions(sweep).status == "undecided"
+    assert implausible_numbers(sweep) == ()
+
+
+def test_a_single_frequency_gives_no_verdict():
+    sweep = measured(frequency=np.array([50.0]))
+    assert check_conventions(sweep).status == "undecided"
+    assert implausible_numbers(sweep) == ()
+
+
+def inductance(frequency: np.ndarray) -> Sweep:
+    values = np.linalg.inv(-(1j * frequency / 60 * 0.2)[:, None, None] * np.eye(2) - 0.2 * J)
+    return Sweep((PointSweep(OperatingPoint("a", 1, 0), frequency, values),))
+
+
+def test_an_inductive_tail_is_recognised_with_its_reactance():
+    point = inductance(np.geomspace(100, 5000, 30)).points[0]
+    tail = inductive_tail(point, 60.0)
+    assert tail is not None
+    assert tail.direction == 1
+    assert tail.reactance == pytest.approx(0.2, rel=0.01)
+
+
+def test_frequencies_in_rad_per_second_or_khz_are_noticed():
+    assert "rad/s" in implausible_numbers(rescaled(measured(frequency=np.geomspace(5, 5000, 30)), 2 * np.pi))[0]
+    assert "kHz" in implausible_numbers(rescaled(inductance(np.geomspace(100, 5000, 30)), 1e-3))[0]
+    assert implausible_numbers(inductance(np.geomspace(100, 5000, 30))) == ()
+
+
+@pytest.mark.parametrize(("factor", "word"), [(1 / 428, "smaller"), (1e4, "larger")])
+def test_admittances_far_from_per_unit_are_noticed(factor, word):
+    assert word in implausible_numbers(measured(lambda Y: factor * Y, frequency=np.geomspace(5, 5000, 30)))[0]
+
+
+def test_points_above_half_the_sampling_rate_are_counted():
+    sweep = inductance(np.array([1000.0, 4000.0, 6000.0]))
+    assert implausible_numbers(sweep, 10e3)[0].startswith("1 point lies above half the sampling rate (5000 Hz)")
+    assert implausible_numbers(replace(sweep, sampling_hz=6e3))[0].startswith("2 points lie")

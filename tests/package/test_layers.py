@@ -1,0 +1,70 @@
+"""Imports go one way: a file of the package imports only from layers below its own, wherever in the file it does so."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
+#: Lowest first. `demo`, `bench` and `bench_gap` are programs on top, like the command line.
+LAYERS = (
+    ("errors",),
+    ("signals", "writing", "ledger", "markdown", "showing", "display"),
+    ("telling",),
+    ("measurement",),
+    ("modules",),
+    ("structure",),
+    ("assembly",),
+    ("fit",),
+    ("evaluation",),
+    ("plants",),
+    ("gap",),
+    ("plugins",),
+    ("analysis",),
+    ("export",),
+    ("report",),
+    ("commands",),
+    ("cli", "demo", "bench", "bench_gap"),
+    ("__main__",),
+)
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
+FILES = sorted(path for path in PACKAGE.rglob("*.py") if "programs" not in path.parts)
+
+
+def imported_modules(path: Path) -> list[tuple[int, str]]:
+    """(line, dotted name) of every import in a file, those inside functions and of types included."""
+    found: list[tuple[int, str]] = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} line {node.lineno}: imports name the owning module in full"
+            found.append((node.lineno, str(node.module)))
+    return found
+
+
+def layer_of(path: Path) -> str:
+    """The part of the package that a file belongs to."""
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def test_every_part_of_the_package_has_its_place_in_the_order():
+    parts = {layer_of(path) for path in FILES} - {"__init__"}
+    assert parts <= set(LEVEL), f"say where {sorted(parts - set(LEVEL))} belongs"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_file_imports_only_from_layers_below(path: Path):
+    own = layer_of(path)
+    for line, name in imported_modules(path):
+        where = f"{path.relative_to(PACKAGE)} line {line}: {name}"
+        first, *rest = name.split(".")
+        assert first != "search" or own in ("commands", "demo"), f"{where}: ibrid never imports search, its programs do"
+        if first == "matplotlib":
+            assert own == "report", f"{where}: pictures are made in ibrid/report"
+        if first != "ibrid" or own == "__init__":
+            continue
+        if not rest:
+            assert own in ("cli", "demo", "bench"), f"{where}: import the owning module, not the root package"
+            continue
+        assert rest[0] == own or LEVEL[rest[0]] < LEVEL[own], f"{where}: {own} lies below {rest[0]}"
