@@ -8,8 +8,10 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.export.names import C, written_in
 
 
+@written_in(C)
 def c_source(model: LinearModel) -> bytes:
     """The file's content: constant matrices with all their digits, and the functions of `sources/linear_model.c`.
 
@@ -32,11 +34,6 @@ def c_source(model: LinearModel) -> bytes:
     return "\n".join(parts).encode()
 
 
-def comment(text: str) -> str:
-    """Text that cannot end the comment of C in which it stands."""
-    return text.replace("*/", "* /").replace("\\", "/").replace("??", "? ?")
-
-
 def _heading(model: LinearModel) -> str:
     lines = [
         f"{model.name}: a linear inverter model written by ibrid.",
@@ -52,7 +49,7 @@ def _heading(model: LinearModel) -> str:
         "    inverter_output(&model, v, i);              i[2] from v[2]: deviations from the operating point",
         "    inverter_step(&model, v, v_next);           give v twice where it is held during the step",
     ]
-    wrapped = [part for line in lines for part in wrap(comment(line), 116, replace_whitespace=False) or [""]]
+    wrapped = [part for line in lines for part in wrap(line, 116, replace_whitespace=False) or [""]]
     return "/* " + "\n".join(f" * {line}".rstrip() for line in wrapped)[3:] + "\n */"
 
 

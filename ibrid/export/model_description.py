@@ -6,10 +6,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.export.names import XML, written_in
 
 IDENTIFIER = "inverter"
 
 
+@written_in(XML)
 def model_description(model: LinearModel, guid: str, sources: Sequence[str]) -> bytes:
     """The file's content; variables in the order of their value references (`sources/fmi2.c`)."""
     root = ElementTree.Element(

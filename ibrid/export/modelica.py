@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.export.names import MODELICA, written_in
 
 INPUT, OUTPUT = "Modelica.Blocks.Interfaces.RealInput", "Modelica.Blocks.Interfaces.RealOutput"
 
@@ -20,6 +21,7 @@ _KEYWORDS = frozenset(
 )
 
 
+@written_in(MODELICA)
 def modelica(model: LinearModel) -> bytes:
     """The file's content: `block LinearInverter` with v_D, v_Q in, i_D, i_Q out, deviations from the operating point.
 
@@ -43,7 +45,7 @@ def modelica(model: LinearModel) -> bytes:
         ),
         "equation",
         *(f"  {left} = {weighted(row, columns)};" for left, row in (*derivatives, *currents)),
-        f"  annotation(Documentation(info = {quoted(documentation(model))}));",
+        f"  annotation(Documentation(info = {documentation(model)}));",
         "end LinearInverter;",
     ]
     return ("\n".join(lines) + "\n").encode()
@@ -62,11 +64,11 @@ def identifiers(names: Iterable[str]) -> tuple[str, ...]:
 
 def quoted(text: str) -> str:
     """A Modelica string."""
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return f'"{MODELICA.text(text)}"'
 
 
 def documentation(model: LinearModel, units: str = UNITS) -> str:
-    """What the numbers mean, as HTML; names hold no angle brackets."""
+    """What the numbers mean: a Modelica string of HTML, from a model with Modelica's names."""
     parameters = ", ".join(f"{name} = {value!r}" for name, value in model.parameters.items())
     delays = ", ".join(f"{name} of order {order}" for name, order in model.pade_orders.items())
     sentences = [
@@ -76,7 +78,7 @@ def documentation(model: LinearModel, units: str = UNITS) -> str:
         *([f"Pade forms of delays: {delays}."] if delays else []),
         *([f"Fitted parameters: {parameters}."] if parameters else []),
     ]
-    return "<html>" + "".join(f"<p>{sentence}</p>" for sentence in sentences) + "</html>"
+    return f'"<html>{"".join(f"<p>{sentence}</p>" for sentence in sentences)}</html>"'
 
 
 def weighted(gains: Sequence[float] | np.ndarray, names: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from ibrid.evaluation.record import Record
 from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
 from ibrid.export.module_motion import Module, by_port
+from ibrid.export.names import MODELICA, written_in
 from ibrid.export.nonlinear_assembly import channel_names
 from ibrid.export.nonlinear_model import rest_of_record
 from ibrid.export.rest import Rest
@@ -40,16 +41,20 @@ def nonlinear_modelica(record: Record, op: str | None = None) -> tuple[LinearMod
         whole, name = with_point(record, model.op)
         wiring, at = rest_of_record(whole, name)
         values = whole.parameters[name]
-    words = _Words(wiring, at)
+    return model, _package(model, _Words(wiring, at), at, values)
+
+
+@written_in(MODELICA)
+def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str, float]) -> bytes:
     blocks = {words.blocks[module.name]: module for module in at.modules}
     lines = [
         f"package NonlinearInverter {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
         *(f"  {line}" for line in _inverter(words, at, values, model.op)),
-        f"  annotation(Documentation(info = {quoted(documentation(model, _UNITS))}));",
+        f"  annotation(Documentation(info = {documentation(model, _UNITS)}));",
         "end NonlinearInverter;",
     ]
-    return model, ("\n".join(lines) + "\n").encode()
+    return ("\n".join(lines) + "\n").encode()
 
 
 class _Words:

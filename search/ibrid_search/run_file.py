@@ -1,12 +1,13 @@
 """run.toml: the options and versions a run was made with; a resumed run must agree with it."""
 
 import hashlib
-import math
 import tomllib
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import Any
+
+import tomli_w
 
 from ibrid.errors import IbridError
 
@@ -19,13 +20,7 @@ _DIGEST = "_sha256"
 
 def run_toml(options: Mapping[str, Any]) -> str:
     """The text of run.toml: options (tables for mappings), then versions."""
-    plain = {key: value for key, value in options.items() if not isinstance(value, Mapping)}
-    tables = {key: value for key, value in options.items() if isinstance(value, Mapping)}
-    lines = [f"{key} = {_value(value)}" for key, value in plain.items() if value is not None]
-    for name, table in {**tables, "versions": _versions()}.items():
-        lines += ["", f"[{name}]"]
-        lines += [f"{key} = {_value(value)}" for key, value in table.items() if value is not None]
-    return "\n".join(lines) + "\n"
+    return tomli_w.dumps(_plain({**options, "versions": _versions()}))
 
 
 def read_run_toml(text: str, where: str) -> dict[str, Any]:
@@ -68,27 +63,13 @@ def _shown(value: Any) -> str:
     return "nothing" if value is None else f"{value!s:.120}"
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else ("nan" if math.isnan(value) else "inf" if value > 0 else "-inf")
+def _plain(value: Any) -> Any:
+    """In the types of TOML; None is left out, and half a surrogate pair (a file name that is no text) becomes "?"."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_value(one)}" for key, one in value.items()) + " }"
+        return {_plain(str(key)): _plain(inner) for key, inner in value.items() if inner is not None}
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return '"' + "".join(_escaped(one) for one in str(value)) + '"'
-
-
-def _escaped(character: str) -> str:
-    """In a TOML text; half a surrogate pair, as in the name of a file that is no text, becomes a question mark."""
-    if character in '"\\':
-        return "\\" + character
-    if "\ud800" <= character <= "\udfff":
-        return "?"
-    return character if character.isprintable() else f"\\U{ord(character):08x}"
+        return [_plain(entry) for entry in value]
+    return value if isinstance(value, bool | int | float) else str(value).encode(errors="replace").decode()
 
 
 def _versions() -> dict[str, str]:

@@ -75,6 +75,6 @@ def test_names_become_identifiers_that_differ():
     assert identifiers(names) == ("pll_angle", "a_b_c", "a_b_c_", "der_", "_1x")
 
 
-def test_quotes_in_a_name_stay_inside_the_string(model: LinearModel):
+def test_a_name_cannot_end_the_string_it_stands_in(model: LinearModel):
     text = modelica(replace(model, op='noon"; Real evil; "')).decode()
-    assert 'noon\\"; Real evil; \\"' in text
+    assert '"inverter at noon_; Real evil; _, written by ibrid"' in text
