@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from ibrid_search.evaluation.assess import Subject
+from ibrid_search.run_file import read_run_toml
 from ibrid_search.store import Store
 from scripted_search import NAIVE, QUICK, steps_of
 from scripted_server import says, scripted
@@ -94,7 +95,7 @@ def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tm
         assert "the limits of the language models are spent." in told.out
         costs = [step.usage["cost"] for step in steps_of(out / "archive.sqlite") if step.proposer == "llm"]
         assert costs == pytest.approx([0.6, 0.6])
-        assert "prices = [[1.0, 4.0]]" in (out / "run.toml").read_text(encoding="utf-8")
+        assert read_run_toml((out / "run.toml").read_text(encoding="utf-8"), "run.toml")["prices"] == [[1.0, 4.0]]
         words += " --resume --model-price 0,8 --model-cost 2"
         assert cli.main(words.split()) == 0
         assert len(script.requests) == 6  # from 1.2 on, by 0.4 an answer

@@ -31,7 +31,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.touchstone import write_touchstone
 from ibrid.report.page import report_html
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 OP = "p=1,q=0.3"
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)")
