@@ -8,7 +8,46 @@ Names are imported when they are first used, so that `import ibrid` costs nothin
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compares them
+    from ibrid_search.running import search
+
+    from ibrid.analysis.prediction import predict
+    from ibrid.analysis.stability import stability
+    from ibrid.errors import IbridError
+    from ibrid.evaluation.evaluate import evaluate
+    from ibrid.evaluation.record import Record, read_record
+    from ibrid.export.nonlinear_model import nonlinear_model
+    from ibrid.fit.settings import FitSettings
+    from ibrid.gap.workflow import find_gap
+    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.measurement.frd import from_frd, from_system
+    from ibrid.measurement.inspect import inspect
+    from ibrid.measurement.noise import add_noise
+    from ibrid.measurement.read import read_sweep
+    from ibrid.measurement.sweep import Sweep
+    from ibrid.modules.kind import ModuleKind, Range
+    from ibrid.modules.large_signal import LargeSignal
+    from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
+    from ibrid.plants.benchmarks import benchmarks
+    from ibrid.plants.sweeping import sweep
+    from ibrid.report.page import write_report
+    from ibrid.signals import Signal
+    from ibrid.structure.canonical import structure_hash
+    from ibrid.structure.check import violations
+    from ibrid.structure.compare import compare
+    from ibrid.structure.diagram import Diagram
+    from ibrid.structure.library import textbook, textbook_names
+    from ibrid.structure.program import parse_program, program_text, read_program
+
+__all__ = [
+    "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
+    "Range", "Record", "Signal", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "find_gap",
+    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "predict", "program_text",
+    "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
+    "textbook_names", "violations", "write_report", "write_sweep",
+]  # fmt: skip
 
 _HOME = {
     "Diagram": "ibrid.structure.diagram",
@@ -51,13 +90,13 @@ _HOME = {
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__all__":
-        return sorted(_HOME)
-    if name not in _HOME:
-        raise AttributeError(f"ibrid has no {name}")
-    return getattr(import_module(_HOME[name]), name)
+if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
+
+    def __getattr__(name: str) -> object:
+        if name not in _HOME:
+            raise AttributeError(f"ibrid has no {name}")
+        return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return [*sorted(_HOME), "__all__", "__version__"]
+    return [*__all__, "__all__", "__version__"]

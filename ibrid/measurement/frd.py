@@ -1,5 +1,6 @@
 """Sweeps from python-control: a FrequencyResponseData object or a model, or plain arrays of frequencies and matrices."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,13 @@ MODEL_GRID = np.array([float(f"{hz:.12g}") for hz in np.geomspace(5.0, 5000.0, 6
 
 
 def from_system(
-    system: Any, frequency: np.ndarray | None = None, *, p: float, q: float, v: float = 1.0, **keys: Any
+    system: Any,
+    frequency: np.ndarray | Sequence[float] | None = None,
+    *,
+    p: float,
+    q: float,
+    v: float = 1.0,
+    **keys: Any,
 ) -> Sweep:
     """A sweep of one operating point from a python-control model, as if it had been measured without noise.
 

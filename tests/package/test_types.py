@@ -1,0 +1,117 @@
+"""What a user's type checker knows of the public names, which are imported lazily."""
+
+import ast
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+
+import ibrid_search
+import pytest
+
+import ibrid
+
+#: A user's script: every public name, with the type that it must be seen to have.
+SCRIPT = """\
+from collections.abc import Mapping
+from pathlib import Path
+from typing import assert_type
+
+import numpy as np
+
+import ibrid
+import ibrid_search
+from ibrid import FitSettings, IbridError, LargeSignal, ModuleKind, Range, Record, Signal, Sweep
+from ibrid.analysis.prediction import Prediction
+from ibrid.analysis.stability import Stability
+from ibrid.export import NonlinearModel
+from ibrid.gap.result import Gap, NamedEffect
+from ibrid.measurement import Inspection
+from ibrid.structure.compare import Comparison
+from ibrid.structure.violation import Violation
+
+assert_type(ibrid.benchmarks(), Mapping[str, Path])
+data = assert_type(ibrid.read_sweep("file.csv"), Sweep)
+assert_type(ibrid.sweep("gfl", None, np.array([50.0])), Sweep)
+assert_type(ibrid.add_noise(data, 60.0, rng=np.random.default_rng(0)), Sweep)
+assert_type(ibrid.from_frd(object(), p=1.0, q=0.0), Sweep)
+assert_type(ibrid.from_system(object(), [50.0], p=1.0, q=0.0), Sweep)
+ibrid.write_sweep(data, "file.csv")
+assert_type(ibrid.inspect(data), Inspection)
+assert_type(data.names, tuple[str, ...])
+
+assert_type(ibrid.VOCABULARY + ibrid.PAPER_VOCABULARY, tuple[ModuleKind, ...])
+assert_type(ibrid.VOCABULARY[0].parameters, Mapping[str, Range])
+assert_type(ibrid.VOCABULARY[0].inputs, Mapping[str, Signal])
+assert_type(ibrid.VOCABULARY[0].large_signal, LargeSignal | None)
+
+assert_type(ibrid.textbook_names(), tuple[str, ...])
+diagram = assert_type(ibrid.textbook("gfl"), ibrid.Diagram)
+assert_type(ibrid.parse_program("..."), ibrid.Diagram)
+assert_type(ibrid.read_program("model.py"), ibrid.Diagram)
+assert_type(ibrid.program_text(diagram), str)
+assert_type(ibrid.structure_hash(diagram), str)
+assert_type(ibrid.violations(diagram), tuple[Violation, ...])
+assert_type(ibrid.compare(diagram, diagram).same, bool)
+assert_type(ibrid.compare(diagram, diagram), Comparison)
+
+record = assert_type(ibrid.evaluate(diagram, data, settings=FitSettings()), Record)
+assert_type(ibrid.read_record("record.json"), Record)
+assert_type(record.nrmse, float | None)
+assert_type(ibrid.predict(record, "p=1,q=0", np.array([50.0])), Prediction)
+assert_type(ibrid.stability(record, scr=[1.5, 3.0]), Stability)
+assert_type(ibrid.nonlinear_model(record), NonlinearModel)
+assert_type(ibrid.write_report(record, "page.html"), Path)
+
+gap = assert_type(ibrid.find_gap(diagram, data), Gap)
+assert_type(gap.effects, tuple[NamedEffect, ...])
+run = assert_type(ibrid.search(data, "run", settings=ibrid_search.SearchSettings()), ibrid_search.Run)
+assert_type(run.best, Record | None)
+assert issubclass(IbridError, Exception)
+"""
+#: In the same script, so that a checker that sees no types at all cannot pass.
+WRONG = "ibrid.find_gap(data, diagram)\nibrid.nothing\n"
+CHECKERS = {
+    "pyright": ("--pythonpath", sys.executable),
+    "mypy": ("--python-executable", sys.executable, "--cache-dir", "cache", "--no-error-summary"),
+}
+
+
+def seen_by_checkers(package: ModuleType) -> dict[str, str]:
+    """Name -> module, of the imports that only type checkers follow."""
+    tree = ast.parse(Path(str(package.__file__)).read_text(encoding="utf-8"))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+@pytest.mark.parametrize("package", [ibrid, ibrid_search], ids=lambda package: package.__name__)
+def test_checkers_and_python_find_the_same_names(package: ModuleType):
+    assert seen_by_checkers(package) == package._HOME, "name it in _HOME, in __all__ and for type checkers"
+    assert set(package.__all__) == set(package._HOME)
+    assert (Path(str(package.__file__)).parent / "py.typed").is_file()
+
+
+def test_the_script_has_every_public_name():
+    for package in (ibrid, ibrid_search):
+        lacking = [
+            name for name in package.__all__ if not re.search(rf"\b{package.__name__}\.{name}\b|[ ,]{name}\b", SCRIPT)
+        ]
+        assert not lacking
+
+
+@pytest.mark.parametrize("checker", CHECKERS)
+def test_a_users_script_has_its_types(checker: str, tmp_path: Path):
+    """From a folder outside the repository, with the package as it is installed."""
+    if find_spec(checker) is None:
+        pytest.skip(f"{checker} is not installed: pip install {checker}")
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + WRONG, encoding="utf-8")
+    command = [sys.executable, "-m", checker, *CHECKERS[checker], script.name]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
+    complaints = [line for line in done.stdout.splitlines() if re.search(r"script\.py:\d+:.* error: ", line)]
+    last = len((SCRIPT + WRONG).splitlines())
+    lines = {int(re.findall(r"script\.py:(\d+)", line)[0]) for line in complaints}
+    assert lines == {last - 1, last}, done.stdout + done.stderr
