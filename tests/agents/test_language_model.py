@@ -309,5 +309,6 @@ def test_a_package_that_is_not_installed_is_named(monkeypatch, tmp_path):
     with pytest.raises(IbridError, match=r"needs the package openai; pip install 'ibrid\[llm\]'"):
         model_of("gpt-x")
     (tmp_path / "config.json").write_text("{}")
+    (tmp_path / "model.safetensors").write_bytes(b"")
     with pytest.raises(IbridError, match=r"needs the package torch; pip install 'ibrid\[local-llm\]'"):
         model_of(str(tmp_path))

@@ -11,6 +11,7 @@ from typing import Any
 from ibrid_policy.backend import damage
 
 from ibrid.errors import IbridError
+from ibrid_search.model_folder import pretrained, require_model
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
 
 
@@ -21,7 +22,7 @@ class LocalModel:
     by `rng_seed`, so an answer repeats on one machine. `threads` : of torch on the CPU, by default half the cores, so that
     evaluations beside it keep running; a GPU that torch finds is used.
 
-    Raises IbridError when the folder holds no model.
+    Raises IbridError when the folder holds no model, or weights that can run code.
     """
 
     def __init__(
@@ -35,11 +36,7 @@ class LocalModel:
         threads: int | None = None,
     ) -> None:
         self.folder = Path(folder).expanduser()
-        if not (self.folder / "config.json").is_file():
-            raise IbridError(
-                f"{self.folder}: holds no model; give a folder with config.json, weights and tokenizer, as save_pretrained "
-                "writes it"
-            )
+        require_model(self.folder)
         if max_tokens < 1 or not seconds > 0 or not temperature > 0 or not 0 < top_p <= 1:
             raise IbridError(
                 "a local model needs max_tokens, seconds and temperature above zero and top_p within (0, 1]; "
@@ -118,10 +115,8 @@ class LocalModel:
         torch, transformers = _require("torch"), _require("transformers")
         transformers.utils.logging.disable_progress_bar()  # the search shows its own
         try:
-            tokenizer = transformers.AutoTokenizer.from_pretrained(self.folder, local_files_only=True)
-            model = transformers.AutoModelForCausalLM.from_pretrained(
-                self.folder, local_files_only=True, use_safetensors=True, dtype="auto"
-            )
+            tokenizer = pretrained("AutoTokenizer", self.folder)
+            model = pretrained("AutoModelForCausalLM", self.folder, dtype="auto")
         except damage() as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
         return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer

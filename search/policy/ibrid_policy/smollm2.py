@@ -61,8 +61,10 @@ def convert(folder: str) -> None:
     torch.set_num_threads(1)
     spec = find_spec(PACKAGE)
     source = str(Path(str(spec.origin)).parent) if spec else ""
-    tokenizer = AutoTokenizer.from_pretrained(source, gguf_file=WEIGHTS)
-    packed = AutoModelForCausalLM.from_pretrained(source, gguf_file=WEIGHTS, dtype=torch.float32)
+    tokenizer = AutoTokenizer.from_pretrained(source, gguf_file=WEIGHTS, trust_remote_code=False)
+    packed = AutoModelForCausalLM.from_pretrained(
+        source, gguf_file=WEIGHTS, trust_remote_code=False, dtype=torch.float32
+    )
     config = packed.config
     vars(config).pop("quantization_config", None)
     model = AutoModelForCausalLM.from_config(config, dtype=torch.float32)

@@ -7,6 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from ibrid_search.model_folder import pretrained
+
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
 from ibrid_policy.backend import damage, require
@@ -66,9 +68,7 @@ def load_model(folder: Path) -> Any:
         if words != list(TOKENS.words):
             raise IbridError(f"{folder}: its weights belong to other tokens than this version's; train again")
         _require_whole(folder)
-        model = transformers.LlamaForCausalLM.from_pretrained(
-            folder, local_files_only=True, use_safetensors=True, dtype=torch.float32
-        )
+        model = pretrained("LlamaForCausalLM", folder, dtype=torch.float32)
     except IbridError:
         raise
     except damage() as error:
@@ -83,7 +83,7 @@ def _require_whole(folder: Path) -> None:
     """Raise IbridError unless every weight that the config asks for is there; transformers would draw what is missing."""
     torch, transformers = require("torch"), require("transformers")
     with torch.device("meta"):
-        wanted = transformers.LlamaForCausalLM(transformers.LlamaConfig.from_pretrained(folder, local_files_only=True))
+        wanted = transformers.LlamaForCausalLM(pretrained("LlamaConfig", folder))
     with require("safetensors").safe_open(folder / WEIGHTS_FILE, framework="pt") as file:
         there = {name: list(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118 (no mapping)
     for name, value in wanted.named_parameters():
