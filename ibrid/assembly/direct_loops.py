@@ -8,7 +8,9 @@ from scipy.linalg import matrix_balance
 
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import DiagramError
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import Matrices
+from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import Wiring, split_port
 
@@ -83,5 +85,5 @@ def _singular(wiring: Wiring, channels: Sequence[Channel], matrix: np.ndarray) -
         )
     return (
         f"the loop of direct terms {path} is singular: its gain is 1, so that its signals have no unique value; put a "
-        "filter or a Delay in it, or change a gain"
+        f"filter or a {usual_kind(Element.DELAY).name} in it, or change a gain"
     )

@@ -21,7 +21,8 @@ from ibrid.assembly.signals_at_rest import (
     to_frame,
 )
 from ibrid.errors import DiagramError
-from ibrid.structure.devices import SHARE, devices
+from ibrid.modules.behaviour import Element
+from ibrid.structure.devices import devices
 from ibrid.structure.wiring import PLANT, Wiring
 
 __all__ = [
@@ -103,7 +104,7 @@ def device_points(
     parts = devices(wiring)
     points: dict[str, tuple[Any, Any, Any]] = {}
     for device in parts:
-        for name in device.named(SHARE):
+        for name in device.having(Element.SHARE):
             own = parameters[name]["share_p"] * p, parameters[name]["share_q"] * q
             points[device.plant] = (*own, v)
             left = [left[0] - own[0], left[1] - own[1]]

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ibrid.errors import IbridError
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.signals import Signal
 from ibrid.structure.diagram import Binding, Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import Roles, roles
@@ -61,6 +63,10 @@ class Edit(Draft):
     def named(self, *kinds: str) -> list[str]:
         """Modules of some kinds, in order; those of another device left out."""
         return [name for name in super().named(*kinds) if name not in self.beside]
+
+    def having(self, *elements: Element, signal: Signal | None = None) -> list[str]:
+        """Modules that are one of these elements, in order; those of another device left out."""
+        return [name for name in super().having(*elements, signal=signal) if name not in self.beside]
 
     def add(self, kind: str, stem: str, **bindings: Binding) -> str:
         """Add a module, named after `stem`; raises NotInVocabulary."""

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property
+from itertools import chain, combinations
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -105,6 +107,18 @@ class Behaviour:
         return one and not kind.equilibrium_ports and not kind.uses_frame and _scalar_law(_responses(kind)) is not None
 
     @cached_property
+    def scales(self) -> bool:
+        """True when some of its parameters scale its output as a whole, so that a free gain in a row with it says nothing."""
+        kind = _of(self)
+        if kind.equilibrium_ports or kind.uses_frame or width(kind.inputs) == 0:
+            return False
+        before, arguments = _responses(kind), _arguments(kind)
+        sets = chain(*(combinations(kind.parameters, size) for size in range(1, len(kind.parameters) + 1)))
+        return any(
+            _near(_responses(kind, {name: 1.1 * arguments[name] for name in names}) / 1.1, before) for names in sets
+        )
+
+    @cached_property
     def passes(self) -> bool:
         """True for a block in line that hands a signal on at rest, axis by axis: a sign, gain, filter or delay, no integrator."""
         kind = _of(self)
@@ -147,6 +161,17 @@ class Behaviour:
         return _of(self).family in (PLANT, BRANCH)
 
 
+def same_on_one_axis(scalar: "ModuleKind", vector: "ModuleKind") -> bool:
+    """True when a kind of one scalar input and output does what another does on each axis, with parameters of the same names."""
+    single = [*scalar.inputs.values()] == [*scalar.outputs.values()] == [Signal.SCALAR]
+    alike = [*scalar.parameters] == [*vector.parameters] and 2 * len(scalar.states) == len(vector.states)
+    if not (single and alike and vector.per_axis) or scalar.equilibrium_ports or scalar.delay != vector.delay:
+        return False
+    arguments = _arguments(vector)
+    values = {name: arguments[name] for name in vector.parameters}
+    return _near(_responses(scalar, values)[:, :1, :1], _responses(vector)[:, :1, :1])
+
+
 def _of(behaviour: Behaviour) -> "ModuleKind":
     return cast("ModuleKind", behaviour)
 
@@ -168,7 +193,7 @@ def _element(kind: "ModuleKind") -> Element | None:
 
 def _of_circuit(kind: "ModuleKind") -> Element | None:
     if kind.family == PLANT:
-        return Element.FILTER if "u_r" in kind.inputs else None
+        return Element.FILTER
     if _signals(kind.inputs) == "vv" and _signals(kind.outputs) == "s":
         return Element.DC_LINK
     return Element.SHUNT if kind.signal is Signal.DQ_VEC and len(kind.inputs) == len(kind.outputs) == 1 else None
@@ -258,9 +283,9 @@ def _matrices(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarray
     return a, b, c, d
 
 
-def _responses(kind: "ModuleKind") -> np.ndarray:
-    """(points, outputs, inputs) at typical parameters."""
-    a, b, c, d = _matrices(kind, _arguments(kind))
+def _responses(kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
+    """(points, outputs, inputs) at typical parameters but for the values given."""
+    a, b, c, d = _matrices(kind, _arguments(kind) | dict(values))
     return np.array([c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in _POINTS])
 
 
@@ -273,7 +298,7 @@ def _scalar_law(responses: np.ndarray) -> np.ndarray | None:
 def _proportional(kind: "ModuleKind", d: np.ndarray) -> bool:
     arguments = _arguments(kind)
     (name,) = kind.parameters
-    return _near(_matrices(kind, arguments | {name: 1.1 * arguments[name]})[3], 1.1 * d)
+    return _near(_matrices(kind, arguments | {name: 1.1 * arguments[name]})[3] / 1.1, d)
 
 
 def _quarter_turn(d: np.ndarray) -> bool:

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from ibrid.errors import DiagramError, near
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary, usual_kind
 from ibrid.structure.algebraic_loops import algebraic_loops
 from ibrid.structure.connection_rules import check_connections
 from ibrid.structure.devices import check_plants, devices
@@ -63,7 +64,7 @@ def examine(
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
     findings = Findings()
     if not found:
-        check_habits(diagram, wire(diagram, choose_vocabulary(vocabulary)), equilibrium, findings)
+        check_habits(diagram, choose_vocabulary(vocabulary), equilibrium, findings)
     return found, findings.sorted
 
 
@@ -90,7 +91,9 @@ def _check_whole(
 ) -> None:
     check_plants(diagram, kinds, vocabulary, findings)
     if all(connection.target != TERMINAL_CURRENT for connection in diagram.connections):
-        findings.add(None, "no_terminal_current", f"nothing drives {TERMINAL_CURRENT}; {_terminal_remedy(kinds)}")
+        findings.add(
+            None, "no_terminal_current", f"nothing drives {TERMINAL_CURRENT}; {_terminal_remedy(kinds, vocabulary)}"
+        )
     orders = {name: kind.order for name, kind in kinds.items() if kind is not None and kind.order}
     if (order := sum(orders.values())) > HIGHEST_ORDER:
         largest = sorted(orders, key=lambda name: -orders[name])
@@ -101,13 +104,14 @@ def _check_whole(
         findings.add(None, "order", message)
 
 
-def _terminal_remedy(kinds: dict[str, ModuleKind | None]) -> str:
+def _terminal_remedy(kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind]) -> str:
     for name, kind in kinds.items():
-        if kind is not None and kind.name == "Rot_i":
+        if kind is not None and kind.element is Element.ROTATION_OUT:
             return f"connect {name}.i_DQ to it"
+    turned = usual_kind(Element.ROTATION_OUT, kinds=vocabulary).name
     for name, kind in kinds.items():
         if kind is not None and kind.family == PLANT and "i_g" in kind.outputs:
-            return f"connect {name}.i_g to it, through a Rot_i if the controller has a frame of its own"
+            return f"connect {name}.i_g to it, through a {turned} if the controller has a frame of its own"
     return "connect the plant's grid current to it"
 
 
@@ -125,7 +129,7 @@ def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: F
         path = " -> ".join((*cycle, cycle[0]))
         message = (
             f"the algebraic loop {path} has a gain of exactly 1, so that its signals have no unique value; "
-            "put a filter or a Delay in it, or change a gain"
+            f"put a filter or a {usual_kind(Element.DELAY).name} in it, or change a gain"
         )
         findings.add(max(lines, default=None), "algebraic_loop", message)
 

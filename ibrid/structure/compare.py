@@ -7,8 +7,9 @@ from typing import Any
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.drawing import Block
 from ibrid.structure.matching import best_matching
-from ibrid.structure.simplify import Block, Simplified, simplified
+from ibrid.structure.simplify import Simplified, simplified
 
 SCHEMA = "ibrid.compare/1"
 
@@ -83,7 +84,7 @@ def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKi
     """
     kinds = choose_vocabulary(vocabulary)
     one, other = simplified(first, kinds), simplified(second, kinds)
-    matching = best_matching(one, other, {kind.name: kind.family for kind in kinds})
+    matching = best_matching(one, other)
     pairs = sorted((_label(one.blocks[a], first), _label(other.blocks[b], second)) for a, b in matching.pairs)
     return Comparison(
         modules=Overlap(len(pairs), len(_own(one)), len(_own(other))),

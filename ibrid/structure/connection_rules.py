@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import usual_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Connection, Diagram, Instance
 from ibrid.structure.violation import Findings, first_line, shown, some
@@ -97,8 +99,8 @@ def _fitting(connection: Connection, source: Signal, kinds: Kinds) -> str:
     if fitting:
         return f"inputs of {name} that accept a {source}: {', '.join(fitting)}"
     adapters = {
-        Signal.SCALAR: "pack two scalars with PackDQ, or use the _dq form of the source",
-        Signal.DQ_VEC: "take one axis with SliceD or SliceQ",
+        Signal.SCALAR: f"pack two scalars with {usual_kind(Element.PACK).name}, or use the _dq form of the source",
+        Signal.DQ_VEC: f"take one axis with {usual_kind(Element.SLICE_D).name} or {usual_kind(Element.SLICE_Q).name}",
         Signal.POWER_PAIR: "use a module with a power_pair input",
     }
     return f"no input of {name or connection.target} accepts a {source}: {adapters[source]}"

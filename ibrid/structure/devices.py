@@ -10,9 +10,6 @@ from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram,
 from ibrid.structure.violation import Findings
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
-#: The kind that says which part of p and q at the PCC a device delivers.
-SHARE = "Share"
-
 
 def devices(wiring: Wiring) -> tuple[Wiring, ...]:
     """The parts of a legal diagram with a plant each, in the order of the plants; the whole wiring where there is one plant.
@@ -50,32 +47,38 @@ def check_plants(
 ) -> None:
     """Report a diagram without a plant, with plants that are not devices of their own, and shares that do not add up."""
     plants = [one for one in diagram.instances if (kind := kinds[one.name]) is not None and kind.family == PLANT]
-    shares = [one for one in diagram.instances if one.kind == SHARE and kinds[one.name] is not None]
+    shares = [one for one in diagram.instances if (kind := kinds[one.name]) is not None and kind.shares]
     available = " or ".join(kind.name for kind in vocabulary if kind.family == PLANT)
     if not plants and all(kinds.values()):
         findings.add(None, "no_plant", f"the diagram has no plant; add one {available}")
     part = _parts(kinds, [(one.source, one.target) for one in diagram.connections])
-    shared = {SHARE} & {kind.name for kind in vocabulary}
+    dividing = " or ".join(kind.name for kind in vocabulary if kind.shares)
     for index, extra in enumerate(plants[1:], start=1):
         beside = next((one for one in plants[:index] if part[one.name] == part[extra.name]), None)
-        if beside is not None or not shared:
+        if beside is not None or not dividing:
             other = (beside or plants[0]).name
-            apart = f", or let two devices meet at {TERMINAL_VOLTAGE} and {TERMINAL_CURRENT} alone" if shared else ""
+            apart = f", or let two devices meet at {TERMINAL_VOLTAGE} and {TERMINAL_CURRENT} alone" if dividing else ""
             message = (
                 f"{extra.name} ({extra.kind}) is a second plant beside {other}; keep exactly one {available}{apart}"
             )
             findings.add(extra.line, "several_plants", message)
             return
     if plants:
-        _check_shares(plants, shares, part, findings)
+        _check_shares(plants, shares, dividing, part, findings)
         _check_shares_in_place(diagram, shares, findings)
 
 
 def _check_shares(
-    plants: Sequence[Instance], shares: Sequence[Instance], part: Mapping[str, int], findings: Findings
+    plants: Sequence[Instance],
+    shares: Sequence[Instance],
+    dividing: str,
+    part: Mapping[str, int],
+    findings: Findings,
 ) -> None:
     if len(plants) == 1 and shares:
-        message = f"{shares[0].name} ({SHARE}) divides power between devices, but there is one plant; remove it"
+        message = (
+            f"{shares[0].name} ({shares[0].kind}) divides power between devices, but there is one plant; remove it"
+        )
         findings.add(shares[0].line, "share", message)
         return
     holding = {part[one.name] for one in shares}
@@ -83,7 +86,7 @@ def _check_shares(
     if len(plants) > 1 and (len(without) != 1 or len(shares) != len(plants) - 1):
         message = (
             f"{plants[-1].name} ({plants[-1].kind}) is a second plant beside {plants[0].name}; keep exactly one, or let "
-            f"{TERMINAL_VOLTAGE} enter each device but one, which delivers the rest, through a {SHARE}: found {len(shares)}"
+            f"{TERMINAL_VOLTAGE} enter each device but one, which delivers the rest, through a {dividing}: found {len(shares)}"
         )
         findings.add(plants[-1].line, "several_plants", message)
 
@@ -93,7 +96,7 @@ def _check_shares_in_place(diagram: Diagram, shares: Sequence[Instance], finding
         entering = [each.source for each in diagram.connections if each.target == f"{one.name}.v_DQ"]
         if entering and entering != [TERMINAL_VOLTAGE]:
             message = (
-                f"{one.name} ({SHARE}) takes the terminal voltage and nothing else; connect {TERMINAL_VOLTAGE} to it"
+                f"{one.name} ({one.kind}) takes the terminal voltage and nothing else; connect {TERMINAL_VOLTAGE} to it"
             )
             findings.add(one.line, "share", message)
 

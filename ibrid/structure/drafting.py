@@ -118,14 +118,13 @@ class Draft:
             self.connect(ports[index], ports[index + 1])
 
     def negated(self, source: str) -> str:
-        """The port that carries minus a source: an existing Negate of it, or a new one."""
-        vector = self.signal(source) is Signal.DQ_VEC
-        kind = "Negate_dq" if vector else "Negate"
+        """The port that carries minus a source: an existing sign of it, or a new one."""
+        signal = self.signal(source)
         for target in self.targets(source):
             name = split_port(target)[0]
-            if name and self.instances[name].kind == kind and len(self.sources(target)) == 1:
+            if name and self.kind(name).element is Element.SIGN and len(self.sources(target)) == 1:
                 return f"{name}.out"
-        name = self.add(kind, "minus_" + re.sub(r"\W", "_", split_port(source)[1]))
+        name = self.add(self.usual(Element.SIGN, signal), "minus_" + re.sub(r"\W", "_", split_port(source)[1]))
         self.connect(source, f"{name}.in_")
         return f"{name}.out"
 
@@ -233,8 +232,8 @@ class Draft:
     def tidy(self) -> None:
         """Make the draft whole: nothing undriven, nothing without a way to the terminal current.
 
-        An input that nothing drives takes its module away, but for an axis of a PackDQ and the plant's frequency,
-        which get zero. ConstZero where something else drives too is taken away.
+        An input that nothing drives takes its module away, but for an axis of a pack and the plant's frequency,
+        which get zero. Zero where something else drives too is taken away.
         """
         while self._repair() or self._prune():
             pass
@@ -245,11 +244,11 @@ class Draft:
             bare = [port for port in kind.inputs if not self.sources(f"{name}.{port}")]
             if not bare:
                 continue
-            plant, pack = "delta_omega" in kind.inputs and "u_r" in kind.inputs, kind.name == "PackDQ"
+            plant, pack = "delta_omega" in kind.inputs and "u_r" in kind.inputs, kind.element is Element.PACK
             if plant and bare == ["delta_omega"]:
-                self.connect(f"{self.add('ConstZero', 'no_frequency')}.out", f"{name}.delta_omega")
-            elif pack and len(bare) == 1 and not self._constant(f"{name}.{({'in_d', 'in_q'} - set(bare)).pop()}"):
-                self.connect(f"{self.add('ConstZero', 'zero')}.out", f"{name}.{bare[0]}")
+                self.connect(f"{self.add(self.usual(Element.ZERO), 'no_frequency')}.out", f"{name}.delta_omega")
+            elif pack and len(bare) == 1 and not self._constant(f"{name}.{(kind.inputs.keys() - set(bare)).pop()}"):
+                self.connect(f"{self.add(self.usual(Element.ZERO), 'zero')}.out", f"{name}.{bare[0]}")
             elif plant:
                 continue  # nothing to be done here: the grammar will refuse it
             else:
@@ -258,12 +257,12 @@ class Draft:
         return False
 
     def _constant(self, target: str) -> bool:
-        return all(self.instances[split_port(one)[0]].kind == "ConstZero" for one in self.sources(target))
+        return all(self.kind(split_port(one)[0]).element is Element.ZERO for one in self.sources(target))
 
     def _prune(self) -> bool:
         useful = nx.ancestors(self._graph(), TERMINAL_CURRENT) if TERMINAL_CURRENT in self._graph() else set()
         idle = [name for name in self.instances if name not in useful]
-        for name in self.named("ConstZero"):
+        for name in self.having(Element.ZERO):
             for target in self.targets(f"{name}.out"):
                 if len(self.sources(target)) > 1:
                     self.disconnect(f"{name}.out", target)

@@ -1,41 +1,47 @@
 """What is legal but probably a mistake: half a frame, unit slips, modules that do nothing."""
 
+from collections.abc import Sequence
+
 import networkx as nx
 
-from ibrid.modules.kind import PAPER_RANGES
+from ibrid.modules.behaviour import ROTATIONS, Element
+from ibrid.modules.kind import PAPER_RANGES, ModuleKind
+from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.parameters import kind_parameters
 from ibrid.structure.violation import Findings
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.wiring import Wiring, split_port, wire
 
 #: A coupling of more seconds than this is more than 7 per unit at 60 Hz, so it was meant per unit.
 LARGEST_COUPLING = 0.02
 
 
-def check_habits(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+def check_habits(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Findings) -> None:
     """Report the doubtful parts of a legal diagram."""
-    _rotations(wiring, findings)
-    _idle(wiring, findings)
+    wiring = wire(diagram, vocabulary)
+    _rotations(wiring, vocabulary, findings)
+    _idle(wiring, vocabulary, findings)
     for instance in diagram.instances:
-        _coupling_unit(instance, findings)
+        _coupling_unit(instance, wiring, vocabulary, findings)
         if equilibrium == "exact":
             _ignored(instance, findings)
-    _shared_units(wiring, equilibrium, findings)
+    _shared_units(wiring, vocabulary, equilibrium, findings)
     _shared_with_fixed(wiring, findings)
 
 
-def _rotations(wiring: Wiring, findings: Findings) -> None:
-    for present, absent in (("Rot_v", "Rot_i"), ("Rot_i", "Rot_v")):
-        names = wiring.named(present)
-        if names and not wiring.named(absent):
+def _rotations(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
+    for present, absent in (ROTATIONS, ROTATIONS[::-1]):
+        names = wiring.having(present)
+        if names and not wiring.having(absent):
+            opposite = usual_kind(absent, kinds=vocabulary).name
             message = (
-                f"{names[0]} ({present}) turns into the controller frame or back, but no {absent} does the opposite; "
-                f"add a {absent} or remove {names[0]}"
+                f"{names[0]} ({wiring.kinds[names[0]].name}) turns into the controller frame or back, but no {opposite} "
+                f"does the opposite; add a {opposite} or remove {names[0]}"
             )
             findings.add(_line(wiring, names[0]), "one_rotation", message)
 
 
-def _idle(wiring: Wiring, findings: Findings) -> None:
+def _idle(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
     graph = nx.DiGraph()
     graph.add_nodes_from([*wiring.kinds, TERMINAL_VOLTAGE, TERMINAL_CURRENT])
     for target, sources in wiring.sources.items():
@@ -51,17 +57,22 @@ def _idle(wiring: Wiring, findings: Findings) -> None:
     if TERMINAL_VOLTAGE not in useful:
         message = (
             f"{TERMINAL_VOLTAGE} has no path to {TERMINAL_CURRENT}, so the admittance is zero; "
-            f"connect it to {wiring.plant}.v_in, through a Rot_v if the controller has a frame of its own"
+            f"connect it to {wiring.plant}.v_in, through a {usual_kind(Element.ROTATION_IN, kinds=vocabulary).name} if the "
+            "controller has a frame of its own"
         )
         findings.add(None, "voltage_unused", message)
 
 
-def _coupling_unit(instance: Instance, findings: Findings) -> None:
-    value = instance.bindings.get("L")
-    if instance.kind == "JMul" and isinstance(value, float) and abs(value) > LARGEST_COUPLING:
+def _coupling_unit(instance: Instance, wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
+    if wiring.kinds[instance.name].element is not Element.COUPLING:
+        return
+    for name, value in instance.bindings.items():
+        if not isinstance(value, float) or abs(value) <= LARGEST_COUPLING:
+            continue
         message = (
-            f"{instance.name} (JMul) has L = {value:g} s, {377 * abs(value):.3g} per unit at 60 Hz; "
-            "its L is in seconds, the per-unit value divided by omega_0 (377 rad/s at 60 Hz), unlike that of JMul_omega"
+            f"{instance.name} ({instance.kind}) has {name} = {value:g} s, {377 * abs(value):.3g} per unit at 60 Hz; "
+            f"its {name} is in seconds, the per-unit value divided by omega_0 (377 rad/s at 60 Hz), unlike that of "
+            f"{_per_unit(vocabulary)}"
         )
         findings.add(instance.line, "coupling_unit", message)
 
@@ -76,8 +87,13 @@ def _ignored(instance: Instance, findings: Findings) -> None:
             findings.add(instance.line, "ignored_binding", message)
 
 
-def _shared_units(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
-    """A name shared by numbers of different units, such as JMul's L [s] and the plant's L_F [pu]."""
+def _per_unit(vocabulary: Sequence[ModuleKind]) -> str:
+    """The coupling whose inductance is per unit."""
+    return usual_kind(Element.COUPLING_AT_FREQUENCY, kinds=vocabulary).name
+
+
+def _shared_units(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Findings) -> None:
+    """A name shared by numbers of different units, such as the L [s] of a coupling and the plant's L_F [pu]."""
     groups: dict[str, list[tuple[Instance, str, str]]] = {}
     for instance in wiring.instances:
         for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
@@ -90,18 +106,18 @@ def _shared_units(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
         owner = next((one for one in members if f"{one[0].name}.{one[1]}" == name), members[0])
         for member in members:
             if member[2] != owner[2]:
-                _report_units(name, member, owner, findings)
+                coupling = any(wiring.kinds[one[0].name].element is Element.COUPLING for one in (member, owner))
+                _report_units(name, member, owner, _per_unit(vocabulary) if coupling else "", findings)
 
 
 def _report_units(
-    name: str, member: tuple[Instance, str, str], owner: tuple[Instance, str, str], findings: Findings
+    name: str, member: tuple[Instance, str, str], owner: tuple[Instance, str, str], per_unit: str, findings: Findings
 ) -> None:
+    """per_unit : the kind to take where one of the two is a coupling in seconds, else empty."""
     (instance, parameter, unit), (other, of_other, expected) = member, owner
     message = f"{instance.name}.{parameter} [{unit}] shares the name {name} with {other.name}.{of_other} [{expected}]"
-    if "JMul" in (instance.kind, other.kind) and {unit, expected} == {"s", "pu"}:
-        message += (
-            ", which is off by omega_0 (377 at 60 Hz); use JMul_omega, whose L is per unit, or give L a name of its own"
-        )
+    if per_unit and {unit, expected} == {"s", "pu"}:
+        message += f", which is off by omega_0 (377 at 60 Hz); use {per_unit}, whose L is per unit, or give L a name of its own"
         findings.add(instance.line, "coupling_unit", message)
     else:
         message += ", a number of another unit; give one of them a name of its own"

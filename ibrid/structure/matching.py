@@ -4,7 +4,7 @@ Few pairings are possible in most diagrams, and then all are tried. Otherwise: s
 and exchanges while they help, from both sides.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
 from math import perm, prod
@@ -12,8 +12,9 @@ from math import perm, prod
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ibrid.structure.drawing import Key
 from ibrid.structure.sign_gauge import Equation, Parity, law_equations
-from ibrid.structure.simplify import Key, Simplified
+from ibrid.structure.simplify import Simplified
 
 #: So many pairings are tried one by one.
 MOST_PAIRINGS = 800
@@ -32,9 +33,9 @@ class Matching:
     links: int
 
 
-def best_matching(first: Simplified, second: Simplified, families: Mapping[str, str]) -> Matching:
+def best_matching(first: Simplified, second: Simplified) -> Matching:
     """Pair the blocks of two diagrams; the counts do not depend on which is the first."""
-    scorer = _Scorer(first, second, families)
+    scorer = _Scorer(first, second)
     classes = _classes(first, second)
     pairing = next(_all_pairings(classes))  # in canonical order: exact for diagrams of one structure
     number = prod(perm(max(len(a), len(b)), min(len(a), len(b))) for a, b in classes)
@@ -81,11 +82,9 @@ def _all_pairings(classes: list[tuple[list[int], list[int]]]) -> Iterator[Pairin
 class _Scorer:
     """Counts the links that a pairing keeps: same ports, same channels, and signs that agree up to the gauge."""
 
-    def __init__(self, first: Simplified, second: Simplified, families: Mapping[str, str]) -> None:
+    def __init__(self, first: Simplified, second: Simplified) -> None:
         self.first, self.second = first, second
-        self.laws = {
-            number: law_equations(number, block, families.get(block.kind, "")) for number, block in first.blocks.items()
-        }
+        self.laws = {number: law_equations(number, block) for number, block in first.blocks.items()}
 
     def links(self, pairing: Pairing) -> int:
         common = []

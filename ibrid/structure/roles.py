@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
+from ibrid.modules.behaviour import Element
+from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-
-#: Kinds that can regulate a dq error, and a scalar one.
-REGULATORS_DQ, REGULATORS = ("PI_dq", "Gain_dq"), ("PI", "Gain", "Integrator")
 
 
 @dataclass(frozen=True)
@@ -18,10 +17,10 @@ class Roles:
 
     `plant` : its module. `current` : the converter's current, which a current loop measures. `voltage` : the voltage at
     the filter. `command` : the input that the controller drives. `frequency` : the module that makes the frequency, a
-    SRF_PLL or another. `rotated` : True when the controller has a frame of its own. `current_loop`, `voltage_loop` :
+    PLL or another. `rotated` : True when the controller has a frame of its own. `current_loop`, `voltage_loop` :
     regulators of the current, and of the voltage in front of it. `reference` : the input at which outer loops
     give the current loop its reference; the command when there is no current loop. `power` : modules that compute
-    p, q. `outer` : scalar regulators that act through a PackDQ on the reference.
+    p, q. `outer` : scalar regulators that act through a pack of two axes on the reference.
     """
 
     plant: str
@@ -51,18 +50,18 @@ def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
     if len(plants) != 1:
         return None
     plant = plants[0]
-    lcl = "i_ti" in draft.kind(plant).outputs
+    lcl = draft.kind(plant).has_capacitor
     current, voltage, command = f"{plant}.{'i_ti' if lcl else 'i_g'}", f"{plant}.e", f"{plant}.u_r"
     current_loop = _regulator(draft, command, (current, f"{plant}.i_g"))
     reference = f"{current_loop}.in_" if current_loop else command
     voltage_loop = _regulator(draft, reference, (voltage,), apart_from=current_loop)
     makers = [split_port(one)[0] for one in draft.sources(f"{plant}.delta_omega")]
-    frequency = next((name for name in makers if name and draft.instances[name].kind != "ConstZero"), None)
-    packs = [name for name in draft.named("PackDQ") if name in draft.upstream(reference, without=plant)]
+    frequency = next((name for name in makers if name and draft.kind(name).element is not Element.ZERO), None)
+    packs = [name for name in draft.having(Element.PACK) if name in draft.upstream(reference, without=plant)]
     outer = [
         name
         for name in draft.instances
-        if draft.instances[name].kind in REGULATORS and any(_leads(draft, name, pack) for pack in packs)
+        if _regulates(draft.kind(name), Signal.SCALAR) and any(_leads(draft, name, pack) for pack in packs)
     ]
     return Roles(
         plant=plant,
@@ -72,12 +71,14 @@ def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
         command=command,
         frequency=frequency,
         rotated=any(
-            draft.instances[split_port(one)[0]].kind == "Rot_i" for one in draft.sources(TERMINAL_CURRENT) if "." in one
+            draft.kind(split_port(one)[0]).element is Element.ROTATION_OUT
+            for one in draft.sources(TERMINAL_CURRENT)
+            if "." in one
         ),
         current_loop=current_loop,
         voltage_loop=voltage_loop,
         reference=reference,
-        power=tuple(draft.named("PQ_calc")),
+        power=tuple(draft.having(Element.POWER)),
         outer=tuple(outer),
     )
 
@@ -94,22 +95,26 @@ def _regulator(draft: Draft, target: str, measured: tuple[str, ...], apart_from:
         kind = draft.kind(name)
         if list(kind.inputs.values()) != [Signal.DQ_VEC] or list(kind.outputs.values()) != [Signal.DQ_VEC]:
             continue
-        if kind.name in REGULATORS_DQ and name != apart_from and _subtracts(draft, f"{name}.in_", measured):
+        if _regulates(kind, Signal.DQ_VEC) and name != apart_from and _subtracts(draft, f"{name}.in_", measured):
             return name
         waiting += [split_port(one)[0] for one in draft.sources(f"{name}.in_")]
     return None
 
 
+def _regulates(kind: ModuleKind, signal: Signal) -> bool:
+    return kind.regulates and kind.signal is signal
+
+
 def _subtracts(draft: Draft, target: str, measured: tuple[str, ...]) -> bool:
-    """True when an input gets a measurement through a Negate_dq, filters between them allowed."""
+    """True when an input gets a measurement through a sign, filters between them allowed."""
     for source in draft.sources(target):
         negative, port, passed = False, source, set()
         while port not in measured and port not in passed:  # blocks may feed themselves
             passed.add(port)
             name = split_port(port)[0]
-            if not name or draft.instances[name].kind not in ("Negate_dq", "LPF1_dq", "Pade1_dq", "Delay"):
+            if not name or not (draft.kind(name).shapes or draft.kind(name).element is Element.SIGN):
                 break
-            negative ^= draft.instances[name].kind == "Negate_dq"
+            negative ^= draft.kind(name).element is Element.SIGN
             before = draft.sources(f"{name}.in_")
             if len(before) != 1:
                 break
@@ -120,7 +125,7 @@ def _subtracts(draft: Draft, target: str, measured: tuple[str, ...]) -> bool:
 
 
 def _leads(draft: Draft, name: str, pack: str) -> bool:
-    """True when a scalar block's output reaches an axis of a PackDQ through scalar blocks."""
+    """True when a scalar block's output reaches an axis of a pack through scalar blocks."""
     waiting, seen = [f"{name}.out"], set()
     while waiting:
         port = waiting.pop()

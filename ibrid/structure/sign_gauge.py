@@ -7,8 +7,8 @@ opposite sign. The laws of the blocks and the signs on the links are equations i
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from ibrid.structure.simplify import Block
-from ibrid.structure.wiring import PLANT
+from ibrid.modules.behaviour import ROTATIONS, Element
+from ibrid.structure.drawing import Block
 
 Unknown = tuple[int, str, int]  # block, port, channel
 Equation = tuple[tuple[Unknown, ...], int]  # the sum of the unknowns modulo 2
@@ -38,31 +38,35 @@ class Parity:
         return True
 
 
-def law_equations(number: int, block: Block, family: str) -> list[Equation]:
+def law_equations(number: int, block: Block) -> list[Equation]:
     """Sign changes that leave a block's law as it is."""
     ports = {**block.inputs, **block.outputs}
     every = [(number, port, channel) for port, width in ports.items() for channel in range(width)]
-    if block.outer or family == PLANT:
+    if block.outer or block.element is Element.FILTER:
         return [((unknown,), 0) for unknown in every]
-    if block.kind in ("PQ_calc", "DC_link"):  # a product: each factor may change its sign
+    if block.element in (Element.POWER, Element.DC_LINK):  # a product: each factor may change its sign
         first, second = (_channels(number, port, ports[port]) for port in block.inputs)
         products = [(number, port, 0) for port in block.outputs]
         return [*_equal(first), *_equal(second), *_equal(products), ((first[0], second[0], products[0]), 0)]
-    if block.kind == "Magnitude":
-        return [*_equal(_channels(number, "in_", 2)), (((number, "out", 0),), 0)]
-    if block.kind in ("Rot_v", "Rot_i", "JMul_omega"):  # the product with angle or frequency follows the vector
+    if block.element is Element.MAGNITUDE:
+        (entry,), (output,) = block.inputs, block.outputs
+        return [*_equal(_channels(number, entry, 2)), (((number, output, 0),), 0)]
+    if block.element in (
+        *ROTATIONS,
+        Element.COUPLING_AT_FREQUENCY,
+    ):  # the product with angle or frequency follows the vector
         deviations = [unknown for unknown in every if ports[unknown[1]] == 1]
         vectors = [unknown for unknown in every if ports[unknown[1]] == 2]
         return [*_equal(vectors), *(((unknown,), 0) for unknown in deviations)]
-    if block.kind == "Gain":  # its number takes either sign
+    if block.element is Element.GAIN and block.width == 1:  # its number takes either sign
         return []
-    if block.axes or block.kind == "JMul":
+    if block.axes or block.element is Element.COUPLING:
         (entry,), (output,) = block.inputs, block.outputs
         d_in, q_in = _channels(number, entry, 2)
         d_out, q_out = _channels(number, output, 2)
-        if block.kind == "JMul":
+        if block.element is Element.COUPLING:
             d_out, q_out = q_out, d_out
-        if block.kind == "Gain_dq":
+        if block.element is Element.GAIN:
             return [((d_in, d_out, q_in, q_out), 0)]
         return [((d_in, d_out), 0), ((q_in, q_out), 0)]
     return _equal(every)

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.devices import SHARE, devices
+from ibrid.structure.devices import devices
 from ibrid.structure.diagram import TERMINAL_VOLTAGE, Connection, Diagram, Instance
 from ibrid.structure.drafting import Draft
-from ibrid.structure.frames import OUTSIDE
-from ibrid.structure.wiring import PLANT, split_port, wire
+from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
 
 Wire = tuple[str, str]
 
@@ -47,7 +47,7 @@ class Device:
         diagram = Diagram(self.whole.name)
         diagram.extend(rest, [Connection(*one) for one in wires])
         draft = Draft(diagram, kinds)
-        for share in draft.named(SHARE):
+        for share in draft.having(Element.SHARE):
             for target in draft.targets(f"{share}.v"):
                 draft.connect(TERMINAL_VOLTAGE, target)
             draft.remove(share)
@@ -65,13 +65,14 @@ def device_parts(diagram: Diagram, kinds: Vocabulary) -> tuple[Device, ...]:
     wiring = wire(diagram, kinds)
     if not any(kind.family == PLANT for kind in wiring.kinds.values()):
         return ()
-    return tuple(_device(diagram, frozenset(one.kinds)) for one in devices(wiring))
+    return tuple(_device(diagram, one) for one in devices(wiring))
 
 
-def _device(diagram: Diagram, names: frozenset[str]) -> Device:
+def _device(diagram: Diagram, own: Wiring) -> Device:
+    names = frozenset(own.kinds)
     if len(names) == len(diagram.instances):
         return Device(diagram, names, None, diagram)
-    share = next((one.name for one in diagram.instances if one.name in names and one.kind == SHARE), None)
+    share = next(iter(own.having(Element.SHARE)), None)
     part = Diagram(diagram.name)
     wires = []
     for one in diagram.connections:
@@ -90,7 +91,7 @@ def _through(share: str, ends: Wire, draft: Draft) -> Wire:
     """A wire of the part as it is in the whole: the terminal voltage comes through the share, but for what is outside."""
     source, target = ends
     name = split_port(target)[0]
-    outside = name and draft.instances[name].kind == OUTSIDE
+    outside = name and draft.kind(name).element is Element.SHUNT
     return (f"{share}.v", target) if source == TERMINAL_VOLTAGE and not outside else ends
 
 
