@@ -102,7 +102,7 @@ class Prediction:
 
     def _repr_html_(self) -> str:
         """Stability, warnings and the four admittances with bands, for notebooks."""
-        return shown(self, "notebook_analysis", "prediction_html")
+        return shown(self, "notebook", "prediction_html")
 
 
 def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:

@@ -104,7 +104,7 @@ class Stability:
 
     def _repr_html_(self) -> str:
         """The answer in sentences and the table over the grids, for notebooks."""
-        return shown(self, "notebook_analysis", "stability_html")
+        return shown(self, "notebook", "stability_html")
 
 
 def stability(

@@ -169,4 +169,4 @@ class Gap:
 
     def _repr_html_(self) -> str:
         """Verdict, what is missing, before and after, for notebooks."""
-        return shown(self, "notebook", "gap_html")
+        return shown(self, "gap_page", "gap_html")

@@ -6,6 +6,8 @@ Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; c
 from collections.abc import Collection, Sequence
 from html import escape
 
+from markupsafe import Markup
+
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_graph import Node, block_graph
 from ibrid.report.drawing import Drawing, arrange
@@ -18,18 +20,20 @@ LARGEST = 60
 SMALL = 800
 
 
-def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind], framed: Collection[str] = ()) -> str:
+def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind], framed: Collection[str] = ()) -> Markup:
     """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a thick frame."""
     if not diagram.instances:
-        return "<p>The program adds no modules, so there is nothing to draw.</p>"
+        return Markup("<p>The program adds no modules, so there is nothing to draw.</p>")
     if len(diagram.instances) > LARGEST:
-        return f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most {LARGEST}.</p>"
+        return Markup(
+            f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most {LARGEST}.</p>"
+        )
     graph = block_graph(diagram, vocabulary)
     drawing = arrange(graph)
     parts = [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
     parts += [part for node in graph.nodes for part in _node(drawing, node, node.name in framed)]
     label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
-    return (
+    return Markup(
         f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '
         f'viewBox="0 0 {drawing.width:.0f} {drawing.height:.0f}" style="max-width:{drawing.width:.0f}px">'
         f"{''.join(parts)}</svg>"

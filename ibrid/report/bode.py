@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
@@ -78,6 +79,25 @@ def bode_figures(shown: Sequence[Curves], name: str, label: str, *, zoom: bool =
     zoom : False where no script runs, in notebooks.
     """
     return f'<div class="four">{"".join(_bode_figure(entry, shown, name, label, zoom) for entry in ENTRIES)}</div>'
+
+
+def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> dict[str, Markup]:
+    """The four entries drawn; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
+
+    zoom : False where no script runs, in notebooks.
+    """
+    return {
+        entry: inline_svg(
+            lambda axes, entry=entry: draw_bode(axes, entry, shown),
+            name=f"{name}-{entry}",
+            label=f"Bode plot of Y_{entry}{label}",
+            size=(5.2, 3.8),
+            rows=2,
+            heights=(1.25, 1.0),
+            zoom=zoom,
+        )
+        for entry in ENTRIES
+    }
 
 
 def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str, zoom: bool) -> str:

@@ -2,6 +2,9 @@
 
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
+
+from markupsafe import Markup
 
 from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
@@ -10,10 +13,36 @@ from ibrid.report.markup import escape, paragraph, scroll
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
 
+WIDEST = "68rem"
 #: A title, the diagram, and the names of blocks that get a frame.
 Shown = tuple[str, Diagram, tuple[str, ...]]
-#: A drawing may shrink to this before it gets a line of its own.
-WIDEST = "68rem"
+
+
+class DrawnDiagrams(NamedTuple):
+    """For the macro `diagrams`. `figures` : (title, SVG, its width in px or ""). `families` : (style, words)."""
+
+    figures: list[tuple[str, Markup, str]]
+    families: list[tuple[str, str]]
+
+
+def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> DrawnDiagrams:
+    """Some diagrams, drawn; a single one needs no title."""
+    figures = []
+    for title, diagram, framed in shown:
+        svg = block_diagram_svg(diagram, kinds, framed)
+        width = re.search(r"max-width:(\d+)px", svg)
+        figures.append((title, svg, width[1] if width else ""))
+    families = {kind.name: kind.family for kind in kinds}
+    used = dict.fromkeys(families.get(block.kind, "unknown") for _, diagram, _ in shown for block in diagram.instances)
+    return DrawnDiagrams(figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used])
+
+
+def readable(text: str) -> Diagram | None:
+    """The diagram of a program text; None where there is none."""
+    try:
+        return parse_program(text) if text else None
+    except IbridError:
+        return None
 
 
 def diagrams_beside(shown: Sequence[Shown], kinds: Sequence[ModuleKind], note: str = "") -> str:
@@ -23,14 +52,6 @@ def diagrams_beside(shown: Sequence[Shown], kinds: Sequence[ModuleKind], note: s
     legend = _families([diagram for _, diagram, _ in shown], kinds)
     words = f"{words} {note}".rstrip()
     return paragraph(words, "note") + legend + f'<div class="beside">{figures}</div>'
-
-
-def readable(text: str) -> Diagram | None:
-    """The diagram of a program text; None where there is none."""
-    try:
-        return parse_program(text) if text else None
-    except IbridError:
-        return None
 
 
 def _drawn(words: str, svg: str) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 from ibrid.report.markup import scroll
 from ibrid.report.style import INK, MUTED, RULE, STAND_INS
 from ibrid.report.ticks import plain_decades
@@ -51,7 +53,7 @@ def inline_svg(
     heights: Sequence[float] | None = None,
     zoom: bool = False,
     left: float = MARGINS[0],
-) -> str:
+) -> Markup:
     """SVG of what `draw` puts on stacked axes with a common x axis.
 
     size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where scripts run.
@@ -99,7 +101,7 @@ def figure_html(svg: str, title: str = "", words: str = "", style: str = "") -> 
     return f"<figure>{above}{svg}{below}</figure>"
 
 
-def _for_page(text: str, name: str, attributes: str) -> str:
+def _for_page(text: str, name: str, attributes: str) -> Markup:
     """Only the drawing, with its own identifiers, no name spaces, short numbers, and the style sheet's colours and font."""
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -112,4 +114,4 @@ def _for_page(text: str, name: str, attributes: str) -> str:
     for stand_in, variable in STAND_INS.items():
         text = text.replace(stand_in, variable)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    return text.replace("<svg", f"<svg {attributes}", 1)
+    return Markup(text.replace("<svg", f"<svg {attributes}", 1))

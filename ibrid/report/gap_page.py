@@ -1,152 +1,200 @@
 """report.html of a gap: one self-contained page, the verdict on top, before and after, where, what, and what is open."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import Any
 
-from ibrid.gap.result import Gap
+from ibrid.gap.amplitude_result import FEWEST
+from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
-from ibrid.report.figure import figure_html, inline_svg
-from ibrid.report.gap_amplitude import amplitude_html
-from ibrid.report.gap_curves import PointView, point_views, repaired
-from ibrid.report.gap_errors import part_table, summary_table
+from ibrid.measurement.sweep import ENTRIES
+from ibrid.report.bode import bode_svgs
+from ibrid.report.diagrams_beside import drawn_diagrams, readable
+from ibrid.report.figure import inline_svg
+from ibrid.report.gap_bode import draw_entry
+from ibrid.report.gap_curves import PointView, comparable, point_views, repaired
+from ibrid.report.gap_errors import errors_by_part, errors_by_point
 from ibrid.report.gap_measured import missing
-from ibrid.report.gap_ports import PORTS, draw_missing, draw_ports, room_for_names
-from ibrid.report.gap_program import diagrams_html, program_html
-from ibrid.report.gap_response import responses_html
-from ibrid.report.gap_suggestions import suggestions_html
-from ibrid.report.gap_tables import (
-    candidate_table,
-    effect_html,
-    located_table,
-    moved_table,
-    port_table,
-    unseen_table,
+from ibrid.report.gap_ports import PORTS, draw_gain, draw_missing, draw_ports, room_for_names
+from ibrid.report.gap_words import (
+    HELD_OUT,
+    change_words,
+    declared,
+    evidence_words,
+    far,
+    headline,
+    moved_interval,
+    parameter_words,
 )
-from ibrid.report.gap_words import UNKNOWN, far, headline, next_step
-from ibrid.report.markup import Section, bullets, data, escape, folded, numbered, page, page_header, paragraph
-from ibrid.report.numbers import error
-from ibrid.report.parameter_table import parameter_html
+from ibrid.report.parameter_rows import parameter_groups
+from ibrid.report.template import output, page, tag
 from ibrid.report.verdict import stability
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.difference import difference
 
-#: Verdicts after which nothing is wrong, and those that leave a question.
-FINE, OPEN = ("no-gap", "parameters-only"), ("located-unnamed", "unexplained")
+#: Operating points that get figures.
+POINTS = 6
+#: Unchanged lines of a program that are shown on each side of a change.
+AROUND = 2
 
 
 def gap_page(gap: Gap) -> str:
     """The page as text."""
     views = point_views(gap)
-    return page(f"Gap: {headline(gap)}", gap_header(gap), _sections(gap, views))
+    responses = [(view, _entries(view, place)) for place, view in enumerate(views[:POINTS])]
+    figures = {
+        "views": views,
+        "responses": responses,
+        "not_drawn": [view.name for view in views[POINTS:]],
+        "models": list(dict.fromkeys((line.name, line.index) for view in views for line in view.lines)),
+        "ports_svg": _ports(gap),
+        "transfer": _transfer(gap),
+        "amplitude": _amplitude(gap),
+    }
+    return page("gap.html", _facts(gap, views) | _details(gap, views) | figures)
 
 
-def gap_header(gap: Gap) -> str:
-    """What the page of a gap begins with."""
-    style = "good" if gap.verdict in FINE else "bad" if gap.verdict in OPEN else ""
-    facts = [("verdict", f'<span class="{style}">{escape(gap.verdict)}</span>')]
-    facts.append(("NRMSE, refitted", _error(gap.before.get("refit"))))
-    if repaired(gap):
-        facts.append(("NRMSE, repaired", _error(gap.after.get("refit"))))
-    elif gap.amplitude is not None and gap.amplitude.after is not None:
-        facts.append(("NRMSE, with the effect", _error(gap.amplitude.after)))
-    if gap.held_out:
-        words = _error(gap.before.get("holdout"))
-        facts.append(("held out", f"{words} → {_error(gap.after.get('holdout'))}" if repaired(gap) else words))
-    facts.append(("noise alone", UNKNOWN if gap.noise_floor is None else _error(gap.noise_floor)))
-    facts.append(("parameters far off", str(len(far(gap)))))
-    source = f": {gap.sweep.source}" if gap.sweep.source else ""
-    return page_header(f"Simulation against measurement{source}", headline(gap), gap.sentence, facts)
+def gap_html(gap: Gap) -> str:
+    """For a notebook: the verdict, what is missing, errors before and after, and to unfold: response, program, steps."""
+    views = point_views(gap)
+    worst = views[0]
+    figures = {
+        "views": views,
+        "responses": [(worst, bode_svgs(worst.curves, tag(gap.program + worst.name), f" at {worst.name}", zoom=False))],
+        "models": [(line.name, line.index) for line in worst.lines],
+    }
+    return output("gap.html", _facts(gap, views) | figures, shown=("missing", "error"))
 
 
-def _error(value: float | None) -> str:
-    return data(value, error(value))
+def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
+    """What the page and the notebook share."""
+    given, after = readable(gap.given), readable(gap.program)
+    return {
+        "gap": gap,
+        "headline": headline(gap),
+        "repaired": repaired(gap),
+        "far": len(far(gap)),
+        "worst": views[0],
+        "comparable": comparable(gap),
+        "effects": [_effect(gap, effect) for effect in gap.effects],
+        "summary": errors_by_point(gap, views),
+        "changed": difference(gap.given, gap.program, AROUND),
+        "drawn": None if given is None or after is None else _drawn(gap, given, after),
+        "framed": bool(given and after and (_only_in(given, after) or _only_in(after, given))),
+    }
 
 
-def _sections(gap: Gap, views: Sequence[PointView]) -> Iterator[Section]:
-    yield "missing", "What is missing" if gap.verdict == "named" else "What it means", _missing(gap)
-    if gap.amplitude is not None:
-        yield "amplitude", "How the response depends on the amplitude", amplitude_html(gap.amplitude)
-    yield "error", "Before and after", summary_table(gap, views) + part_table(views)
-    yield "response", "Frequency response", responses_html(gap, views)
-    yield "located", "Where the refitted model misses the data", located_table(gap)
-    if gap.ports and gap.verdict != "data-convention":  # a place in the device explains no convention
-        yield "ports", "Which place explains it", _ports(gap)
-    if gap.suggested:
-        yield "suggested", "What it might be", suggestions_html(gap)
-    yield "moved", "What moved", _moved(gap)
-    yield "candidates", "What else was tried", candidate_table(gap)
-    yield "unseen", "What this experiment could not have seen", unseen_table(gap)
-    yield "program", "What changed in the program", program_html(gap)
-    yield "diagram", "Block diagrams", diagrams_html(gap)
-    yield "steps", "How it was decided", _steps(gap)
+def _details(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
+    """What the page alone shows."""
+    before = next(iter(gap.baseline.parameters.values()), {}) if repaired(gap) else {}
+    return {
+        "stability": stability(gap.repaired),
+        "error_parts": errors_by_part(views),
+        "suggested": _suggested(gap),
+        "moved": [(parameter, before.get(parameter.name), moved_interval(parameter)) for parameter in gap.moved],
+        "far_limit": FAR,
+        "parameters": parameter_groups(gap.repaired),
+    }
 
 
-def _missing(gap: Gap) -> str:
-    words = [step] if (step := next_step(gap)) else []
-    if repaired(gap):
-        words.append(f"The repaired model is {stability(gap.repaired)}.")
-    return "".join(map(paragraph, words)) + "".join(effect_html(gap, one) for one in gap.effects)
+def _effect(gap: Gap, effect: NamedEffect) -> dict[str, Any]:
+    rivals = (effect.id, *effect.indistinguishable_from)
+    return {
+        "effect": effect,
+        "words": change_words(effect),
+        "declared": declared(effect.id),
+        "parameters": list(parameter_words(gap, effect)),
+        "apart": [(name, known.told_apart_by) for name in rivals if (known := declared(name))],
+        "evidence": list(evidence_words(effect.evidence)),
+    }
 
 
-# --- ports -----------------------------------------------------------------------------------------------------------
+def _suggested(gap: Gap) -> dict[str, Any]:
+    """What the first suggestion that passes every test changes, and its errors at data held out."""
+    best = next((edit for edit in gap.suggested if not edit.reason), None)
+    if best is None:
+        return {"change": ()}
+    held_out = [
+        (words, before, after)
+        for key, words in HELD_OUT.items()
+        if (before := best.held_out["before"].get(key)) is not None
+        and (after := best.held_out["after"].get(key)) is not None
+    ]
+    return {"change": difference(gap.given, best.program, AROUND), "held_out": held_out}
+
+
+# --- figures ---------------------------------------------------------------------------------------------------------
+
+
+def _drawn(gap: Gap, given: Diagram, after: Diagram) -> Any:
+    """The given and the repaired diagram, what differs framed; the given one alone where nothing changed."""
+    shown = [("The given model", given, _only_in(given, after))]
+    if gap.given != gap.program:
+        shown.append(("The repaired model", after, _only_in(after, given)))
+    return drawn_diagrams(shown, gap.repaired.vocabulary)
+
+
+def _only_in(diagram: Diagram, other: Diagram) -> tuple[str, ...]:
+    """Names of modules that another diagram lacks, or has of another kind or with other bindings."""
+    there = {instance.name: instance for instance in other.instances}
+    return tuple(instance.name for instance in diagram.instances if there.get(instance.name) != instance)
+
+
+def _entries(view: PointView, place: int) -> dict[str, Any]:
+    models = ", ".join(line.name for line in view.lines)
+    return {
+        entry: inline_svg(
+            lambda axes, entry=entry: draw_entry(axes, entry, view),
+            name=f"gap-{place}-{entry}",
+            label=f"Y_{entry} at {view.name}: measured, {models}; magnitude, phase, and distance from the measurement over "
+            "frequency. The tables give the errors.",
+            size=(5.2, 5.0),
+            rows=3,
+            heights=(1.25, 0.95, 0.95),
+            zoom=True,
+        )
+        for entry in ENTRIES
+    }
 
 
 def _ports(gap: Gap) -> str:
-    count = min(len(gap.ports), PORTS)
-    svg = inline_svg(
+    if not gap.ports or gap.verdict == "data-convention":  # a place in the device explains no convention
+        return ""
+    return inline_svg(
         lambda axes: draw_ports(axes, gap.ports),
         name="ports",
         label="chi2 per degree of freedom of every port on a logarithmic scale; the table gives the numbers.",
-        size=(7.4, 0.9 + 0.36 * count),
+        size=(7.4, 0.9 + 0.36 * min(len(gap.ports), PORTS)),
         left=room_for_names(gap.ports),
     )
-    words = (
-        "One unknown complex number per frequency, the same at all operating points, at one place of the given model, fitted "
-        "together with the parameters. Hatched: it explains all; left of the dashed line a fit is adequate."
-    )
-    table = folded("All numbers", port_table(gap))
-    return paragraph(words, "note") + figure_html(svg, style="medium") + table + _transfer(gap)
 
 
-def _transfer(gap: Gap) -> str:
+def _transfer(gap: Gap) -> dict[str, Any] | None:
     found = missing(gap)
-    if found is None:
-        return ""
-    where = found.fit.port.words
+    if found is None or not gap.ports:
+        return None
+    line = "." if found.line is None else ", and the curve of the named block."
     svg = inline_svg(
         lambda axes: draw_missing(axes, found),
         name="transfer",
-        label=f"Measured transfer at {where}, magnitude and phase with error bars"
-        + (", and the curve of the named block." if found.line is not None else "."),
+        label=f"Measured transfer at {found.fit.port.words}, magnitude and phase with error bars{line}",
         size=(7.4, 4.6),
         rows=2,
         zoom=True,
     )
-    place = "in place of a plain wire" if found.series else "beside what the model has"
-    words = f"Dots: what the measurement says must act there {place}, at each frequency by itself"
-    if found.line is not None:
-        words += ", the parameters being those of the repaired model. Line: the block that the repair put there."
-    else:
-        words += ", the parameters being those of the fit at this place."
-    words += " Bars: two standard deviations."
-    hidden = int((~found.seen).sum())
-    if hidden:
-        words += f" {hidden} of {found.seen.size} frequencies say nothing about this place and are left out."
-    title = f"<h3>The missing transfer, measured at: {escape(where)}</h3>"
-    return title + paragraph(words, "note") + figure_html(svg, style="medium")
+    return {"found": found, "svg": svg, "hidden": int((~found.seen).sum())}
 
 
-# --- parameters and steps --------------------------------------------------------------------------------------------
-
-
-def _moved(gap: Gap) -> str:
-    shown = moved_table(gap)
-    if gap.null_space:
-        shown += "<h3>What the data cannot tell</h3>" + bullets(gap.null_space)
-    words = "All parameters of the repaired model" if repaired(gap) else "All parameters of the refitted model"
-    whole = parameter_html(gap.repaired)
-    return shown + folded(words, whole)
-
-
-def _steps(gap: Gap) -> str:
-    words = [f"Noise: {gap.noise}.", f"Moved far: beyond {FAR:g} standard deviations of the tolerance."]
-    if gap.seconds:
-        words.append(f"It took {gap.seconds:.0f} s.")
-    return numbered(gap.steps) + paragraph(" ".join(words), "note")
+def _amplitude(gap: Gap) -> dict[str, Any]:
+    answer = gap.amplitude
+    if answer is None or (gain := answer.port_gain) is None:
+        return {"fewest": FEWEST, "svg": ""}
+    svg = inline_svg(
+        lambda axes: draw_gain(axes, gain, answer.linearity.amplitudes),
+        name="port-gain",
+        label=f"Measured gain of {answer.words} against the amplitude at its port, real and imaginary part, and the "
+        "describing function.",
+        size=(7.4, 4.6),
+        rows=2,
+        heights=(2.2, 1.0),
+    )
+    return {"fewest": FEWEST, "svg": svg}

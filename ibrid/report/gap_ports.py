@@ -1,4 +1,4 @@
-"""The port map as bars, and the transfer that was measured at a port with the named block's curve through it."""
+"""What acts at a port: the port map as bars, the transfer that was measured there, its gain over the amplitude."""
 
 import textwrap
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
+from ibrid.gap.amplitude_result import PortGain
 from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_map import PortFit
 from ibrid.report.gap_measured import Missing
@@ -101,6 +102,29 @@ def draw_missing(axes: Sequence["Axes"], shown: Missing) -> None:
     phase.set_xlabel("frequency  (Hz)")
     phase.set_xscale("log")
     plain_decades(phase.xaxis, magnitude.yaxis)
+
+
+def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float]) -> None:
+    """Real part of measured gains over the amplitude at the port with the describing function, and the imaginary part."""
+    real, imaginary = axes
+    real.plot(*gain.curve, color=INK, linewidth=1.6, zorder=1)
+    imaginary.axhline(0.0, color=INK, linewidth=1.2, zorder=1)
+    for level in np.unique(gain.level):
+        mine = gain.level == level
+        colour, marker, _ = series(int(level))
+        look = {"color": colour, "marker": marker, "linestyle": "none", "markersize": 4.5, "markerfacecolor": "none",
+                "elinewidth": 0.8, "label": f"injected {amplitudes[int(level)]:g} pu"}  # fmt: skip
+        for plane, part in ((real, np.real(gain.gain)), (imaginary, np.imag(gain.gain))):
+            plane.errorbar(gain.amplitude[mine], part[mine], yerr=2.0 * gain.deviation[mine], **look)
+    real.set_xscale("log")
+    real.set_ylim(-0.25, 1.35)
+    imaginary.set_ylim(-0.45, 0.45)
+    imaginary.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
+    real.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
+    real.set_ylabel("gain, real part")
+    imaginary.set_ylabel("imaginary")
+    imaginary.set_xlabel("amplitude at the port over the threshold")
+    real.legend(loc="best", fontsize=9)
 
 
 def _reach(plane: "Axes") -> tuple[float, float]:

@@ -8,7 +8,6 @@ from ibrid.gap.files import DIFF, FILES
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.measurement.quantities import span
-from ibrid.report.gap_amplitude import amplitude_lines
 from ibrid.report.gap_curves import repaired
 from ibrid.report.gap_errors import closed
 from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
@@ -107,8 +106,19 @@ def _suggested(gap: Gap) -> Iterator[str]:
 
 
 def _amplitudes(gap: Gap) -> Iterator[str]:
-    for label, words in amplitude_lines(gap):
-        yield from _entry(label, words)
+    if gap.amplitude is None:
+        return
+    found, label = gap.amplitude.linearity, "amplitudes"
+    worst = [one for one in found.bands if not one.products] or list(found.bands)
+    if not worst:
+        yield from _entry(label, f"{len(found.amplitudes)} of them, the response is the same")
+    for one in worst[:2]:
+        place = f"{one.op}, {one.entry}, {span(*one.band)}"
+        yield from _entry(label, f"{place}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}")
+        label = ""
+    if len(worst) > 2:
+        left = f"{len(found.refused)} frequencies left out of the small-signal model"
+        yield from _entry("", f"and {len(worst) - 2} more bands; {left}")
 
 
 def _moved(gap: Gap) -> Iterator[str]:

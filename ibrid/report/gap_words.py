@@ -8,7 +8,7 @@ from ibrid.gap.effect import Effect
 from ibrid.gap.effects.nonlinear import NONLINEAR
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
-from ibrid.report.numbers import error, interval, more_readable, number
+from ibrid.report.numbers import interval, more_readable, number, p_value
 
 #: Said where nobody knows a number.
 UNKNOWN = "not known"
@@ -20,21 +20,6 @@ _HEADLINES = {
     "unexplained": "A gap that nothing explains",
     "data-convention": "The data are written otherwise than the model means",
 }
-#: What a reader does with a verdict that names no effect.
-NEXT_STEPS = {
-    "no-gap": "Nothing needs to be added to the model. Effects too weak for this experiment are listed below.",
-    "parameters-only": "The structure of the model is enough; the parameters that moved are listed below.",
-    "located-unnamed": "No effect of the catalogue fits, but one unknown transfer at one place would: its curve below is "
-    "what an effect must look like there. A declaration of one's own in the catalogue is tested like all others.",
-    "unexplained": "Look at where the misfit lies: points that stand alone are the measurement, broad bands are physics. "
-    "Repeated sweeps, a smaller amplitude, more frequencies and further operating points narrow it down.",
-    "data-convention": "The model is right as it is; the data need to be read in the other convention.",
-}
-
-
-def next_step(gap: Gap) -> str:
-    """What a reader does next; "" where the effects say it."""
-    return " ".join(filter(None, (NEXT_STEPS.get(gap.verdict, ""), gap.convention.remedy)))
 
 
 def headline(gap: Gap) -> str:
@@ -80,11 +65,6 @@ def moved_interval(one: Moved) -> str:
 def far(gap: Gap) -> list[Moved]:
     """Parameters that moved beyond three standard deviations of their tolerance."""
     return [one for one in gap.moved if abs(one.sigmas) > FAR]
-
-
-def p_value(value: float) -> str:
-    """A probability; what no data can tell from zero is not written out."""
-    return "< 1e-12" if value < 1e-12 else error(value)
 
 
 _EVIDENCE = {

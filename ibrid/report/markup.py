@@ -130,12 +130,6 @@ def difference_html(lines: Iterable[str]) -> str:
     return scroll("Program difference", f"<pre><code>{shown}</code></pre>") if shown else ""
 
 
-def sentence(text: str) -> str:
-    """Words that begin with a capital letter and end with a full stop."""
-    text = text[:1].upper() + text[1:]
-    return text if not text or text[-1] in ".!?" else f"{text}."
-
-
 def paragraph(text: str, style: str = "") -> str:
     """A paragraph of plain text."""
     return f'<p class="{style}">{escape(text)}</p>' if style else f"<p>{escape(text)}</p>"

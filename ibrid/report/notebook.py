@@ -1,4 +1,4 @@
-"""How objects show themselves in notebooks: `_repr_html_` of diagrams, sweeps, records, gaps and searches.
+"""How objects show themselves in notebooks: `_repr_html_` of diagrams, sweeps, records, gaps, searches and analyses.
 
 An output stands alone: its style reaches nothing else, it runs no script and loads nothing.
 """
@@ -8,29 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrid.errors import IbridError
+from ibrid.analysis.modes import QUANTILE
+from ibrid.analysis.prediction import Prediction
+from ibrid.analysis.stability import Stability
 from ibrid.evaluation.record import Record
-from ibrid.gap.result import Gap
-from ibrid.measurement.quantities import hertz
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.bode import Curves, bode_figures, curves
-from ibrid.report.diagrams_beside import diagrams_beside, readable
-from ibrid.report.error_table import error_tables
-from ibrid.report.figure import figure_html, inline_svg
-from ibrid.report.gap_curves import point_views
-from ibrid.report.gap_errors import summary_table
-from ibrid.report.gap_page import gap_header
-from ibrid.report.gap_program import diagrams_html, program_html
-from ibrid.report.gap_tables import effect_html
-from ibrid.report.legend import models_legend, points_legend
-from ibrid.report.markup import bullets, cell, data, escape, folded, head, page_header, paragraph, program, row, table
-from ibrid.report.measured_data import measured_data
-from ibrid.report.notebook_output import output, tag
-from ibrid.report.numbers import error, number
-from ibrid.report.page import record_header
-from ibrid.report.parameter_table import parameter_html, twins_table
+from ibrid.report.bode import Curves, bode_svgs
+from ibrid.report.diagrams_beside import drawn_diagrams, readable
+from ibrid.report.figure import inline_svg
+from ibrid.report.page import record_facts
+from ibrid.report.parameter_rows import parameter_groups
+from ibrid.report.stability_page import mode_rows, stability_facts
+from ibrid.report.template import output, tag
 from ibrid.report.trajectory import Trajectory, draw_trajectory
 from ibrid.report.verdict import verdict
 from ibrid.structure.diagram import Diagram
@@ -41,60 +32,24 @@ DRAWN = 6
 
 def diagram_html(diagram: Diagram, kinds: Sequence[ModuleKind] = VOCABULARY) -> str:
     """A block diagram, drawn; kinds that are not in `kinds` get a box of their own colour."""
-    words = f"{diagram.name}: {len(diagram.instances)} modules, {len(diagram.connections)} connections"
-    return output([paragraph(words, "eyebrow"), diagrams_beside((("", diagram, ()),), kinds)])
+    facts = {"diagram": diagram, "drawn": drawn_diagrams((("", diagram, ()),), kinds)}
+    return output("diagram.html", facts, shown=("diagram",))
 
 
 def sweep_html(sweep: Sweep) -> str:
     """A table of the operating points, and the four admittances."""
-    node = "at the filter capacitor" if sweep.power_node == "capacitor" else "at the terminals"
-    words = f"{sweep.source or 'Sweep'}: {sweep.f0_hz:g} Hz, p and q {node}, per unit, current out of the inverter"
-    names = ["operating point", "p", "q", "v", "frequencies", "from", "to", "noise", "amplitudes"]
-    body = "".join(map(_point_row, sweep.points))
-    listed = table("Operating points", "", head(names, (1, 2, 3, 4)) + f"<tbody>{body}</tbody>")
     points = sweep.points[:DRAWN]
     drawn = tuple(Curves(point.op.name, place, point, None, None) for place, point in enumerate(points))
-    left = len(sweep.points) - len(points)
-    note = [paragraph(f"{left} more operating points are not drawn.", "note")] if left else []
-    return output([paragraph(words, "eyebrow"), listed, _bode(drawn, repr([one.op for one in points])), *note])
+    name = tag(repr([point.op for point in points]))
+    label = f" at {', '.join(line.name for line in drawn)}"
+    facts = {"sweep": sweep, "drawn": [line.name for line in drawn], "bode": bode_svgs(drawn, name, label, zoom=False)}
+    return output("sweep.html", facts, shown=("points", "response"))
 
 
 def record_html(record: Record) -> str:
     """The verdict, the response, and to unfold: errors, parameters, what the data cannot see, diagram, program."""
-    diagram = readable(record.program)
-    name = "" if diagram is None else diagram.name.removeprefix("build_")
-    parts = [f"<header>{record_header(record, name or 'model')}</header>"]
-    if record.reasons:
-        parts.append(bullets(record.reasons))
-    if record.parameters:
-        measured, note = measured_data(record, None)
-        parts += [paragraph(note, "note")] if note else []
-        try:
-            parts.append(_bode(curves(record, measured), record.program + repr(record.parameters)))
-        except IbridError as problem:
-            parts.append(paragraph(f"No model lines: {problem}", "bad"))
-        parts.append(folded("Where the error lies", error_tables(record)))
-        parts.append(folded("Parameters", parameter_html(record)))
-        parts.append(folded("What the data can and cannot see", bullets(record.identifiability) + twins_table(record)))
-    parts += [folded("Warnings", bullets(record.warnings))] if record.warnings else []
-    if diagram is not None:
-        parts.append(folded("Block diagram", diagrams_beside((("", diagram, ()),), record.vocabulary)))
-    return output([*parts, folded("Program", program(record.program))])
-
-
-def gap_html(gap: Gap) -> str:
-    """The verdict, what is missing, errors before and after, and to unfold: the response, the changed program, the steps."""
-    views = point_views(gap)
-    parts = [f"<header>{gap_header(gap)}</header>", *(effect_html(gap, one) for one in gap.effects)]
-    parts.append(summary_table(gap, views))
-    worst = views[0]
-    if worst.lines:
-        legend = models_legend([(line.name, line.index) for line in worst.lines], worst.lines[-1].index)
-        drawn = bode_figures(worst.curves, tag(gap.program + worst.name), f" at {worst.name}", zoom=False)
-        parts.append(folded(f"Frequency response at {worst.name}", legend + drawn))
-    parts.append(folded("What changed in the program", program_html(gap)))
-    parts.append(folded("Block diagrams", diagrams_html(gap)))
-    return output([*parts, folded("How it was decided", bullets(gap.steps))])
+    facts = record_facts(record, None, tag(record.program + repr(record.parameters)), zoom=False)
+    return output("record.html", facts, shown=("reasons", "response"))
 
 
 def search_html(
@@ -108,42 +63,40 @@ def search_html(
 
     trajectory : (evaluation, NRMSE or None, best so far or None). ending : why it ended.
     """
-    facts = [("evaluations", str(evaluations)), ("ended since", escape(ending))]
-    if best is not None and best.nrmse is not None:
-        facts.append(("NRMSE found", data(best.nrmse, error(best.nrmse))))
-        facts.append(("free parameters", str(best.free_parameters)))
-    words = "No stable candidate was fitted." if best is None else verdict(best)
-    parts = [f"<header>{page_header('Search', 'What was found', words, facts)}</header>"]
-    if trajectory:
-        parts.append(figure_html(_trajectory_svg(trajectory), "Error over the evaluations", style="medium"))
-    if best is not None:
-        diagram = readable(best.program)
-        if diagram is not None:
-            parts.append(diagrams_beside((("The answer", diagram, ()),), best.vocabulary))
-        parts.append(folded("Parameters", parameter_html(best)))
-        parts.append(folded("Program", program(best.program)))
-    return output([*parts, paragraph(f"More in {folder / 'report.html'}", "note")])
+    diagram = None if best is None else readable(best.program)
+    facts = {
+        "page": folder / "report.html",
+        "best": best,
+        "verdict": "" if best is None else verdict(best),
+        "ending": ending,
+        "evaluations": evaluations,
+        "trajectory": _trajectory_svg(trajectory) if trajectory else "",
+        "drawn": best and diagram and drawn_diagrams((("The answer", diagram, ()),), best.vocabulary),
+        "parameters": best and parameter_groups(best),
+    }
+    return output("searched.html", facts, shown=("trajectory", "diagram", "more"))
 
 
-# --- pieces ----------------------------------------------------------------------------------------------------------
+def prediction_html(point: Prediction) -> str:
+    """Whether it is stable, how wide the bands are, warnings, the four admittances with bands; to unfold: the modes."""
+    half_width = None if point.sigma is None else QUANTILE * point.sigma
+    line = Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)
+    widest = None
+    if (band := point.relative_band) is not None:
+        widest = (float(band.max()), float(point.frequency[int(band.argmax())]))
+    facts = {
+        "point": point,
+        "widest": widest,
+        "bode": bode_svgs([line], tag(repr((point.op, point.A.tolist()))), f" at {point.op.name}", zoom=False),
+        "modes": mode_rows(point.modes),
+    }
+    return output("prediction.html", facts, shown=("response",))
 
 
-def _bode(shown: Sequence[Curves], of: str) -> str:
-    lines = any(one.model is not None for one in shown)
-    words = "Lines: model. Dots: measured." if lines else "Dots: measured."
-    names = ", ".join(one.name for one in shown)
-    legend = points_legend([one.name for one in shown], lines=lines)
-    return paragraph(words, "note") + legend + bode_figures(shown, tag(of + words), f" at {names}", zoom=False)
-
-
-def _point_row(point: PointSweep) -> str:
-    op, frequency = point.op, point.frequency
-    noise = "not stated" if point.sigma is None else "known"
-    if point.repeats is not None:
-        noise = f"{len(point.repeats)} repeats"
-    cells = [cell(number(value), numeric=True) for value in (op.p, op.q, op.v)]
-    cells += [cell(str(len(frequency)), numeric=True), cell(hertz(frequency[0])), cell(hertz(frequency[-1]))]
-    return row(op.name, [*cells, cell(noise), cell(str(1 + len(point.larger)))])
+def stability_html(study: Stability) -> str:
+    """The answer in sentences, the table over the grids; to unfold: root locus, eigenloci, passivity, modes."""
+    facts = stability_facts(study, f"{tag(repr(study.plain()))}-", zoom=False)
+    return output("stability.html", facts | {"above": "Identified inverter", "source": ""}, shown=("critical", "grids"))
 
 
 def _trajectory_svg(trajectory: Sequence[tuple[int, float | None, float | None]]) -> str:

@@ -32,6 +32,17 @@ def error(value: float | None) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
+def p_value(value: float) -> str:
+    """A probability; what no data can tell from zero is not written out."""
+    return "< 1e-12" if value < 1e-12 else error(value)
+
+
+def sentence(text: str) -> str:
+    """Words that begin with a capital letter and end with a full stop."""
+    text = text[:1].upper() + text[1:]
+    return text if not text or text[-1] in ".!?" else f"{text}."
+
+
 def percent(value: float) -> str:
     """A part as a percentage."""
     return f"{number(100 * value, 2)} %"

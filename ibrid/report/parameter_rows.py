@@ -2,11 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
 
 from ibrid.evaluation.record import Record
 from ibrid.report.numbers import interval, more_readable, number
 
 SHARED = "all"
+#: Relative change of a value above which a twin counts as different there.
+CHANGED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,29 @@ def parameter_rows(record: Record) -> list[ParameterRow]:
         else:
             rows += [_row(record, op, name, op) for op in here]
     return rows
+
+
+def parameter_groups(record: Record) -> dict[str, Any]:
+    """For a table: `groups`, (name, its rows), and `shared`, whether no row needs to say its operating point."""
+    rows = parameter_rows(record)
+    return {
+        "groups": [(name, list(group)) for name, group in groupby(rows, key=lambda row: row.name)],
+        "shared": len(record.parameters) == 1 or all(row.where == SHARED for row in rows),
+    }
+
+
+def twin_rows(record: Record) -> list[tuple[str, list[float | None]]]:
+    """(name, reported value and that of each twin) of what differs between solutions that fit equally well.
+
+    Empty for values per operating point: a twin does not say where it belongs, the record's sentences do.
+    """
+    if not record.twins or record.settings.get("parameters") != "shared":
+        return []
+    return [
+        (name, [value, *(twin.get(name) for twin in record.twins)])
+        for name, value in next(iter(record.parameters.values())).items()
+        if any(abs(twin.get(name, value) - value) > CHANGED * abs(value) for twin in record.twins)
+    ]
 
 
 def _row(record: Record, op: str, name: str, where: str) -> ParameterRow:

@@ -2,7 +2,7 @@
 
 import math
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
@@ -17,6 +17,15 @@ SERIES = (
     ("#b5265e", "#f27fa8"),
 )
 MARKERS = ("o", "s", "^", "D", "v", "P")
+#: The markers in a legend, 34 by 14.
+SHAPES = {
+    "o": '<circle cx="17" cy="7" r="4"/>',
+    "s": '<rect x="13" y="3" width="8" height="8"/>',
+    "^": '<path d="M17 2.5l4.6 8h-9.2z"/>',
+    "D": '<path d="M17 2l5 5-5 5-5-5z"/>',
+    "v": '<path d="M17 11.5l-4.6-8h9.2z"/>',
+    "P": '<path d="M15.5 2.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z"/>',
+}
 DASHES: tuple["LineStyleType", ...] = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
 
 #: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style sheet.
@@ -30,6 +39,22 @@ def series(index: int) -> tuple[str, str, "LineStyleType"]:
     """Colour stand-in, marker and dash pattern of the operating point number `index`."""
     turn = index % len(SERIES)
     return SERIES_STAND_INS[turn], MARKERS[turn], DASHES[turn]
+
+
+class SeriesLine(NamedTuple):
+    """How a legend draws a line: number of its colour, marker, and dash pattern of an SVG path, "" for a whole line."""
+
+    colour: int
+    marker: str
+    dashes: str
+
+
+def series_line(index: int) -> SeriesLine:
+    """The look of operating point or model number `index` in a legend."""
+    turn = index % len(SERIES)
+    dashes = DASHES[turn]
+    pattern = "" if isinstance(dashes, str) else " ".join(f"{1.5 * length:g}" for length in dashes[1])
+    return SeriesLine(turn, MARKERS[turn], pattern)
 
 
 def heat(error: float | None) -> str:

@@ -21,11 +21,12 @@ from ibrid.analysis.grid import ratios
 from ibrid.report.bode import SHARP, line_frequency
 from ibrid.report.figure import inline_svg
 from ibrid.report.gap_page import gap_page
-from ibrid.report.markup import CONVENTIONS, page
 from ibrid.report.page import report_html
 from ibrid.report.stability_page import stability_page
 from ibrid.report.style import style_sheet
 
+#: What stands below every page.
+CONVENTIONS = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
 KINDS = ("evaluate", "search", "gap", "stability")
 
 
@@ -79,7 +80,7 @@ def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reade
         "verdict",
         "facts",
     ]
-    assert text.split("<footer>")[1].startswith(CONVENTIONS.replace("'", "&#x27;"))
+    assert unescape(text.split("<footer>")[1]).startswith(CONVENTIONS)
 
 
 def test_every_section_has_a_heading_and_an_entry_in_the_navigation(text, reader):
@@ -291,9 +292,9 @@ def test_no_page_is_wider_than_a_telephone_or_complains(pages, tmp_path):
         assert width <= room, kind
 
 
-def test_a_page_that_is_too_wide_or_runs_a_foreign_script_is_found_out(tmp_path):
+def test_a_page_that_is_too_wide_or_runs_a_foreign_script_is_found_out(pages, tmp_path):
     body = '<div style="width:900px">wide</div><script>document.title = "taken over"</script>'
-    (found,), console = asked([page("Bad", "<h1>Bad</h1>", [("bad", "Bad", body)])], WIDTHS, tmp_path)
+    (found,), console = asked([pages["stability"].replace("</main>", f"{body}</main>")], WIDTHS, tmp_path)
     assert found[1] > found[0]
     assert any("Content Security Policy" in line for line in console)
 

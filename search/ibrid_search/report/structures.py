@@ -9,7 +9,8 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.figure import figure_html, inline_svg
-from ibrid.report.markup import cell, data, error_cell, head, paragraph, sentence, table, value_cell
+from ibrid.report.markup import cell, data, error_cell, head, paragraph, table, value_cell
+from ibrid.report.numbers import sentence
 from ibrid.report.trajectory import Front, draw_front
 from ibrid.structure.program import parse_program
 from ibrid_search.report.course import shortened

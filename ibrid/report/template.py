@@ -1,0 +1,69 @@
+"""Pages from Jinja2 templates: every fact is escaped on its way into one, but for what a figure made (`markupsafe.Markup`).
+
+A template extends a layout, `page.html` or `notebook.html`, and gives `title`, `sections` as (name, heading, whether it is
+there), a block for each of them, and a block `header`.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+from ibrid.measurement.quantities import hertz, span
+from ibrid.measurement.sweep import ENTRIES
+from ibrid.report import numbers
+from ibrid.report.style import SHAPES, heat, notebook_style_sheet, series_line, style_sheet
+from ibrid.report.zoom import content_policy, script
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def page(template: str, facts: Mapping[str, Any], package: str = "ibrid.report") -> str:
+    """A whole document. package : whose folder `templates` holds the template."""
+    return _environment(package).get_template(template).render(facts, layout="page.html")
+
+
+def output(template: str, facts: Mapping[str, Any], shown: tuple[str, ...]) -> str:
+    """An output of a notebook: one element whose style reaches nothing else. shown : sections that are not folded."""
+    return _environment("ibrid.report").get_template(template).render(facts, layout="notebook.html", shown=shown)
+
+
+def tag(text: str) -> str:
+    """A name for the figures of an output, from what the output is about: outputs on one page share no identifier."""
+    return f"n{sha256(text.encode()).hexdigest()[:10]}"
+
+
+@cache
+def _environment(package: str) -> "Environment":
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined  # only pages need it
+
+    found = Environment(
+        loader=ChoiceLoader([PackageLoader(name) for name in dict.fromkeys((package, "ibrid.report"))]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters |= {
+        name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds", "sentence")
+    }
+    found.filters |= {
+        "hertz": hertz,
+        "heat": heat,
+        "exact": lambda value: repr(float(value)),
+        "plus_minus": _plus_minus,
+    }
+    found.globals |= {
+        "ENTRIES": list(ENTRIES),
+        "span": span,
+        "shapes": SHAPES,
+        "series_line": series_line,
+        "style_sheet": style_sheet,
+    }
+    found.globals |= {"notebook_style_sheet": notebook_style_sheet, "content_policy": content_policy, "script": script}
+    return found
+
+
+def _plus_minus(text: str) -> str:
+    return text.replace("+-", "±")
