@@ -8,9 +8,10 @@ RUN := $(VENV)/bin/python
 STAMP := $(VENV)/.ibrid-ready
 
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
-TEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
+TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo test coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
+.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer durations coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -87,10 +88,34 @@ lint: $(STAMP)
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/pyright
 
-test: lint
-	$(TEST) $(ARGS)
+# Three tiers, by what tests cost (tests/durations.json) and where they lie (tests/conftest.py); ARGS go to pytest.
+# two minutes on two cores: after every edit
+quick: $(STAMP)
+	$(VENV)/bin/ruff format --check
+	$(VENV)/bin/ruff check
+	$(TEST) --tier quick $(ARGS)
 
-# lines and branches that the tests reach, in out/coverage; make coverage ARGS="tests/test_fit.py" for a part of them
+# twelve minutes, set-up included: before every merge
+test: lint
+	$(TEST) --tier test $(ARGS)
+
+# three quarters of an hour: before a change of fit, gap, search or parts is done; first as a machine without torch has it
+test-all: newcomer
+	$(MAKE) setup-llm || echo "torch cannot be installed here: tests of language models and of learning are skipped" >&2
+	$(MAKE) setup-docs || echo "sphinx cannot be installed here: the documentation site is not built" >&2
+	$(MAKE) lint
+	$(TEST) --tier all $(ARGS)
+
+# what a newcomer does, in a clone of what is committed with an environment of its own, so without anything optional
+newcomer:
+	@clone=$$(mktemp -d) && git clone --quiet . $$clone/ibrid && env -u VIRTUAL_ENV -u PYTHONPATH $(MAKE) -C $$clone/ibrid \
+	demo lint quick ARGS=; status=$$?; rm -rf $$clone; exit $$status
+
+# writes down what every test costs, in one process; make durations ARGS="tests/fit" for a part of them
+durations: $(STAMP)
+	$(ONE) --record $(ARGS)
+
+# lines and branches that the tests reach, in out/coverage; make coverage ARGS="tests/fit" for a part of them
 coverage: $(STAMP)
 	@mkdir -p out/coverage
 	$(TEST) --cov --cov-report=term --cov-report=html:out/coverage/html $(ARGS)

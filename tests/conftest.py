@@ -1,19 +1,137 @@
-"""Which files come first where several processes share the tests: the long ones, so that all processes end together."""
+"""Tiers: which tests run follows from what they cost, as recorded in durations.json, and from the folder they are in.
 
+    pytest --tier quick|test|all       all is the default; make quick, make test and make test-all pass the others
+    pytest --record ...                writes what these tests cost into durations.json (make durations, for all of them)
+
+Costs are processor seconds, shared fixtures and results included, so that other work on the machine does not change them.
+A test without a record counts as short.
+"""
+
+import json
+from collections import defaultdict
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from sharing import borrowed, processor_seconds
 
-#: Longest first; minutes each. All other files are shorter and keep their order.
-LONG = ("test_gap_blind", "test_small_model", "test_notebooks")
+HERE = Path(__file__).parent
+RECORD = HERE / "durations.json"
+#: Seconds that a test may cost, all its cases together, in each tier.
+MOST = {"quick": 0.6, "test": 60.0, "all": float("inf")}
+#: What is checked before a change of fit, gap, search or parts is done, and not at every merge.
+ALL_ALONE = ("benchmarks", "blind", "learning")
+#: Cases from here on have a record of their own; below it is left out.
+LONG_CASE, SHORT = 5.0, 0.05
+
+COSTS: dict[str, float] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("tiers")
+    group.addoption("--tier", choices=tuple(MOST), default="all", help="which tests run, by what they cost")
+    group.addoption("--record", action="store_true", help="write what the tests cost into tests/durations.json")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Not even read, since reading costs time too."""
+    return (
+        True
+        if config.option.tier != "all" and collection_path.parent == HERE and collection_path.name in ALL_ALONE
+        else None
+    )
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """In one process the order stays as it is: what is quick and basic fails first."""
+    """In one process the order stays as it is; where several share the tests, the longest files begin."""
+    kept = [item for item in items if cost(item) <= MOST[config.option.tier]]
+    if len(kept) < len(items):
+        config.hook.pytest_deselected(items=[item for item in items if cost(item) > MOST[config.option.tier]])
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: _place(item.path))
+        of_file: dict[Path, float] = defaultdict(float)
+        for key in {recorded_as(item) for item in kept}:
+            of_file[HERE.parent / key.split("::")[0]] += COSTS.get(key, 0.0)
+        kept.sort(key=lambda item: -of_file[item.path])
+    items[:] = kept
 
 
-def _place(path: Path) -> int:
-    return LONG.index(path.stem) if path.stem in LONG else len(LONG)
+def recorded_as(item: pytest.Item) -> str:
+    """The key of a test in durations.json: its own where its case is long, else that of all its cases together."""
+    return item.nodeid if item.nodeid in COSTS else item.nodeid.split("[")[0]
+
+
+def cost(item: pytest.Item) -> float:
+    return COSTS.get(recorded_as(item), 0.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# what tests cost
+
+_fixtures: dict[Any, float] = {}
+_began = 0.0
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:
+    began = processor_seconds()
+    try:
+        return (yield)
+    finally:
+        if fixturedef.scope != "function":
+            _fixtures[fixturedef] = processor_seconds() - began
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
+    """What was made before, and is used here, is charged here too."""
+    global _began
+    fixtures = getattr(item, "_fixtureinfo", None)
+    used = [made for several in (fixtures.name2fixturedefs if fixtures else {}).values() for made in several]
+    borrowed[:] = [_fixtures[fixture] for fixture in used if fixture in _fixtures]
+    _began = processor_seconds()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    global _began
+    report = yield
+    now = processor_seconds()
+    report.own, report.borrowed = now - _began, sum(borrowed)  # type: ignore[attr-defined]
+    borrowed.clear()
+    _began = now
+    return report
+
+
+class Recorder:
+    """In the process that hears every report: what each test took, kept when all have ended."""
+
+    def __init__(self) -> None:
+        self.own: dict[str, float] = defaultdict(float)
+        self.borrowed: dict[str, float] = defaultdict(float)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.own[report.nodeid] += getattr(report, "own", 0.0)
+        self.borrowed[report.nodeid] += getattr(report, "borrowed", 0.0)
+
+    def pytest_sessionfinish(self) -> None:
+        """What cases of a test share counts once."""
+        own: dict[str, float] = defaultdict(float)
+        shared: dict[str, float] = defaultdict(float)
+        for case, seconds in self.own.items():
+            key = case if seconds + self.borrowed[case] >= LONG_CASE else case.split("[")[0]
+            own[key] += seconds
+            shared[key] = max(shared[key], self.borrowed[case])
+        new = {key: seconds + shared[key] for key, seconds in own.items()}
+        tests = {case.split("[")[0] for case in self.own}
+        old = {key: seconds for key, seconds in COSTS.items() if key.split("[")[0] not in tests}
+        whole = {key: round(seconds, 2) for key, seconds in (old | new).items() if seconds >= SHORT}
+        there = {key: seconds for key, seconds in whole.items() if (HERE.parent / key.split("::")[0]).exists()}
+        RECORD.write_text(json.dumps(dict(sorted(there.items())), indent=1) + "\n", encoding="utf-8")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.option.record and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Recorder(), "recorder")

@@ -2,13 +2,13 @@
 
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from fitted import evaluated, measured
 from page_reader import Reader
 from scipy.linalg import eig
+from sharing import shared
 
 import ibrid
 from ibrid.analysis import stability
@@ -30,12 +30,12 @@ POINTS = ("p=1,q=0.3", "p=1,q=-0.3", "p=0,q=0")
 XR = 10.0
 
 
-@cache
+@shared
 def fitted() -> Record:
     return evaluated("gfl_pll_filter_exact")
 
 
-@cache
+@shared
 def answer():
     return stability(fitted(), ratios("1:10:6"), op=POINTS)
 

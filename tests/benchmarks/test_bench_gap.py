@@ -5,7 +5,7 @@ import json
 import sys
 from collections import Counter
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from ibrid_bench.hidden.declaration import SEVERITIES
 from ibrid_bench.hidden.effects import HIDDEN
 from ibrid_bench.hidden.elsewhere import CONVENTIONS, FOREIGN
 from ibrid_bench.search.hidden import exact_model
+from sharing import shared
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -38,7 +39,7 @@ SEEN = (Visibility(1e6, 0.0, "add"),)
 UNSEEN = (Visibility(LIMIT - 1, 0.0, "add"),)
 
 
-@cache
+@shared
 def case_of(key: str) -> Case:
     return Trial.parse(key).case()
 
@@ -432,7 +433,7 @@ def test_wilsons_interval_is_where_the_observed_share_is_one_that_a_true_one_wou
     assert (str(Share(0, 0)), Share(0, 0).interval) == ("-", (0.0, 1.0))
 
 
-@cache
+@shared
 def table() -> tuple[Row, ...]:
     """Rows of every kind, right and wrong, as they come from answers."""
     rows = []

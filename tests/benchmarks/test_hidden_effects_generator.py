@@ -3,7 +3,6 @@
 import ast
 import json
 from dataclasses import fields, replace
-from functools import cache
 from itertools import pairwise
 from math import pi
 from pathlib import Path
@@ -26,6 +25,7 @@ from ibrid_bench.hidden.winding import unstable_zeros
 from ibrid_bench.hidden.written import Measurement
 from ibrid_bench.search.hidden import exact_model
 from scipy.linalg import block_diag
+from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.measurement.read import read_sweep
@@ -85,7 +85,7 @@ def kind_of(effect: HiddenEffect) -> Kind:
     return "effect" if effect in HIDDEN else "foreign" if effect in FOREIGN else "convention"
 
 
-@cache
+@shared
 def case_of(effect: HiddenEffect) -> Case:
     return draw_case(kind_of(effect), 3, effects=[effect.key])
 

@@ -3,13 +3,13 @@
 import ast
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, exact_model
 from ibrid_bench.search.inverters import DIAGRAMS, HARDWARE, hardware, inverter, inverter_names, plant_of
+from sharing import shared
 
 import ibrid
 from ibrid.errors import IbridError
@@ -21,7 +21,7 @@ SEARCH = Path(__file__).resolve().parents[2] / "search" / "ibrid_search"
 NAMES = inverter_names()
 
 
-@cache
+@shared
 def hidden(name: str) -> Hidden:
     return inverter(name)
 
@@ -32,7 +32,7 @@ def points(one: Hidden) -> tuple[PointSweep, ...]:
     return (*one.sweep.points, *one.held_out.points)
 
 
-@cache
+@shared
 def model(name: str) -> Record:
     one = hidden(name)
     assert one.values is not None

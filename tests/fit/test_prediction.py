@@ -1,11 +1,11 @@
 """Predictions of operating points nobody measured: values, bands, warnings, the written file and wrong inputs."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from fitted import GRID, benchmark, evaluated, measured
+from sharing import shared
 
 import ibrid
 from ibrid.analysis import predict
@@ -23,12 +23,12 @@ ELSEWHERE = "p=0.5,q=0"
 DENSE = np.geomspace(5.0, 5000.0, 40)
 
 
-@cache
+@shared
 def fitted() -> Record:
     return evaluated("gfl_pll_filter_exact")
 
 
-@cache
+@shared
 def noisy(decibel: float = 60.0, seed: int = 0) -> Record:
     data = ibrid.add_noise(benchmark(), decibel, rng=np.random.default_rng(seed))
     return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), data, objective="sigma")

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from functools import cache
 from math import pi
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from fitted import GRID
 from made_gap import ANGLE, CORNER, FITTED, HELD_OUT, TRUTH, VERDICTS, device, made
 from page_reader import Reader, self_contained
+from sharing import shared
 
 from ibrid.errors import OperatingPointError
 from ibrid.evaluation.recording import record_at
@@ -35,7 +35,7 @@ HOSTILE = '<script>alert("x")</script>&'
 LINES = 40
 
 
-@cache
+@shared
 def page(verdict: str) -> str:
     return gap_page(made(verdict))
 

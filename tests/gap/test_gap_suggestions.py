@@ -1,13 +1,12 @@
 """Where something is missing that the catalogue cannot name: suggested edits, weighed by the tests of a named effect."""
 
-from functools import cache
-
 import pytest
 from ibrid_bench.hidden.case import Case, draw_case
 from ibrid_search.proposers.choose import choose_proposers
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.suggesting import MANY, suggestions_of, told
 from scripted_server import says, scripted
+from sharing import shared
 
 from ibrid.gap.files import gap_json
 from ibrid.gap.result import Gap
@@ -22,7 +21,7 @@ FILTERED = (
 )
 
 
-@cache
+@shared
 def case() -> Case:
     """A device with a filter before its PLL; the catalogue is kept from knowing of such a thing."""
     return draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60)
@@ -32,7 +31,7 @@ def asked(*suggest) -> Gap:
     return find_gap(parse_program(case().program), case().sweep, case().values, catalogue=(), suggest=suggest)
 
 
-@cache
+@shared
 def plain() -> Gap:
     return asked(low_order_blocks)
 

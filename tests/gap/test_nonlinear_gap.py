@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from ibrid_bench.hidden.__main__ import main as generate
 from ibrid_bench.hidden.case import Case, write_case
 from ibrid_bench.hidden.nonlinear import Nonlinearity
 from ibrid_bench.hidden.nonlinear_case import AMPLITUDES, NonlinearKind, draw_nonlinear_case
+from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -36,12 +36,12 @@ from ibrid.structure.wiring import wire
 SEED = {"pll_deadband": 7, "current_limit": 0, "nothing": 2}
 
 
-@cache
+@shared
 def case(kind: NonlinearKind) -> Case:
     return draw_nonlinear_case(kind, SEED[kind], noise_db=50.0, grid="4:1500:7")
 
 
-@cache
+@shared
 def answer(kind: NonlinearKind) -> Gap:
     one = case(kind)
     return find_gap(parse_program(one.program), one.sweep, one.values)

@@ -1,9 +1,9 @@
 """Problems and records that several tests share."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
+from sharing import shared
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
@@ -20,13 +20,13 @@ GRID = frequency_grid("5:5000:16")
 TRUE = PLANTS["paper_like"].diagram_values
 
 
-@cache
+@shared
 def benchmark() -> Sweep:
     """The benchmark's sweep."""
     return ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 
 
-@cache
+@shared
 def evaluated(name: str, **options) -> Record:
     """A textbook diagram fitted to the benchmark."""
     return ibrid.evaluate(ibrid.textbook(name), benchmark(), **options)

@@ -1,10 +1,10 @@
 """Answers of the gap workflow put together by hand from real records: what its pages and texts must cope with."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from fitted import GRID, TRUE, measured
+from sharing import shared
 
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
@@ -32,7 +32,7 @@ ANGLE = 0.06
 VERDICTS = ("no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention")
 
 
-@cache
+@shared
 def device(noise_db: float | None = 60.0) -> Sweep:
     """A sweep of the benchmark's inverter, which has a low-pass before its PLL."""
     clean = measured([*FITTED, *HELD_OUT])
@@ -263,7 +263,7 @@ def _not_repaired(gap: Gap) -> Gap:
     )  # fmt: skip
 
 
-@cache
+@shared
 def made(verdict: str) -> Gap:
     """The answer with a verdict."""
     makers = (no_gap, parameters_only, misses_the_filter, located_unnamed, unexplained, data_convention)

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from ibrid_search.requirements import Requirements
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
+from sharing import shared
 
 import ibrid
 from ibrid.errors import IbridError
@@ -40,7 +40,7 @@ Verdict = Status | float
 Law = Callable[[str], Verdict]
 
 
-@cache
+@shared
 def task(vocabulary: tuple = VOCABULARY) -> Task:
     """The benchmark in its default setting."""
     return Task(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), vocabulary)
@@ -51,7 +51,7 @@ def noisy() -> Sweep:
     return add_noise(task().sweep, 40, rng=np.random.default_rng(0))
 
 
-@cache
+@shared
 def naive_record() -> Record:
     """The naive diagram fitted."""
     return ibrid.evaluate(ibrid.textbook("naive"), task().sweep, settings=QUICK)

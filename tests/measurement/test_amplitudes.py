@@ -1,7 +1,6 @@
 """Sweeps at several injection amplitudes: kept apart when read, compared by the linearity gate; describing functions."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from ibrid_bench.hidden.device import OMEGA_60, Device, admittance, stable
 from ibrid_bench.hidden.injection import injected
 from ibrid_bench.hidden.nonlinear import Nonlinearity
 from scipy.integrate import quad
+from sharing import shared
 
 from ibrid.errors import IbridError, SweepError
 from ibrid.gap.describing import (
@@ -204,7 +204,7 @@ def test_a_limit_whose_mean_is_held_moves_its_bias_until_the_mean_is_there():
 # the gate
 
 
-@cache
+@shared
 def device() -> Device:
     rng = np.random.default_rng(1)
     while True:
@@ -213,7 +213,7 @@ def device() -> Device:
             return found
 
 
-@cache
+@shared
 def levels(nonlinearity: Nonlinearity = PLAIN) -> tuple[Sweep, ...]:
     return tuple(
         Sweep(

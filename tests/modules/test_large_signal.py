@@ -1,7 +1,6 @@
 """Each kind's law in absolute quantities linearises to its state space; whole records become nonlinear models at rest."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import casadi as ca
@@ -11,6 +10,7 @@ from extended_inverters import VALUES, Inverter, program
 from fitted import benchmark, evaluated
 from random_diagrams import random_legal_diagram
 from scipy.linalg import expm
+from sharing import shared
 
 import ibrid
 from ibrid.analysis.linear_model import linear_model
@@ -35,13 +35,13 @@ OP, ELSEWHERE = "p=1,q=0.3", "p=-0.4,q=0.2,v=1.03"
 DEVICE = PLANTS["paper_like"]
 
 
-@cache
+@shared
 def true_record() -> ibrid.Record:
     """The benchmark's inverter at its true parameters."""
     return record_at(ibrid.parse_program(DEVICE.program), benchmark(), DEVICE.diagram_values)
 
 
-@cache
+@shared
 def extended_record(plant: str, outer: str, shunt: bool) -> ibrid.Record:
     """An inverter of extended kinds at given values."""
     text = program(Inverter(plant, outer, shunt=shunt))

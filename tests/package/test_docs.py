@@ -8,13 +8,13 @@ import re
 import shlex
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from sharing import shared
 
 import ibrid
 from ibrid.cli import parser
@@ -43,7 +43,7 @@ ELSEWHERE = ("effects.md",)
 KINDS = [pytest.param(kind, id=kind.name) for kind in VOCABULARY if not kind.delay]
 
 
-@cache
+@shared
 def making(name: str) -> ModuleType:
     """A program of docs/making, which is no package."""
     folder = str(DOCS / "making")

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from functools import cache
 from html import unescape
 
 import numpy as np
@@ -15,6 +14,7 @@ from made_gap import FITTED, made
 from made_run import a_run, meta
 from matplotlib.textpath import TextPath
 from page_reader import Reader, self_contained
+from sharing import shared
 
 from ibrid.analysis import stability
 from ibrid.analysis.grid import ratios
@@ -167,7 +167,7 @@ def test_paper_gets_rules_of_its_own_and_what_is_folded(text):
 # --- zoom ------------------------------------------------------------------------------------------------------------
 
 
-@cache
+@shared
 def a_drawing() -> str:
     def draw(axes):
         above, below = axes

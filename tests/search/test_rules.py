@@ -4,7 +4,6 @@ import ast
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.moves.family import Family, Move, view_of, views_of
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
 from scripted_search import context_of, record_of, task
+from sharing import shared
 
 import ibrid
 from ibrid.fit.objective import BAND_NAMES
@@ -47,7 +47,7 @@ def moves_of(diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY) -> Iterator
                 yield family.name, move, edited(view, move)
 
 
-@cache
+@shared
 def legal_moves(name: str) -> tuple[tuple[str, Move, ibrid.Diagram], ...]:
     """Those that the rules may propose for one of the parents."""
     found = []

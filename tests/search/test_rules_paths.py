@@ -1,7 +1,5 @@
 """Single edits lead from the naive start to every reference inverter, and what follows the command follows it all along."""
 
-from functools import cache
-
 import pytest
 from ibrid_search.oddities import oddities
 from ibrid_search.proposers.edited import edited
@@ -9,6 +7,7 @@ from ibrid_search.proposers.moves.command import followers
 from ibrid_search.proposers.moves.family import Move, View, view_of, views_of
 from ibrid_search.proposers.rules import FAMILIES
 from scripted_search import naive_record
+from sharing import shared
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
@@ -86,7 +85,7 @@ def _done(_: object) -> None:
     """What a move's change returns."""
 
 
-@cache
+@shared
 def path(name: str) -> tuple[ibrid.Diagram, ...]:
     """The naive start and what each edit makes of it."""
     found = [NAIVE]

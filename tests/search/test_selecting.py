@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from ibrid_search.report.selection import read_selection
 from ibrid_search.selecting import MOST, select, selection_json
 from ibrid_search.step import Status, Step
 from scripted_search import QUICK
+from sharing import shared
 
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
@@ -26,7 +26,7 @@ NAMES = ("naive", "gfl_exact", "gfl_pll_filter_exact")
 NAIVE, NEARLY, TRUE = range(3)
 
 
-@cache
+@shared
 def record(number: int) -> Record:
     return SUBJECT.record_of(ibrid.program_text(ibrid.textbook(NAMES[number])), QUICK)
 

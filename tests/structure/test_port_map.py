@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 import pytest
 from fitted import TRUE
+from sharing import shared
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
@@ -323,13 +323,13 @@ def farthest(fit: PortFit, law: np.ndarray, seen: np.ndarray) -> float:
     return max(np.abs(wrong.real / fit.deviation)[seen].max(), np.abs(wrong.imag / fit.deviation)[seen].max())
 
 
-@cache
+@shared
 def map_of(name: str) -> tuple[PortFit, ...]:
     """All ports for a sweep with an effect hidden, 60 dB."""
     return mapped(HIDDEN[name].given(), noisy(HIDDEN[name].device()))
 
 
-@cache
+@shared
 def map_of_nothing() -> tuple[PortFit, ...]:
     given = textbook("gfl_exact")
     return mapped(given, noisy(swept(given, values_of(given))))
