@@ -8,7 +8,8 @@ from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 #: Processor seconds of shared results that others had made before, since conftest last emptied the list.
 borrowed: list[float] = []
 

@@ -1,6 +1,6 @@
 """Control practice as it stands: every edit of the catalogue and every move of the rules, on diagrams of many kinds.
 
-The list is in golden/practice.json. After a change that is meant: `python tests/test_golden_practice.py`, and say in the
+The list is in practice.json. After a change that is meant: `python tests/golden/test_golden_practice.py`, and say in the
 commit which entries changed and why.
 """
 
@@ -15,7 +15,7 @@ from ibrid.gap.catalogue import insertions
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.structure import Diagram, parse_program, structure_hash, textbook, textbook_names
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "tests" / "golden" / "practice.json"
 PROGRAMS = ROOT / "search" / "ibrid_bench" / "search" / "programs"
 #: Effects that are put into a textbook diagram one by one; the diagrams that come out are edited as well.

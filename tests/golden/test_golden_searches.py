@@ -13,7 +13,7 @@ from scripted_search import ended, steps_of
 import ibrid
 from ibrid.fit import kernel
 
-GOLDEN = Path(__file__).parent / "golden" / "searches.json"
+GOLDEN = Path(__file__).parent / "searches.json"
 SWEEPS = ("paper_like", "published_sienna_lcl")
 PROPOSERS = ("rules", "random", "rules:0.5,random:0.5")
 

@@ -1,6 +1,6 @@
 """What diagrams are told to be, line by line as it was when the list was made: nothing about structure changes silently.
 
-`python tests/test_golden_structure.py` writes the list anew, after a change that is meant.
+`python tests/golden/test_golden_structure.py` writes the list anew, after a change that is meant.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ from ibrid.structure.program import program_text
 from ibrid.structure.roles import roles
 from ibrid.structure.simplify import simplified
 
-LIST = Path(__file__).parent / "golden" / "structure.json"
+LIST = Path(__file__).parent / "structure.json"
 DRAWN = 40
 
 

@@ -17,7 +17,7 @@ from ibrid.report.gap_measured import missing
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
-FOLDER = Path(__file__).parent / "golden"
+FOLDER = Path(__file__).parent
 #: The amplitude case is drawn by simulation in time, which takes long: its files lie beside the answers.
 GOLDEN, AMPLITUDES = FOLDER / "gap.json", FOLDER / "gap_amplitudes.csv"
 #: name -> kind and seed of a hidden case, how it is drawn, the effects that are tried, whether edits are suggested.
