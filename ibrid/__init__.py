@@ -59,6 +59,7 @@ _HOME = {
     "Range": "ibrid.modules.kind",
     "Record": "ibrid.evaluation.record",
     "Signal": "ibrid.signals",
+    "Study": "ibrid.study",
     "Sweep": "ibrid.measurement.sweep",
     "VOCABULARY": "ibrid.modules.vocabulary",
     "add_noise": "ibrid.measurement.noise",

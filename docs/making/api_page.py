@@ -10,6 +10,7 @@ PARTS = {
     "ibrid.modules": "Modules",
     "ibrid.structure": "Diagrams",
     "ibrid.fit": "Fit settings",
+    "ibrid.study": "Study",
     "ibrid.evaluation": "Evaluation",
     "ibrid.plants": "Reference inverters",
     "ibrid.gap": "Gap",

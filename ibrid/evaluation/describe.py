@@ -11,19 +11,21 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import DiagramError
 from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.plan import Plan
 from ibrid.evaluation.record import Record, pade_orders
 from ibrid.evaluation.reward import reward
 from ibrid.fit.identifiability import Visibility, visibility
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
+from ibrid.fit.settings import FitSettings
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.modules.delay import pade_limit
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
+from ibrid.structure.program import program_text
 from ibrid.structure.wiring import Wiring, wire
+from ibrid.study import Study
 
 #: Part of a box's width within which a value counts as at the bound.
 AT_BOUND = 1e-6
@@ -55,28 +57,44 @@ class Fitted:
         return [point.op.name for point in self.problem.points]
 
 
-def describe(diagram: Diagram, wiring: Wiring, plan: Plan, base: Record, fitted: Sequence[Fitted]) -> Record:
-    """The record of fits that together cover all fitted operating points."""
-    return _Description(diagram, wiring, plan, fitted).record(base)
+def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
+    """The record of a diagram before anything is known of it."""
+    return Record(
+        outcome=Outcome.INVALID,
+        reward=reward(None),
+        modules=len(diagram.instances),
+        program=program_text(diagram),
+        settings=study.described(effort),
+        vocabulary=study.kinds,
+    )
+
+
+def describe(
+    diagram: Diagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[Fitted]
+) -> Record:
+    """The record of fits that together cover all fitted operating points and minimised the `objective`."""
+    return _Description(diagram, wiring, study, objective, fitted).record(base)
 
 
 class _Description:
-    def __init__(self, diagram: Diagram, wiring: Wiring, plan: Plan, fitted: Sequence[Fitted]) -> None:
-        self.wiring, self.plan, self.fitted = wiring, plan, fitted
-        self.table = parameter_table(wire(diagram, plan.kinds), plan.equilibrium)  # names in the program's order
-        self.seen = [visibility(one.problem, one.solution.x, one.labels, plan.fit.minimised) for one in fitted]
+    def __init__(
+        self, diagram: Diagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[Fitted]
+    ) -> None:
+        self.wiring, self.study, self.fitted = wiring, study, fitted
+        self.table = parameter_table(wire(diagram, study.kinds), study.equilibrium)  # names in the program's order
+        self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
         self.values = {
             name: self._ordered(one.problem.values_at(one.solution.x, index))
             for one in fitted
             for index, name in enumerate(one.names)
         }
-        for point in plan.held_out:
+        for point in study.held_out:
             self.values[point.op.name] = dict(next(iter(self.values.values())))
 
     def record(self, base: Record) -> Record:
-        plan = self.plan
+        study = self.study
         responses = [response for one in self.fitted for response in one.problem.responses(one.solution.x)]
-        parts = error_parts(responses, plan.fitted.points)
+        parts = error_parts(responses, study.fitted.points)
         mean = float(np.mean(list(parts.by_op.values())))
         try:
             orders, poles = self._realisation(base.settings["frequency_hz"][1])
@@ -122,8 +140,8 @@ class _Description:
             warnings=base.warnings + self._count_warnings() + self._solver_warnings() + self._data_warnings(mean),
             starts=self._starts(),
             covariance=self._covariance(),
-            noise_floor=noise_floor(plan.fitted.points),
-            misfit=_misfit(responses, plan.fitted.points),
+            noise_floor=noise_floor(study.fitted.points),
+            misfit=_misfit(responses, study.fitted.points),
         )
 
     def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -136,10 +154,10 @@ class _Description:
         """
         orders = pade_orders(self.wiring, self.table, list(self.values.values()), highest)
         try:
-            return orders, {point.op.name: self._poles(point, orders) for point in self.plan.sweep.points}
+            return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
         except DiagramError:
             orders = {name: order + 1 for name, order in orders.items()}
-            return orders, {point.op.name: self._poles(point, orders) for point in self.plan.sweep.points}
+            return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
 
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
         found = []
@@ -160,9 +178,9 @@ class _Description:
             self.table,
             self.values[point.op.name],
             (point.op.p, point.op.q, point.op.v),
-            equilibrium=self.plan.equilibrium,
-            power_node=self.plan.sweep.power_node,
-            omega_0=self.plan.sweep.omega_0,
+            equilibrium=self.study.equilibrium,
+            power_node=self.study.sweep.power_node,
+            omega_0=self.study.sweep.omega_0,
             pade_orders=orders,
         )
         joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
@@ -174,14 +192,14 @@ class _Description:
         return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
 
     def _holdout(self) -> dict[str, float]:
-        if not self.plan.held_out:
+        if not self.study.held_out:
             return {}
-        problem = Problem(self.fitted[0].problem.model, self.plan.held_out)
+        problem = Problem(self.fitted[0].problem.model, self.study.held_out)
         found = next(iter(self.values.values()))
         x = problem.coordinates.to_x(np.array([found[one.name] for one in problem.numbers]))
         return {
             point.op.name: nrmse(response, point)
-            for response, point in zip(problem.responses(x), self.plan.held_out, strict=True)
+            for response, point in zip(problem.responses(x), self.study.held_out, strict=True)
         }
 
     def _intervals(self) -> dict[str, dict[str, Any]]:
@@ -193,7 +211,7 @@ class _Description:
                     for local, parameter in enumerate(one.problem.model.parameters)
                 }
                 intervals[name] = {parameter: found[parameter] for parameter in self.table.names}
-        for point in self.plan.held_out:
+        for point in self.study.held_out:
             intervals[point.op.name] = dict(next(iter(intervals.values())))
         return intervals
 
@@ -238,7 +256,7 @@ class _Description:
         """What a first look at the data says, when the fit is so bad that the data may be to blame."""
         if error < SUSPICIOUS_ERROR:
             return ()
-        sweep = self.plan.sweep
+        sweep = self.study.sweep
         found = (*check_conventions(sweep).warnings, *implausible_numbers(sweep))
         return tuple(f"of the data: {sentence}" for sentence in found)
 

@@ -23,8 +23,8 @@ from ibrid.gap.verdict import Findings
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.linearity import Linearity, small_signal
 from ibrid.measurement.sweep import Sweep
-from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
+from ibrid.study import Study
 from ibrid.telling import Count
 
 #: Verdicts that a band which no amplitude touches may still have.
@@ -34,23 +34,15 @@ NEXT = "sweep with smaller amplitudes, and with two more between these"
 
 @dataclass(frozen=True, eq=False)
 class GapRequest:
-    """What is asked: the model, all data, what is believed. `held` : operating points kept out. `find` : the small-signal
-    workflow on a sweep with one amplitude."""
+    """What is asked: the model, all data, what is believed. `find` : the small-signal workflow on a sweep with one
+    amplitude."""
 
     diagram: Diagram
-    sweep: Sweep
-    held: tuple[str, ...]
+    study: Study
     values: Nominal | None
     prior: Prior
-    kinds: Vocabulary
-    seed: int
     find: Callable[[Sweep], Gap]
     tell: Count
-
-    @property
-    def fitted(self) -> Sweep:
-        """All amplitudes of the operating points that are fitted."""
-        return self.sweep.without(self.held) if self.held else self.sweep
 
 
 def gap_at_amplitudes(asked: GapRequest, found: Linearity) -> Gap:
@@ -59,19 +51,19 @@ def gap_at_amplitudes(asked: GapRequest, found: Linearity) -> Gap:
     Where the response depends on the amplitude by more than products of signals cause, a nonlinearity is looked for in all
     amplitudes together, and the small-signal workflow sees the other frequencies alone. found : of the fitted points.
     """
-    small = small_signal(asked.sweep, found)
+    small = small_signal(asked.study.sweep, found)
     kept = 0 if small is None else min(len(point.frequency) for point in small.points)
     answer = AmplitudeAnswer(found, kept)
     if not len(found.refused) and small is not None:
         gap = asked.find(small)
         return replace(gap, sentence=f"{gap.sentence} {found.sentence}", amplitude=answer)
-    data = amplitude_data(asked.fitted)
+    data = amplitude_data(asked.study.fitted)
     naming = None if data is None else _named(asked, asked.diagram, data)
     if naming is not None and data is not None and naming.named:
         return _answered(asked, small if small is not None and kept >= FEWEST else None, naming, data, answer)
     if small is None or kept < FEWEST:
         gap = _linear_gap(
-            asked, at_amplitudes(asked.sweep)[0], asked.diagram, {} if naming is None else naming.linear.values
+            asked, at_amplitudes(asked.study.sweep)[0], asked.diagram, {} if naming is None else naming.linear.values
         )
     else:
         gap = asked.find(small)
@@ -83,8 +75,8 @@ def gap_at_amplitudes(asked: GapRequest, found: Linearity) -> Gap:
 
 
 def _named(asked: GapRequest, diagram: Diagram, data: AmplitudeData) -> Naming | None:
-    rng = np.random.default_rng(asked.seed)
-    return name_nonlinearity(diagram, asked.kinds, data, asked.prior, rng, asked.tell)
+    rng = np.random.default_rng(asked.study.seed)
+    return name_nonlinearity(diagram, asked.study.kinds, data, asked.prior, rng, asked.tell)
 
 
 # --- named -----------------------------------------------------------------------------------------------------------
@@ -95,7 +87,7 @@ def _answered(
 ) -> Gap:
     """A nonlinearity alone: the linear model at the values that all amplitudes tell."""
     fit = believed_of(naming)
-    sweep = at_amplitudes(asked.sweep)[0] if small is None else small
+    sweep = at_amplitudes(asked.study.sweep)[0] if small is None else small
     gap = _linear_gap(asked, sweep, asked.diagram, fit.values)
     answer = weighed(answer, naming, data)
     return replace(
@@ -116,7 +108,9 @@ def _as_given(asked: GapRequest, data: AmplitudeData) -> float | None:
     """Error of the linear model at nominal values over all amplitudes; None where no values were given."""
     if not asked.values:
         return None
-    refitter = Refitter(Noise(data.pooled, True, ""), asked.kinds, asked.prior, np.random.default_rng(asked.seed))
+    refitter = Refitter(
+        Noise(data.pooled, True, ""), asked.study.kinds, asked.prior, np.random.default_rng(asked.study.seed)
+    )
     return nrmse_at_all(data, at_every_amplitude(refitter.at_values(asked.diagram, {}).responses, data))
 
 
@@ -167,7 +161,7 @@ def _unnamed(
 
 def _ports_at_all(asked: GapRequest, data: AmplitudeData) -> tuple[PortFit, ...]:
     """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's fit."""
-    names = list(dict.fromkeys(one.port.name for one in places(asked.diagram, asked.kinds)))
+    names = list(dict.fromkeys(one.port.name for one in places(asked.diagram, asked.study.kinds)))
     if not names:
         return ()
     by_level = []
@@ -183,7 +177,10 @@ def _ports_at_all(asked: GapRequest, data: AmplitudeData) -> tuple[PortFit, ...]
         )
         sweep = replace(data.sweep, points=points)
         by_level.append(
-            {one.port.name: one for one in port_map(asked.diagram, asked.kinds, sweep, asked.prior, [{}], only=names)}
+            {
+                one.port.name: one
+                for one in port_map(asked.diagram, asked.study.kinds, sweep, asked.prior, [{}], only=names)
+            }
         )
     found = [
         max((level[name] for level in by_level), key=lambda one: one.chi2_per_dof)
@@ -195,9 +192,9 @@ def _ports_at_all(asked: GapRequest, data: AmplitudeData) -> tuple[PortFit, ...]
 
 def _linear_gap(asked: GapRequest, sweep: Sweep, diagram: Diagram, values: Mapping[str, float]) -> Gap:
     """The linear model at given values as an answer that names nothing."""
-    fitted = sweep.without(asked.held) if asked.held else sweep
+    fitted = sweep.without(asked.study.held) if asked.study.held else sweep
     noise = noise_of(fitted)
-    shop = Workshop(noise, asked.kinds, asked.prior, CATALOGUE, np.random.default_rng(asked.seed))
+    shop = Workshop(noise, asked.study.kinds, asked.prior, CATALOGUE, np.random.default_rng(asked.study.seed))
     given = Model(diagram, Convention(), shop.refitter(Convention()).at_values(diagram, values))
     found = Findings(noise, given, given, (), (), (), 1.0, 0, ())
-    return answer_of(found, shop, diagram, sweep, asked.held, asked.values, ())
+    return answer_of(found, shop, diagram, sweep, asked.study.held, asked.values, ())

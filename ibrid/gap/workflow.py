@@ -4,11 +4,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Unpack
 
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.plan import make_plan
 from ibrid.fit import kernel
 from ibrid.gap.amplitude_workflow import GapRequest, gap_at_amplitudes
 from ibrid.gap.answer import answer_of
@@ -25,12 +25,11 @@ from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, scale_of
 from ibrid.measurement.linearity import linearity
 from ibrid.measurement.sweep import Sweep
-from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
+from ibrid.study import Study, StudyOptions
 from ibrid.telling import Count, Tell, in_pieces, telling
 
 #: Times at most that everything is tried, each time with the noise that the time before left over.
@@ -41,26 +40,26 @@ LEAST_SHARED = 6
 
 def find_gap(
     diagram: Diagram,
-    sweep: Sweep,
+    sweep: Sweep | Study,
     values: Nominal | None = None,
     *,
-    holdout_op: str | Sequence[str] = (),
-    vocabulary: str | Sequence[ModuleKind] = "extended",
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
-    seed: int = 0,
     progress: str | Tell = "silent",
+    **options: Unpack[StudyOptions],
 ) -> Gap:
     """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
 
     Parameters
     ----------
-    diagram : the model that is believed in. sweep : the measured device; with several injection amplitudes the response is
-        tested for linearity first, and a current limit or a dead zone is looked for where it fails.
+    diagram : the model that is believed in. sweep : the measured device, or a study of it; with several injection
+        amplitudes the response is tested for linearity first, and a current limit or a dead zone is looked for where it
+        fails.
     values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
-    holdout_op : operating points that are not fitted, but predicted before and after.
-    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`. seed : of the random starts.
+    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held-out points are predicted before and after. A gap is
+        sought with shared parameters and the exact equilibrium alone.
+    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`.
     suggest : who is asked for edits where something is located that the catalogue does not know.
     progress : where a line says what is going on: "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
@@ -73,39 +72,39 @@ def find_gap(
     ------
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
+    study = Study.of(sweep, **options)
+    if (study.parameters, study.equilibrium) != ("shared", "exact"):
+        raise IbridError(
+            "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
+        )
     with telling(progress) as tell:
-        return _found(diagram, sweep, values, holdout_op, vocabulary, catalogue, suggest, seed, in_pieces(tell))
+        return _found(diagram, study, values, catalogue, suggest, in_pieces(tell))
 
 
 def _found(
     diagram: Diagram,
-    sweep: Sweep,
+    study: Study,
     values: Nominal | None,
-    holdout_op: str | Sequence[str],
-    vocabulary: str | Sequence[ModuleKind],
     catalogue: Sequence[Effect],
     suggest: Sequence[Suggest],
-    seed: int,
     tell: Count,
 ) -> Gap:
     kernel.load()
     began = time.perf_counter()
-    plan = make_plan(sweep, "shared", "exact", vocabulary, None, None, seed, holdout_op, None)
-    require_legal(diagram, plan.kinds, equilibrium="exact")
-    wiring = wire(diagram, plan.kinds)
+    require_legal(diagram, study.kinds, equilibrium="exact")
+    wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
-    held = tuple(point.op.name for point in plan.held_out)
-    amplitudes = linearity(plan.fitted)
+    amplitudes = linearity(study.fitted)
     if amplitudes is not None:
 
         def find(small: Sweep) -> Gap:
-            return _found(diagram, small, values, held, vocabulary, catalogue, suggest, seed, tell)
+            return _found(diagram, replace(study, sweep=small), values, catalogue, suggest, tell)
 
-        asked = GapRequest(diagram, plan.sweep, held, values, prior, plan.kinds, seed, find, tell)
+        asked = GapRequest(diagram, study, values, prior, find, tell)
         return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
-    ask = _Question(diagram, plan.kinds, prior, tuple(catalogue), seed, tell)
-    found, shop = _findings(ask, noise_of(plan.fitted))
-    gap = answer_of(found, shop, diagram, plan.sweep, held, values, suggest)
+    ask = _Question(diagram, study, prior, tuple(catalogue), tell)
+    found, shop = _findings(ask, noise_of(study.fitted))
+    gap = answer_of(found, shop, diagram, study.sweep, study.held, values, suggest)
     return replace(gap, seconds=time.perf_counter() - began)
 
 
@@ -114,10 +113,9 @@ class _Question:
     """What is asked of one set of data."""
 
     diagram: Diagram
-    kinds: Vocabulary
+    study: Study
     prior: Prior
     catalogue: tuple[Effect, ...]
-    seed: int
     tell: Count
 
 
@@ -137,7 +135,7 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop]:
 
 
 def _tried(ask: _Question, noise: Noise, steps: Sequence[str]) -> tuple[Findings, Workshop]:
-    shop = Workshop(noise, ask.kinds, ask.prior, ask.catalogue, np.random.default_rng(ask.seed))
+    shop = Workshop(noise, ask.study.kinds, ask.prior, ask.catalogue, np.random.default_rng(ask.study.seed))
     ask.tell(0, 1, "the given model refitted")
     given = shop.given(ask.diagram)
     if given is None:
@@ -180,4 +178,6 @@ def _ports(ask: _Question, given: Model, noise: Noise, steps: list[str]) -> tupl
         return ()
     points = tuple(point.at(np.isin(point.frequency, shared)) for point in noise.sweep.points)
     ask.tell(0, 1, "the port map")
-    return port_map(given.diagram, ask.kinds, replace(noise.sweep, points=points), ask.prior, [given.refit.values, {}])
+    return port_map(
+        given.diagram, ask.study.kinds, replace(noise.sweep, points=points), ask.prior, [given.refit.values, {}]
+    )

@@ -9,7 +9,6 @@ from typing import Any
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.plan import make_plan
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.settings import FitSettings
@@ -17,6 +16,7 @@ from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
+from ibrid.study import Study
 from ibrid_search.blocks import shown
 from ibrid_search.proposal import Evaluated, Task
 from ibrid_search.run_folder import write_best
@@ -141,17 +141,15 @@ class Logbook:
 
     def _require(self, effort: Effort) -> None:
         task = self.task
-        make_plan(
+        study = Study(
             task.sweep,
-            task.parameters,
-            task.equilibrium,
-            task.kinds,
-            None,
-            effort.restarts,
-            effort.seed,
-            effort.holdout_op,
-            FitSettings(seconds=effort.seconds),
+            parameters=task.parameters,
+            equilibrium=task.equilibrium,
+            vocabulary=task.kinds,
+            holdout_op=effort.holdout_op,
+            seed=effort.seed,
         )
+        study.effort(FitSettings(seconds=effort.seconds), restarts=effort.restarts)
 
     def _evaluated(self, number: int) -> Evaluated:
         record = self.record(number)

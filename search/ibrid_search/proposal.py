@@ -11,7 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
-from ibrid_search.examination import Examination
+from ibrid.structure.examination import Examination
 from ibrid_search.step import Step
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.

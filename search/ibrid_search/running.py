@@ -13,7 +13,6 @@ from ibrid_policy.weights_folder import WEIGHTS_FILE
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.plan import make_plan
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
@@ -24,6 +23,7 @@ from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
+from ibrid.study import Study
 from ibrid.writing import write_whole
 from ibrid_search.evaluation.assess import Subject
 from ibrid_search.evaluation.job import Evaluator
@@ -145,10 +145,12 @@ def search(
     if resume:
         require_run(folder)
     settings = replace(settings or SearchSettings(), history=history)
-    plan = make_plan(sweep, parameters, equilibrium, vocabulary, None, None, seed, holdout_op, None)
+    study = Study.of(
+        sweep, parameters=parameters, equilibrium=equilibrium, vocabulary=vocabulary, holdout_op=holdout_op, seed=seed
+    )
     first = _program(start)
-    require_legal(parse_program(first, "the start"), plan.kinds, equilibrium=equilibrium)
-    task = Task(plan.fitted, plan.kinds, equilibrium, parameters)
+    require_legal(parse_program(first, "the start"), study.kinds, equilibrium=equilibrium)
+    task = Task(study.fitted, study.kinds, equilibrium, parameters)
     proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
@@ -166,14 +168,14 @@ def search(
         lessons["learning"] = vars(lesson)
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)
-    held = tuple(point.op.name for point in plan.held_out)
+    held = study.held
     if choose == "op" and not held:
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
     texts = {"data": sweep_csv(sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     options = {
         "seed": seed, "budget": budget, "target": target, "proposer": _names(proposers), "models": list(models),
         "prices": [list(one) for one in prices], "parameters": parameters, "equilibrium": equilibrium,
-        "vocabulary": plan.vocabulary, "holdout_op": list(held), "require": require or "", "choose": choose,
+        "vocabulary": study.vocabulary_name, "holdout_op": list(held), "require": require or "", "choose": choose,
         "workers": workers, "ray": ray or "", "data": sweep.source, "data_sha256": digest(texts["data"]),
         "start_sha256": digest(first), "settings": vars(settings), **lessons,
     }  # fmt: skip
@@ -182,8 +184,8 @@ def search(
             store.set_meta("truth", texts["truth"])
         store.set_meta("ending", "")
         shown = Progress(progress) if isinstance(progress, str) else progress
-        judged = criterion(plan.fitted, parameters, settings)
-        subject = Subject(with_sigma(sweep), parameters, equilibrium, plan.kinds, held, seed=seed, floor=judged.floor)
+        judged = criterion(study.fitted, parameters, settings)
+        subject = Subject(with_sigma(sweep), parameters, equilibrium, study.kinds, held, seed=seed, floor=judged.floor)
         watcher = Watcher(store, folder, shown, budget)
         with _evaluator(subject, workers, ray, settings) as evaluator, shown:
             loop = Loop(
@@ -195,7 +197,7 @@ def search(
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
             answer, selection = _concluded(loop, store, subject, choose, folder, ending)
-            write_run_page(store, folder / PAGE, vocabulary=plan.kinds)
+            write_run_page(store, folder / PAGE, vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
             folder=folder,

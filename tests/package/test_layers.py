@@ -16,6 +16,7 @@ LAYERS = (
     ("structure",),
     ("assembly",),
     ("fit",),
+    ("study",),
     ("evaluation",),
     ("plants",),
     ("gap",),

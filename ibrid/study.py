@@ -1,0 +1,170 @@
+"""A study: the measured device and how it is looked at, said once and passed whole."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, TypedDict, Unpack
+
+from ibrid.errors import IbridError, OperatingPointError, near
+from ibrid.fit.objective import objective_for
+from ibrid.fit.settings import FitSettings, require_one_of
+from ibrid.measurement.noise_estimate import with_sigma
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.examination import Examination
+from ibrid.structure.parameters import EQUILIBRIA
+
+#: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
+PARAMETER_MODES = ("shared", "per-op")
+
+
+class StudyOptions(TypedDict, total=False):
+    """The keywords of `Study`, for whoever passes them on."""
+
+    parameters: str
+    equilibrium: str
+    vocabulary: str | Sequence[ModuleKind]
+    holdout_op: str | Sequence[str]
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What is measured, and what does not change while diagrams are compared with it.
+
+    Parameters
+    ----------
+    sweep : measured operating points; a sigma that their repeats tell is filled in.
+    parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or "paper" (fitted numbers).
+    vocabulary : "extended", "paper" or kinds of one's own.
+    holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
+    seed : of everything random.
+    kinds, held : the kinds of the vocabulary and the names of the held-out points; they follow from the others.
+
+    Raises
+    ------
+    IbridError : an option that does not exist, an operating point that the sweep lacks, or nothing left to fit.
+    """
+
+    sweep: Sweep
+    _: KW_ONLY
+    parameters: str = "shared"
+    equilibrium: str = "exact"
+    vocabulary: str | Sequence[ModuleKind] = "extended"
+    holdout_op: str | Sequence[str] = ()
+    seed: int = 0
+    kinds: Vocabulary = field(init=False, repr=False)
+    held: tuple[str, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sweep, Sweep):
+            raise IbridError(f"a study is of a Sweep, found {type(self.sweep).__name__}; make one with read_sweep")
+        require_one_of("parameters", self.parameters, PARAMETER_MODES)
+        require_one_of("equilibrium", self.equilibrium, EQUILIBRIA)
+        held = (self.holdout_op,) if isinstance(self.holdout_op, str) else tuple(self.holdout_op)
+        for name in held:
+            if name not in self.sweep.names:
+                raise OperatingPointError(
+                    f"the data have no operating point {name!r} to hold out; {near(name, self.sweep.names)}"
+                )
+        if held and (self.parameters != "shared" or self.equilibrium != "exact"):
+            raise IbridError(
+                "a held-out operating point can be predicted only with shared parameters and the exact equilibrium; "
+                "drop --holdout-op or the other options"
+            )
+        if len(set(held)) >= len(self.sweep.points):
+            raise IbridError("every operating point is held out; leave at least one to fit")
+        object.__setattr__(self, "sweep", with_sigma(self.sweep))
+        object.__setattr__(self, "kinds", choose_vocabulary(self.vocabulary))
+        object.__setattr__(self, "held", held)
+
+    @classmethod
+    def of(cls, data: "Sweep | Study", **options: Unpack[StudyOptions]) -> "Study":
+        """A study of a sweep; or the one that is given, with these options changed."""
+        if isinstance(data, Study):
+            return replace(data, **options) if options else data
+        return cls(data, **options)
+
+    @cached_property
+    def fitted(self) -> Sweep:
+        """The operating points that are fitted."""
+        return self.sweep.without(self.held) if self.held else self.sweep
+
+    @cached_property
+    def held_out(self) -> tuple[PointSweep, ...]:
+        """The operating points that are predicted."""
+        return tuple(self.sweep.point(name) for name in self.held)
+
+    @cached_property
+    def blind(self) -> "Study":
+        """The study as if what is held out had never been measured, for whoever must not see it."""
+        return replace(self, sweep=self.fitted, holdout_op=()) if self.held else self
+
+    @cached_property
+    def groups(self) -> tuple[tuple[PointSweep, ...], ...]:
+        """Fitted operating points that share their parameters: all of them, or each for itself."""
+        points = self.fitted.points
+        return (points,) if self.parameters == "shared" else tuple((point,) for point in points)
+
+    @property
+    def vocabulary_name(self) -> str:
+        """A shipped vocabulary by its name; otherwise what is added to and left out of the extended one."""
+        for name, shipped in NAMED_VOCABULARIES.items():
+            if self.kinds == shipped:
+                return name
+        added = [kind.name for kind in self.kinds if kind not in VOCABULARY]
+        kept = {kind.name for kind in self.kinds}
+        left_out = [kind.name for kind in VOCABULARY if kind.name not in kept]
+        return "extended" + "".join(f" + {name}" for name in added) + "".join(f" - {name}" for name in left_out)
+
+    @cached_property
+    def examined(self) -> Examination:
+        """The grammar, with a memory: (diagram, its canonical print) -> hash, violations and warnings."""
+        return Examination(self.kinds, self.equilibrium)
+
+    def hash_of(self, diagram: Diagram) -> str:
+        """The structure's hash; DiagramError where a kind or port does not exist."""
+        return structure_hash(diagram, self.kinds, equilibrium=self.equilibrium)
+
+    def effort(
+        self, settings: FitSettings | None = None, *, objective: str | None = None, restarts: int | None = None
+    ) -> FitSettings:
+        """The effort of a fit, with what it minimises: `objective`, else that of `settings`, else what suits the data."""
+        settings = settings or FitSettings()
+        wanted = objective or settings.objective or objective_for(self.fitted.points)
+        changed = {} if restarts is None else {"restarts": restarts}
+        return replace(settings, objective=wanted, **changed)
+
+    def described(self, fit: FitSettings) -> Mapping[str, Any]:
+        """How a record was made, as its JSON says: `fit` is the effort, from `effort`."""
+        points = self.sweep.points
+        return {
+            "parameters": self.parameters,
+            "equilibrium": self.equilibrium,
+            "vocabulary": self.vocabulary_name,
+            "objective": fit.minimised,
+            "restarts": fit.restarts,
+            "starts": fit.starts,
+            "seeds": fit.seeds,
+            "seed": self.seed,
+            "seconds": fit.seconds,
+            "solver": "ipopt",
+            "data": self.sweep.source,
+            "f0_hz": self.sweep.f0_hz,
+            "power_node": self.sweep.power_node,
+            "operating_points": {
+                point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points
+            },
+            "fitted_points": list(self.fitted.names),
+            "frequency_hz": [
+                min(float(point.frequency[0]) for point in points),
+                max(float(point.frequency[-1]) for point in points),
+            ],
+        }
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What was said travels to workers, not what was derived from it."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
