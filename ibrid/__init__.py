@@ -40,10 +40,11 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
     from ibrid.structure.diagram import Diagram
     from ibrid.structure.library import textbook, textbook_names
     from ibrid.structure.program import parse_program, program_text, read_program
+    from ibrid.study import Study
 
 __all__ = [
     "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
-    "Range", "Record", "Signal", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "find_gap",
+    "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "find_gap",
     "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "predict", "program_text",
     "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
     "textbook_names", "violations", "write_report", "write_sweep",
