@@ -20,9 +20,11 @@ def sweep() -> Sweep:
 
 def test_a_held_out_point_is_neither_fitted_nor_seen_by_who_is_blind(sweep: Sweep):
     study = Study(sweep, holdout_op="p=1,q=-0.3")
-    assert study.held == ("p=1,q=-0.3",) and study.held_out == (sweep.point("p=1,q=-0.3"),)
+    assert study.held == ("p=1,q=-0.3",)
+    assert study.held_out == (sweep.point("p=1,q=-0.3"),)
     assert study.fitted.names == study.blind.sweep.names == ("p=1,q=0.3",)
-    assert study.blind.held == () and Study(sweep).blind.sweep.names == sweep.names
+    assert study.blind.held == ()
+    assert Study(sweep).blind.sweep.names == sweep.names
 
 
 def test_points_share_their_parameters_or_have_their_own(sweep: Sweep):
@@ -54,11 +56,13 @@ def test_a_study_is_of_a_sweep():
 def test_a_study_stands_in_the_place_of_its_sweep(sweep: Sweep):
     study, naive = Study(sweep, seed=3, vocabulary="paper"), ibrid.parse_program(NAIVE)
     record = ibrid.evaluate(naive, study, settings=QUICK)
-    assert record.settings["seed"] == 3 and record.settings["vocabulary"] == "paper"
+    assert record.settings["seed"] == 3
+    assert record.settings["vocabulary"] == "paper"
     plain = ibrid.evaluate(naive, sweep, seed=3, vocabulary="paper", settings=QUICK)
     assert {**plain.to_json(), "seconds": 0} == {**record.to_json(), "seconds": 0}
     assert ibrid.evaluate(naive, study, seed=4, settings=QUICK).settings["seed"] == 4
-    assert Study.of(study) is study and Study.of(study, seed=4).vocabulary == "paper"
+    assert Study.of(study) is study
+    assert Study.of(study, seed=4).vocabulary == "paper"
 
 
 def test_a_gap_is_sought_with_shared_parameters_alone(sweep: Sweep):
@@ -76,5 +80,7 @@ def test_what_travels_is_what_was_said(sweep: Sweep):
     study = Study(sweep, holdout_op="p=1,q=-0.3")
     study.examined(ibrid.parse_program(NAIVE), NAIVE)
     there = pickle.loads(pickle.dumps(study))
-    assert "examined" not in vars(there) and there.held == study.held and there.kinds == study.kinds
+    assert "examined" not in vars(there)
+    assert there.held == study.held
+    assert there.kinds == study.kinds
     assert there.hash_of(ibrid.parse_program(NAIVE)) == study.hash_of(ibrid.parse_program(NAIVE))
