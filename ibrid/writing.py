@@ -51,6 +51,17 @@ def require_folder(path: str | Path) -> None:
         raise _refused(path, error) from None
 
 
+def inside(folder: str | Path, name: str) -> Path:
+    """A file of ours in a folder that may come from others, to be read or written.
+
+    Raises IbridError where it is a link, a pipe or a device there: what is done in the folder must stay in it.
+    """
+    path = Path(folder) / name
+    if path.is_symlink() or (path.exists() and not path.is_file() and not path.is_dir()):
+        raise IbridError(f"{path}: must be a file of its own, found a link or a device; remove it and try again")
+    return path
+
+
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write UTF-8 text or bytes, replacing a file atomically; a device or pipe such as /dev/null is written to.
 

@@ -9,7 +9,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.commands.searching import MODEL_HELP
 from ibrid.errors import IbridError
-from ibrid.writing import require_folder, require_place, write_whole
+from ibrid.writing import inside, require_folder, require_place, write_whole
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
@@ -67,7 +67,7 @@ def run(arguments: Namespace) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     given = f"the program of {arguments.model}" if _is_sweep(arguments.model) else arguments.model
     write_gap(gap, folder, given)
-    write_whole(folder / PAGE, page)
+    write_whole(inside(folder, PAGE), page)
     print(gap_text(gap, folder).rstrip("\n"))
     return 0
 
@@ -138,7 +138,7 @@ def _folder(arguments: Namespace) -> Path:
         raise IbridError("--out needs a folder, found an empty name; write . for the current one")
     folder = Path(arguments.out)
     require_folder(folder)
-    places = {f"the {name} of --out": folder / name for name in FILES}
+    places = {f"the {name} of --out": inside(folder, name) for name in FILES}
     require_distinct(places, {"MODEL": arguments.model, "DATA": arguments.data, "--values": arguments.values})
     if folder.is_dir():
         for place in places.values():

@@ -7,7 +7,7 @@ from typing import Any
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
-from ibrid.writing import require_place
+from ibrid.writing import inside, require_place
 
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
@@ -94,9 +94,9 @@ def run_report(arguments: Namespace) -> int:
 def _run_page(arguments: Namespace) -> int:
     """The page of a search, also while it runs."""
     folder = Path(arguments.record)
-    out = Path(arguments.out) if arguments.out else folder / "report.html"
+    out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
     require_place(out)
-    require_distinct({"--out": out}, {"the archive": folder / ARCHIVE})
+    require_distinct({"--out": out}, {"the archive": inside(folder, ARCHIVE)})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
     from ibrid_search.page import write_run_page
@@ -111,6 +111,6 @@ def _record_file(path: Path) -> Path:
     if not path.is_dir():
         return path
     for name in RECORD_NAMES:
-        if (path / name).is_file():
+        if inside(path, name).is_file():
             return path / name
     raise IbridError(f"{path}: must hold a record; found none of {', '.join(RECORD_NAMES)}")

@@ -7,7 +7,7 @@ from typing import Any
 
 from ibrid.gap.result import SCHEMA, Gap
 from ibrid.structure.difference import unified
-from ibrid.writing import write_whole
+from ibrid.writing import inside, write_whole
 
 GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
 #: What a repair changed; there is none without a repair.
@@ -54,13 +54,13 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
     folder = Path(folder)
     answer = json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n"
     changed = unified(gap.given, gap.program, (given, str(folder / PROGRAM)))
-    write_whole(folder / PROGRAM, gap.program)
+    write_whole(inside(folder, PROGRAM), gap.program)
     if changed:
-        write_whole(folder / DIFF, changed)
+        write_whole(inside(folder, DIFF), changed)
     else:
-        (folder / DIFF).unlink(missing_ok=True)
-    gap.repaired.write(folder / RECORD)
-    write_whole(folder / GAP, answer)
+        inside(folder, DIFF).unlink(missing_ok=True)
+    gap.repaired.write(inside(folder, RECORD))
+    write_whole(inside(folder, GAP), answer)
 
 
 def _amplitudes(gap: Gap) -> dict[str, Any]:

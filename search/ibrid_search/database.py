@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import Any, Self
 
 from ibrid.errors import IbridError
+from ibrid.writing import inside
 
 #: Marks a file as the archive of a search ("ibrd"); PRAGMA application_id.
 APPLICATION = 0x69627264
 #: Seconds to wait for a reader or a backup that holds the file for a moment.
 PATIENCE = 10.0
+LOCK = ".lock"
+#: Ends a journal that names a file to be deleted with it.
+_NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")
 _REASONS = {
     sqlite3.SQLITE_FULL: "the disk is full; make room and resume the run, nothing recorded so far is lost",
     sqlite3.SQLITE_CORRUPT: "the file is damaged; restore a copy, or start a new run",
@@ -29,6 +33,7 @@ class Database:
     def __init__(self, path: Path, mode: str) -> None:
         """Open in a mode of SQLite's URIs: ro, rw or rwc; the last two as the only writer."""
         self.path = path
+        _require_own_files(path)
         with ExitStack() as opened:
             if mode != "ro":
                 opened.enter_context(closing(_become_writer(path)))
@@ -118,12 +123,24 @@ class Database:
             )
 
 
+def _require_own_files(path: Path) -> None:
+    """Raise IbridError where a file that SQLite opens with `path`, to read, write or delete it, leads elsewhere."""
+    lock = path.with_suffix(LOCK)
+    for base in (path, lock):
+        for ending in ("", "-wal", "-shm", "-journal"):
+            file = inside(base.parent, base.name + ending)
+            if ending == "-journal" and file.is_file() and file.read_bytes().endswith(_NAMES_ANOTHER):
+                raise IbridError(
+                    f"{file}: names a file elsewhere, which no journal of a run does; remove it and try again"
+                )
+
+
 def _become_writer(path: Path) -> sqlite3.Connection:
     """Hold the only right to write `path` until the connection is closed or the process ends, however it ends.
 
     The right is a lock of the operating system on an empty file beside it, which stays. IbridError when it is taken.
     """
-    lock = path.with_suffix(".lock")
+    lock = path.with_suffix(LOCK)
     with _in_a_sentence(lock):
         connection = sqlite3.connect(lock, isolation_level=None, timeout=0.0)
         try:

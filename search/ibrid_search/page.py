@@ -11,7 +11,7 @@ from ibrid.report.markup import Section, bullets, data, escape, page, page_heade
 from ibrid.report.numbers import error
 from ibrid.report.parameter_table import parameter_html, twins_table
 from ibrid.report.verdict import verdict
-from ibrid.writing import write_whole
+from ibrid.writing import inside, write_whole
 from ibrid_search.report.course import lineage_html, trajectory_html
 from ibrid_search.report.learning import learning_html
 from ibrid_search.report.models import comparison_html, diagrams_html, response_html
@@ -42,9 +42,9 @@ def write_run_page(
     Returns the path. Raises IbridError when there is no run, or the page cannot be written.
     """
     if isinstance(run, str | Path):
-        with Store.open(Path(run) / ARCHIVE, read_only=True) as store:
+        with Store.open(inside(run, ARCHIVE), read_only=True) as store:
             return write_run_page(store, path, sweep=sweep, vocabulary=vocabulary)
-    target = run.path.parent / PAGE if path is None else Path(path)
+    target = inside(run.path.parent, PAGE) if path is None else Path(path)
     write_whole(target, run_html(read_run(run, sweep, vocabulary)))
     return target
 

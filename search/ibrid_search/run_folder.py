@@ -8,7 +8,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.writing import write_whole
+from ibrid.writing import inside, write_whole
 from ibrid_search.run_file import read_run_toml, require_same, run_toml
 from ibrid_search.step import USABLE
 from ibrid_search.store import Store
@@ -16,14 +16,15 @@ from ibrid_search.store import Store
 ARCHIVE, RUN_TOML = "archive.sqlite", "run.toml"
 BEST_PROGRAM, BEST_RECORD = "best.py", "best.json"
 TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
+_WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: What SQLite and the store keep beside the archive.
 BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
 
 
 def write_best(folder: Path, record: Record) -> None:
     """best.py and best.json, each replaced atomically."""
-    write_whole(folder / BEST_PROGRAM, record.program)
-    record.write(folder / BEST_RECORD)
+    write_whole(inside(folder, BEST_PROGRAM), record.program)
+    record.write(inside(folder, BEST_RECORD))
 
 
 @contextmanager
@@ -35,7 +36,9 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
 
     Raises IbridError for a run without `resume`, one with other options, and a folder that cannot be used.
     """
-    archive, file = folder / ARCHIVE, folder / RUN_TOML
+    archive, file = inside(folder, ARCHIVE), inside(folder, RUN_TOML)
+    for name in _WRITTEN:  # at the end of the run, when it is too late to refuse
+        inside(folder, name)
     exists = archive.exists() or file.exists()
     if exists and not resume:
         raise IbridError(f"{folder}: holds a run already; go on with it by --resume, or choose another folder")
@@ -64,7 +67,7 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
 
 def require_run(folder: Path) -> None:
     """Raise IbridError unless the folder holds a run to go on with, also one that ended before its first step."""
-    if not any((folder / name).exists() for name in (ARCHIVE, RUN_TOML)):
+    if not any(inside(folder, name).exists() for name in (ARCHIVE, RUN_TOML)):
         missing = "is not a folder" if folder.exists() else "there is no such folder"
         what = "holds no run" if folder.is_dir() else f"{missing}, and so no run"
         raise IbridError(f"{folder}: {what} to go on with; name the folder of one, or leave --resume out to begin")
@@ -81,8 +84,8 @@ def make_folder(folder: Path) -> None:
 
 
 def _require_own_names(folder: Path) -> None:
-    for name in (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE):
-        if (folder / name).exists():
+    for name in _WRITTEN:
+        if inside(folder, name).exists():
             raise IbridError(f"{folder}: holds {name}, which the run would overwrite; choose another folder")
 
 

@@ -24,7 +24,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
-from ibrid.writing import write_whole
+from ibrid.writing import inside, write_whole
 from ibrid_search.evaluation.assess import Subject
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
@@ -197,7 +197,7 @@ def search(
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
             answer, selection = _concluded(loop, store, subject, choose, folder, ending)
-            write_run_page(store, folder / PAGE, vocabulary=study.kinds)
+            write_run_page(store, inside(folder, PAGE), vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
             folder=folder,
@@ -268,7 +268,7 @@ def _concluded(
 ) -> tuple[Record | None, Mapping[str, Any]]:
     """Fit the answer with full effort and write the files that sum the run up."""
     worth = loop.appraisal
-    write_whole(folder / TRAJECTORY, trajectory_csv(trajectory(loop.steps)))
+    write_whole(inside(folder, TRAJECTORY), trajectory_csv(trajectory(loop.steps)))
     store.set_meta("ending", ending)
     store.set_meta("archive", json.dumps(asdict(loop.archive.statistics())))
     if loop.best is None:
@@ -277,7 +277,7 @@ def _concluded(
         return worth.record(loop.best.number), {}
     selection = select(loop.steps, loop.best, worth.record, subject, worth.criterion.floor, worth.error, choose)
     seconds = selection.pop("seconds")  # the file is the same for the same seed
-    write_whole(folder / SELECTION, selection_json(selection))
+    write_whole(inside(folder, SELECTION), selection_json(selection))
     found = worth.record(selection["answer"])
     again = subject.record_of(found.program, FitSettings(), found.parameters)
     store.set_meta("refits", str(seconds + again.seconds))

@@ -19,6 +19,7 @@ from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
 from ibrid.structure.compare import Comparison, compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
+from ibrid.writing import inside
 from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.report.truth import given_truth
@@ -117,7 +118,7 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
         notes += [remark] if remark else []
     plain, chosen = plain_selection(steps.values()), None
     try:
-        chosen = read_selection(store.path.parent / SELECTION)
+        chosen = read_selection(inside(store.path.parent, SELECTION))
     except IbridError as problem:
         notes.append(str(problem))
     named = [None if chosen is None else chosen.answer, _number(meta.get("best", "")), plain.answer]

@@ -11,6 +11,7 @@ from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
 
 from ibrid.errors import IbridError
+from ibrid.writing import inside
 from ibrid_policy.interface import Policy
 from ibrid_policy.learning.adapters import require_peft, require_rank
 from ibrid_policy.learning.learner import Learner
@@ -105,7 +106,7 @@ def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy |
     if isinstance(alone, ChatServer) and Path(alone.model).expanduser().is_dir():
         key = alone.key()
         server = Server(alone.model, alone.url, key, alone.timeout, reload_from_disk(alone.url, key))
-        return ServedPolicy(Path(alone.model).expanduser(), server, folder / SERVED, **options)
+        return ServedPolicy(Path(alone.model).expanduser(), server, inside(folder, SERVED), **options)
     raise IbridError(
         "--learn trains a model whose weights are at hand: one --model FOLDER on this machine, or FOLDER@http://host:port/v1 "
         "where a server answers for it; a model of a server alone, or one of several, cannot be trained"

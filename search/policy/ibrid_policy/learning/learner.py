@@ -12,6 +12,7 @@ from ibrid_search.proposal import Context, Proposal
 from ibrid_search.step import Step
 
 from ibrid.errors import IbridError
+from ibrid.writing import inside
 from ibrid_policy.asking import asked
 from ibrid_policy.backend import threads
 from ibrid_policy.interface import Policy, Sampled
@@ -61,7 +62,7 @@ class Learner:
 
     def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
         """Where the weights go, and who takes the text about the updates for the store; goes on from what is there."""
-        self.progress.path, self.progress.keep = folder / CHECKPOINT, keep
+        self.progress.path, self.progress.keep = inside(folder, CHECKPOINT), keep
 
     @property
     def updates(self) -> list[Update]:

@@ -23,6 +23,7 @@ from ibrid_search.proposers.chat_request import Refusal, check_url, post
 from ibrid_search.proposers.chat_server import without_key
 
 from ibrid.errors import IbridError
+from ibrid.writing import inside
 from ibrid_policy.interface import Sampled
 from ibrid_policy.learning.adapters import merged
 from ibrid_policy.learning.reported_tokens import ReportedTokens
@@ -75,6 +76,8 @@ class ServedPolicy(TextPolicy):
     def publish(self) -> None:
         """Write the weights, adapters merged into them, and have the server load them."""
         if self.server.reload is not None:
+            for file in self.weights.glob("*"):
+                inside(self.weights, file.name)
             merged(self.model()).save_pretrained(self.weights)
             self.chat.tokenizer.save_pretrained(self.weights)
             self._hand_over(self.weights)
