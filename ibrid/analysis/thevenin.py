@@ -4,7 +4,7 @@ import numpy as np
 
 from ibrid.analysis.grid import J, SeriesRL
 from ibrid.assembly.modules_at import module_matrices
-from ibrid.assembly.operating_point import BRANCHES, plant_equilibrium
+from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.evaluation.record import Record
 from ibrid.modules.branch import BRANCH
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
@@ -20,12 +20,12 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     settings, values = record.settings, record.parameters[op]
     wiring = wire(record.diagram, record.vocabulary)
     plant, point = wiring.kinds[wiring.plant], settings["operating_points"][op]
-    if plant.name not in BRANCHES:
+    if plant.branches is None:
         return None
     at = (float(point["p"]), float(point["q"]), float(point["v"]))
     table = parameter_table(wiring, settings["equilibrium"])
     numbers = parameters_at(wiring, table, values)[wiring.plant]
-    current = np.array(plant_equilibrium(plant.name, numbers, *at, settings["power_node"])["i_g"], dtype=float)
+    current = np.array(plant_equilibrium(plant, numbers, *at, settings["power_node"])["i_g"], dtype=float)
     shunts = [
         split_port(source)[0]
         for source in wiring.sources[TERMINAL_CURRENT]

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from ibrid.assembly.numbers import is_zero, square_root
 from ibrid.assembly.signals_at_rest import (
@@ -21,7 +20,7 @@ from ibrid.assembly.signals_at_rest import (
     sources_of,
     to_frame,
 )
-from ibrid.modules.declaration import trial_arguments
+from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
@@ -41,7 +40,7 @@ def controller_frame(
     from v_DQ without a rotation. Where nothing is driven to zero the capacitor voltage is on the d axis; without
     rotations the frame is that of the grid.
     """
-    if not wiring.named("Rot_v") and not wiring.named("Rot_i"):
+    if not wiring.having(*ROTATIONS):
         return 1.0, 0.0
     target, e = aligned_channel(wiring, flow), in_grid["e"]
     if target is None:
@@ -70,7 +69,7 @@ def controller_frame(
 def aligned_channel(wiring: Wiring, flow: Carried) -> Channel | None:
     """The input channel whose value is zero at rest in the controller frame; None where that cannot be decided."""
     loops = _angle_loops(wiring)
-    locked = [name for name in loops if wiring.kinds[name].name == "SRF_PLL"]
+    locked = [name for name in loops if wiring.kinds[name].element is Element.PLL]
     if locked:
         channel = (f"{locked[0]}.e_q", 0)
         return channel if flow.follows(wiring, channel) else None
@@ -93,7 +92,7 @@ def aligned_channel(wiring: Wiring, flow: Carried) -> Channel | None:
 
 def _angle_loops(wiring: Wiring) -> list[str]:
     """Modules that integrate one scalar into the angle of the frame, the nearest to the rotations first."""
-    front = [f"{name}.delta" for name in (*wiring.named("Rot_v"), *wiring.named("Rot_i"))]
+    front = [f"{name}.delta" for name in (*wiring.having(Element.ROTATION_IN), *wiring.having(Element.ROTATION_OUT))]
     found: list[str] = []
     seen: set[str] = set()
     for port in front:  # breadth first; grows while it is walked
@@ -113,10 +112,7 @@ def _angle_loops(wiring: Wiring) -> list[str]:
 
 def _integrates(kind: ModuleKind, width: int) -> bool:
     """True for a controller with one input of that width whose value at rest its integrator makes zero."""
-    if kind.family == PLANT or not kind.states or [signal.width for signal in kind.inputs.values()] != [width]:
-        return False
-    a = np.array(kind.state_space(**trial_arguments(kind))[0], dtype=float)
-    return int(np.linalg.matrix_rank(a)) < len(a)
+    return kind.integrates and [signal.width for signal in kind.inputs.values()] == [width]
 
 
 def _sees_voltage(wiring: Wiring, port: str) -> bool:

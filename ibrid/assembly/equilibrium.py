@@ -61,7 +61,7 @@ def equilibria(
             "the diagram has two devices, each with a frame of its own; this asks for one, leave one out"
         )
     plant = wiring.plant
-    in_grid = plant_equilibrium(wiring.kinds[plant].name, parameters[plant], *point, power_node)
+    in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
     flow = carried(wiring)
     frame = controller_frame(wiring, flow, parameters, in_grid, omega_0)
     wanted = _wanted(wiring)

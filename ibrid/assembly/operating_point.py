@@ -9,6 +9,8 @@ from typing import Any
 
 from ibrid.assembly.numbers import square_root
 from ibrid.errors import DiagramError
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY
 
 Pair = tuple[Any, Any]
 Parameters = Mapping[str, Any]
@@ -24,17 +26,9 @@ def series_drop(resistance: Any, reactance: Any, i: Pair) -> Pair:
     return resistance * i[0] - reactance * i[1], resistance * i[1] + reactance * i[0]
 
 
-#: Plant -> (resistance, capacitance) of each series branch at the node of the measured voltage e; None: no resistor.
-BRANCHES: Mapping[str, tuple[tuple[str | None, str], ...]] = {
-    "LCL": ((None, "C_F"),),
-    "LFilter": (),
-    "LCL_R": (("R_C", "C_F"),),
-    "LCL_RC": ((None, "C_F"), ("R_d", "C_d")),
-    "LLFilter": (),
-}
-
-
-def plant_equilibrium(kind: str, parameters: Parameters, p: Any, q: Any, v: Any, power_node: str) -> dict[str, Pair]:
+def plant_equilibrium(
+    kind: ModuleKind, parameters: Parameters, p: Any, q: Any, v: Any, power_node: str
+) -> dict[str, Pair]:
     """Equilibrium of the plant's ports in the grid frame.
 
     With power measured at e behind R_g, L_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0 with
@@ -44,27 +38,27 @@ def plant_equilibrium(kind: str, parameters: Parameters, p: Any, q: Any, v: Any,
 
     Parameters
     ----------
-    kind : a plant of `BRANCHES`. parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
+    kind : a plant that declares its `branches`. parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
     power_node : "capacitor" or "pcc", where p and q of the plant are measured; what branches draw beside it is not in them.
 
     Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
-    if kind not in BRANCHES:
-        *first, last = BRANCHES
+    if kind.branches is None:
+        *first, last = (one.name for one in VOCABULARY if one.branches is not None)
         raise DiagramError(
-            f"the operating point is known for {', '.join(first)} or {last}, found {kind}; use one of these, "
+            f"the operating point is known for {', '.join(first)} or {last}, found {kind.name}; use one of these, "
             'or equilibrium="paper", where it is fitted'
         )
     v_in = (v, 0.0)
     i_g = (p / v, -q / v)  # of power at the terminals
-    if kind == "LFilter":
+    if not kind.has_line:
         e = v_in
     elif power_node == "pcc":
         e = add(v_in, series_drop(parameters["R_g"], parameters["L_g"], i_g))
     else:
         e, i_g = _behind_line(parameters["R_g"], parameters["L_g"], p, q, v)
     i_c: Pair = (0.0, 0.0)
-    for resistance, capacitance in BRANCHES[kind]:
+    for resistance, capacitance in kind.branches:
         i_c = add(i_c, _branch_current(parameters[resistance] if resistance else 0.0, parameters[capacitance], e))
     i_ti = add(i_g, i_c)
     u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"], i_ti))

@@ -65,7 +65,7 @@ def rest(
             module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
             for name, kind in device.kinds.items()
         )
-        plant = plant_equilibrium(device.kinds[device.plant].name, numbers[device.plant], *own, power_node)
+        plant = plant_equilibrium(device.kinds[device.plant], numbers[device.plant], *own, power_node)
         settled.append(_Settled(device, frame, ports, plant, own[2]).settle(modules))
     return _together(wiring, settled)
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.problem import Problem
+from ibrid.modules.behaviour import COUPLINGS, Element
+from ibrid.modules.kind import ModuleKind
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 #: Half width of what is drawn anew, of logarithms, and where the corner is drawn, rad/s.
@@ -74,26 +76,27 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
     entry = {member: index for index, one in enumerate(problem.numbers) for member in one.parameter.members}
 
     def at(name: str, *parameters: str) -> tuple[int, ...]:
-        return tuple(entry[name, one] for one in parameters if (name, one) in entry)
+        chosen = parameters or wiring.kinds[name].parameters
+        return tuple(entry[name, one] for one in chosen if (name, one) in entry)
 
     found = []
     for plant in (name for name, kind in wiring.kinds.items() if kind.family == PLANT):
         joining = [split_port(source)[0] for source in wiring.sources.get(f"{plant}.u_r", ())]
-        of_kind = {kind: [one for one in joining if one and wiring.kinds[one].name == kind] for kind in _KINDS}
-        pairs = [(gain, slow) for gain in of_kind["Gain_dq"] for slow in _slow_parts(wiring, gain, f"{plant}.e")]
-        if len(of_kind["PI_dq"]) != 1 or len(pairs) != 1:
+
+        def joined(element: Element, names: Sequence[str] = joining) -> list[str]:
+            return [name for name in names if name and wiring.kinds[name].element is element]
+
+        pairs = [(gain, slow) for gain in joined(Element.GAIN) for slow in _slow_parts(wiring, gain, f"{plant}.e")]
+        if len(joined(Element.PI)) != 1 or len(pairs) != 1:
             continue
-        (inner,), ((gain, slow),) = of_kind["PI_dq"], pairs
-        groups = at(plant, "L_F", "R_F"), at(inner, "kP", "kI"), (*at(gain, "k"), *at(slow, "omega_c"))
-        couplings = tuple(one for name in (*of_kind["JMul"], *of_kind["JMul_omega"]) for one in at(name, "L"))
+        (inner,), ((gain, slow),) = joined(Element.PI), pairs
+        groups = at(plant, "L_F", "R_F"), at(inner), (*at(gain), *at(slow))
+        couplings = tuple(one for element in COUPLINGS for name in joined(element) for one in at(name))
         if all(len(group) == 2 for group in groups):
             box = problem.numbers[groups[0][0]].parameter
             typical = float(np.log(box.typical)) if box.logarithmic else box.typical
             found.append(CornerSwap(*groups, couplings, typical, omega_0))
     return tuple(found)
-
-
-_KINDS = ("PI_dq", "Gain_dq", "JMul", "JMul_omega")
 
 
 def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
@@ -105,11 +108,15 @@ def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
     filters = [
         split_port(one)[0]
         for sign in signs
-        if sign and wiring.kinds[sign].name == "Negate_dq"
+        if sign and wiring.kinds[sign].element is Element.SIGN
         for one in wiring.sources[f"{sign}.in_"]
     ]
     return [
         name
         for name in filters
-        if name and wiring.kinds[name].name == "LPF1_dq" and wiring.sources[f"{name}.in_"] == (voltage,)
+        if name and _first_order(wiring.kinds[name]) and wiring.sources[f"{name}.in_"] == (voltage,)
     ]
+
+
+def _first_order(kind: ModuleKind) -> bool:
+    return kind.element is Element.LOW_PASS and kind.order == 2

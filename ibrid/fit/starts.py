@@ -5,12 +5,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ibrid.fit.problem import Problem
+from ibrid.modules.behaviour import COUPLINGS, Element
 from ibrid.structure.wiring import PLANT, Wiring
 
 #: Half width in decades of the two kinds of textbook start that alternate.
 TEXTBOOK_DECADES = (1.0, 2.0)
 #: Relative width of the start around a value read from the data.
 SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
+#: Branches of an LCL filter without damping, whose grid side shows at the top of the band.
+UNDAMPED = ((None, "C_F"),)
 
 
 def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
@@ -48,7 +51,7 @@ class StartDrawer:
     def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
         self.problem = problem
         plant = wiring.kinds[wiring.plant]
-        seed = high_frequency_seed(problem, omega_0) if plant.name == "LCL" else {}
+        seed = high_frequency_seed(problem, omega_0) if plant.branches == UNDAMPED else {}
         if not all(plant.parameters[name].low <= value <= plant.parameters[name].high for name, value in seed.items()):
             seed = {}  # read from too low a band, or in wrong units: it would exclude every operating point
         members = [one.parameter.members[0] for one in problem.numbers]
@@ -60,9 +63,9 @@ class StartDrawer:
         names = [one.name for one in problem.numbers]
         self._inductance = names.index(f"{wiring.plant}.L_F") if f"{wiring.plant}.L_F" in names else None
         self._coupling = [  # (entry, factor): a decoupling gain starts at the filter inductance
-            (index, 1.0 / omega_0 if kind.name == "JMul" else 1.0)
-            for index, (kind, (_, parameter)) in enumerate(zip(kinds, members, strict=True))
-            if kind.name in ("JMul", "JMul_omega") and parameter == "L"
+            (index, 1.0 / omega_0 if kind.element is Element.COUPLING else 1.0)
+            for index, kind in enumerate(kinds)
+            if kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
 
     def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:

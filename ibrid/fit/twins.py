@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from ibrid.fit.problem import Problem
+from ibrid.modules.behaviour import Element
+from ibrid.signals import Signal
 from ibrid.structure.wiring import Wiring, split_port
 
 
@@ -46,27 +48,31 @@ class Swap:
 
 
 def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
-    """Every cascade of scalar PI blocks, packed to dq, into a PI_dq, where the gains and R_F are free."""
+    """Every cascade of scalar PI blocks, packed to dq, into a PI block on both axes, where the gains and R_F are free."""
     entry = {member: index for index, one in enumerate(problem.numbers) for member in one.parameter.members}
     resistance = entry.get((wiring.plant, "R_F"))
+
+    def gains(name: str) -> tuple[int, int]:
+        proportional, integral = wiring.kinds[name].parameters
+        return entry.get((name, proportional), -1), entry.get((name, integral), -1)
+
     swaps = []
-    for inner in wiring.named("PI_dq"):
+    for inner in wiring.having(Element.PI, signal=Signal.DQ_VEC):
         packs = [
-            split_port(source)[0]
-            for source in wiring.sources[f"{inner}.in_"]
-            if wiring.kinds.get(split_port(source)[0]) is not None
-            and wiring.kinds[split_port(source)[0]].name == "PackDQ"
+            name
+            for name in (split_port(source)[0] for source in wiring.sources[f"{inner}.in_"])
+            if name in wiring.kinds and wiring.kinds[name].element is Element.PACK
         ]
         outer = {
-            (entry.get((name, "kP"), -1), entry.get((name, "kI"), -1))
+            gains(name)
             for pack in packs
-            for axis in ("in_d", "in_q")
+            for axis in wiring.kinds[pack].inputs
             for name in (split_port(source)[0] for source in wiring.sources[f"{pack}.{axis}"])
-            if name in wiring.kinds and wiring.kinds[name].name == "PI"
+            if name in wiring.kinds and wiring.kinds[name].element is Element.PI
         }
-        gains = (entry.get((inner, "kP"), -1), entry.get((inner, "kI"), -1))
-        if resistance is not None and outer and min(gains) >= 0 and all(min(pair) >= 0 for pair in outer):
-            swaps.append(Swap(gains, tuple(sorted(outer)), resistance))
+        own = gains(inner)
+        if resistance is not None and outer and min(own) >= 0 and all(min(pair) >= 0 for pair in outer):
+            swaps.append(Swap(own, tuple(sorted(outer)), resistance))
     return tuple(swaps)
 
 

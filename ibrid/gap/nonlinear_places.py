@@ -95,7 +95,7 @@ def values_at_rest(
     for point in sweep.points:
         op = (point.op.p, point.op.q, point.op.v)
         plant = wiring.plant
-        in_grid = plant_equilibrium(wiring.kinds[plant].name, parameters[plant], *op, sweep.power_node)
+        in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *op, sweep.power_node)
         frame = controller_frame(wiring, flow, parameters, in_grid, sweep.omega_0)
         if place.resting == (f"{plant}.u_r",):
             found.append(to_frame(frame, in_grid["u_r"]))

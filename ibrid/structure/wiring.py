@@ -7,6 +7,7 @@ from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import PLANT, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
+from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 
 __all__ = ["PLANT", "Wiring", "split_port", "wire"]
@@ -29,9 +30,10 @@ class Wiring:
         """Name of the plant; of two devices behind one PCC that of the first."""
         return next(name for name, kind in self.kinds.items() if kind.family == PLANT)
 
-    def having(self, *elements: Element) -> tuple[str, ...]:
-        """Names of the instances that are one of these elements."""
-        return tuple(name for name, kind in self.kinds.items() if kind.element in elements)
+    def having(self, *elements: Element, signal: Signal | None = None) -> tuple[str, ...]:
+        """Names of the instances that are one of these elements; of one signal if it is given."""
+        kinds = self.kinds.items()
+        return tuple(name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal))
 
     def named(self, kind: str) -> tuple[str, ...]:
         """Names of the instances of a kind."""

@@ -1,5 +1,6 @@
 """The operating point: of the plant, of the controller frame, and of every signal that follows from them."""
 
+from dataclasses import replace
 from math import atan2, cos, sin
 
 import casadi as ca
@@ -15,6 +16,7 @@ from ibrid.assembly.signals_at_rest import carried
 from ibrid.errors import DiagramError, OperatingPointError
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
+from ibrid.modules.vocabulary import find_kind
 from ibrid.plants import PLANTS, GFLParameters
 from ibrid.structure import parse_program, textbook, violations, wire
 from ibrid.structure.parameters import parameter_table
@@ -53,7 +55,7 @@ def solved(p: float, q: float, v: float, node: str, parameters=LCL) -> dict[str,
 @pytest.mark.parametrize("node", ["capacitor", "pcc"])
 @pytest.mark.parametrize(("p", "q", "v"), POINTS)
 def test_the_plant_is_at_rest_where_a_solver_finds_it(p, q, v, node):
-    found = plant_equilibrium("LCL", LCL, p, q, v, node)
+    found = plant_equilibrium(find_kind("LCL", VOCABULARY), LCL, p, q, v, node)
     wanted = solved(p, q, v, node)
     assert found.keys() == wanted.keys()
     for port, z in wanted.items():
@@ -63,7 +65,9 @@ def test_the_plant_is_at_rest_where_a_solver_finds_it(p, q, v, node):
 @pytest.mark.parametrize("node", ["capacitor", "pcc"])
 @pytest.mark.parametrize(("p", "q", "v"), POINTS)
 def test_an_l_filter_is_at_rest_with_its_power_at_the_terminals(p, q, v, node):
-    found = {port: np.array(z) for port, z in plant_equilibrium("LFilter", LCL, p, q, v, node).items()}
+    found = {
+        port: np.array(z) for port, z in plant_equilibrium(find_kind("LFilter", VOCABULARY), LCL, p, q, v, node).items()
+    }
     terminal = np.array([v, 0.0])
     assert found["e"] == pytest.approx(terminal)
     assert terminal @ found["i_g"] == pytest.approx(p, abs=1e-15)
@@ -86,7 +90,7 @@ def test_the_reference_inverters_rest_where_the_plant_and_the_frame_say(name, p,
     plant = PLANTS[name]
     state = dict(zip(plant.dynamics.states, plant.equilibrium(OperatingPoint("op", p, q, v)), strict=True))
     values = {key.removeprefix("plant."): value for key, value in plant.diagram_values.items() if "plant." in key}
-    found = plant_equilibrium("LCL", values, p, q, v, "capacitor")
+    found = plant_equilibrium(find_kind("LCL", VOCABULARY), values, p, q, v, "capacitor")
     e = found["e"]
     size = (e[0] ** 2 + e[1] ** 2) ** 0.5
     assert atan2(e[1], e[0]) == pytest.approx(state["pll.angle"], abs=1e-12)
@@ -96,9 +100,9 @@ def test_the_reference_inverters_rest_where_the_plant_and_the_frame_say(name, p,
 
 
 def test_more_power_than_the_line_carries_is_not_a_number():
-    found = plant_equilibrium("LCL", {**LCL, "L_g": 0.9}, 1.0, 0.0, 1.0, "capacitor")
+    found = plant_equilibrium(find_kind("LCL", VOCABULARY), {**LCL, "L_g": 0.9}, 1.0, 0.0, 1.0, "capacitor")
     assert np.isnan([*found["e"], *found["i_g"], *found["i_ti"], *found["u_r"]]).all()
-    limit = plant_equilibrium("LCL", {**LCL, "R_g": 0.0, "L_g": 0.5}, 1.0, 0.0, 1.0, "capacitor")
+    limit = plant_equilibrium(find_kind("LCL", VOCABULARY), {**LCL, "R_g": 0.0, "L_g": 0.5}, 1.0, 0.0, 1.0, "capacitor")
     assert np.hypot(*limit["e"]) == pytest.approx(0.5**0.5)  # p = v^2/(2 x): the last point that exists
     with pytest.raises(OperatingPointError):
         PLANTS["paper_like"].with_overrides({"L_g": 0.9}).equilibrium(OperatingPoint("op", 1.0, 0.0, 1.0))
@@ -106,7 +110,7 @@ def test_more_power_than_the_line_carries_is_not_a_number():
 
 def test_the_operating_point_of_another_plant_is_not_guessed():
     with pytest.raises(DiagramError, match=r"known for LCL, LFilter, .* or LLFilter, found Motor"):
-        plant_equilibrium("Motor", {}, 1.0, 0.0, 1.0, "pcc")
+        plant_equilibrium(replace(find_kind("LCL", VOCABULARY), name="Motor", branches=None), {}, 1.0, 0.0, 1.0, "pcc")
 
 
 def program(text: str):
@@ -152,7 +156,7 @@ def angle_of(text: str, point=POINT, **given) -> float:
 
 
 def grid(port: str, point=POINT, node: str = "capacitor", plant=LCL) -> np.ndarray:
-    return np.array(plant_equilibrium("LCL", plant, *point, node)[port])
+    return np.array(plant_equilibrium(find_kind("LCL", VOCABULARY), plant, *point, node)[port])
 
 
 #: Plant, rotations, and i_g out; the PLL, the loops and u_r are what a test adds.

@@ -12,6 +12,7 @@ from ibrid.fit.kernel import respond
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
+from ibrid.modules.vocabulary import find_kind
 from ibrid.plants import PLANTS, benchmarks, random_stable, state_space
 from ibrid.structure import parse_program, textbook, violations, wire
 from ibrid.structure.parameters import parameter_table
@@ -180,7 +181,9 @@ CASCADE = """
 def forming_inverter(point, with_loops: bool) -> np.ndarray:
     """Admittance of the nonlinear grid-forming inverter, linearised at the operating point that its setpoints give."""
     m = FORMING
-    rest = {port: np.array(z) for port, z in plant_equilibrium("LCL", m, *point, "capacitor").items()}
+    rest = {
+        port: np.array(z) for port, z in plant_equilibrium(find_kind("LCL", VOCABULARY), m, *point, "capacitor").items()
+    }
     j = np.array([[0.0, -1.0], [1.0, 0.0]])
     z_v = m["R_v"] * np.eye(2) + m["X_v"] * j
     # on the d axis lies what the reference is compared with

@@ -13,6 +13,7 @@ from ibrid_bench.baselines.weighing import scales, stacked
 
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.modules.plant import LCL
 
 #: Share of the frequencies, from the highest, at which the filter rules.
 TOP = 0.3
@@ -53,7 +54,7 @@ class SeriesFilter:
     def at_rest(self, op: OperatingPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Voltage at the capacitor, current to the grid and current from the converter, (2,) each in the grid frame."""
         values = {"L_F": 0.0, "R_F": 0.0, **vars(self)}
-        rest = plant_equilibrium("LCL", values, op.p, op.q, op.v, "capacitor" if self.C_F else "pcc")
+        rest = plant_equilibrium(LCL, values, op.p, op.q, op.v, "capacitor" if self.C_F else "pcc")
         return np.array(rest["e"], dtype=float), np.array(rest["i_g"]), np.array(rest["i_ti"])
 
     def _branches(self, frequency: np.ndarray, omega_0: float) -> tuple[np.ndarray, np.ndarray]:
