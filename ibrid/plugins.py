@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
-    from ibrid.gap.catalogue import Catalogue
     from ibrid.modules.vocabulary import Vocabulary
+    from ibrid.parts.catalogue import Catalogue
 
 KINDS, EFFECTS, PROPOSERS = "ibrid.kinds", "ibrid.effects", "ibrid.proposers"
 Declared = TypeVar("Declared")
@@ -41,8 +41,8 @@ def extended_vocabulary(tell: Callable[[str], None] = _warn) -> "Vocabulary":
 
 def extended_catalogue(tell: Callable[[str], None] = _warn) -> "Catalogue":
     """The catalogue of effects and the effects of plug-ins. tell : gets a sentence about each plug-in that is left out."""
-    from ibrid.gap.catalogue import CATALOGUE
-    from ibrid.gap.effect import Effect
+    from ibrid.parts.catalogue import CATALOGUE
+    from ibrid.parts.practice import Effect
 
     return _joined(EFFECTS, CATALOGUE, Effect, lambda effect: effect.id, tell)
 

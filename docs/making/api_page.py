@@ -14,6 +14,7 @@ PARTS = {
     "ibrid.evaluation": "Evaluation",
     "ibrid.plants": "Reference inverters",
     "ibrid.gap": "Gap",
+    "ibrid.parts": "Control practice",
     "ibrid.analysis": "Prediction and stability",
     "ibrid.export": "Export",
     "ibrid.report": "Pages",
@@ -23,8 +24,7 @@ PARTS = {
 FURTHER = {
     "ibrid.modules": ("ibrid.modules.contract.check_kind",),
     "ibrid.gap": (
-        "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect", "ibrid.gap.effect.Effect", "ibrid.gap.effect.Strength",
-        "ibrid.gap.catalogue.insertions",
+        "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect",
     ),
     "ibrid_search": (
         "ibrid_search.proposal.Proposer", "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",

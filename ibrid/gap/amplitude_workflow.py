@@ -8,7 +8,6 @@ import numpy as np
 from ibrid.gap.amplitude_answer import believed_of, effect_of, sentence_of, steps_of, weighed
 from ibrid.gap.amplitude_result import FEWEST, AmplitudeAnswer, at_every_amplitude, nrmse_at_all
 from ibrid.gap.answer import answer_of
-from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.convention import Convention
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
@@ -23,6 +22,7 @@ from ibrid.gap.verdict import Findings
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.linearity import Linearity, small_signal
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.catalogue import CATALOGUE
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 from ibrid.telling import Count

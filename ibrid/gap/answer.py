@@ -13,7 +13,6 @@ from ibrid.evaluation.recording import record_at
 from ibrid.fit.problem import Problem
 from ibrid.gap.convention import Convention
 from ibrid.gap.detectability import unseen
-from ibrid.gap.effect import Insertion
 from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
@@ -22,6 +21,7 @@ from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import FRAME, Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 

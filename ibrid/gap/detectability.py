@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.gap.effect import Effect, Insertion
 from ibrid.gap.refit import Penalised, Refit, Refitter
 from ibrid.gap.result import Unseen
+from ibrid.parts.practice import Effect, Insertion
 
 #: Least noncentrality (chi2) of an effect that an experiment can be expected to show.
 SEEN = 15.0

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from ibrid.gap.effect import Effect
 from ibrid.markdown import markdown_table
+from ibrid.parts.practice import Effect
 
 HEADER = ("id", "law", "tried", "shows", "looks like", "told apart by")
 

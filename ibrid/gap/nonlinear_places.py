@@ -9,13 +9,12 @@ from ibrid.assembly.controller_frame import controller_frame
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import carried, signals_at_rest, to_frame
 from ibrid.errors import IbridError
-from ibrid.gap.axes import packs
-from ibrid.gap.effect import Model, model_of
 from ibrid.gap.nonlinear_shapes import D_LIMIT, DEAD_ZONE, MAGNITUDE_LIMIT, Q_LIMIT, SATURATION, Shape
-from ibrid.gap.paths import path
 from ibrid.gap.ports import Port, ports
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.paths import packs, path
+from ibrid.parts.view import View, view_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.wiring import wire
@@ -41,38 +40,38 @@ class Place:
 
 def places(diagram: Diagram, kinds: Vocabulary) -> tuple[Place, ...]:
     """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a command."""
-    model = model_of(diagram, kinds)
-    if model is None:
+    view = view_of(diagram, kinds)
+    if view is None:
         return ()
     found = {one.name: one for one in ports(diagram, kinds)}
-    return tuple(_places(model, found))
+    return tuple(_places(view, found))
 
 
-def _places(model: Model, found: Mapping[str, Port]) -> Iterator[Place]:
-    for pll in model.draft.named("SRF_PLL"):
+def _places(view: View, found: Mapping[str, Port]) -> Iterator[Place]:
+    for pll in view.draft.named("SRF_PLL"):
         port = found.get(f"{pll}.e_q")
         if port is not None:
             yield Place("pll_deadband", DEAD_ZONE, port, port.name)
             yield Place("", SATURATION, port, port.name)
-    if model.roles.current_loop is not None:
-        for pack in packs(model):
-            port, others = found.get(f"{pack}.out"), _beside(model, pack)
+    if view.roles.current_loop is not None:
+        for pack in packs(view):
+            port, others = found.get(f"{pack}.out"), _beside(view, pack)
             if port is not None and others:
                 for shape in (MAGNITUDE_LIMIT, D_LIMIT, Q_LIMIT):
                     yield Place("current_limit", shape, port, port.name, others)
                 yield Place("", DEAD_ZONE, port, port.name)
-    for block in model.roles.power:
+    for block in view.roles.power:
         for name, port in found.items():
             if name.startswith(f"{block}.") and port.words.startswith("the measured"):
                 yield Place("", DEAD_ZONE, port, name)
-    command = found.get(model.roles.command)
+    command = found.get(view.roles.command)
     if command is not None:
-        yield Place("", MAGNITUDE_LIMIT, command, command.name, (model.roles.command,))
+        yield Place("", MAGNITUDE_LIMIT, command, command.name, (view.roles.command,))
 
 
-def _beside(model: Model, pack: str) -> tuple[str, ...]:
+def _beside(view: View, pack: str) -> tuple[str, ...]:
     """What the current loop subtracts from the reference of a PackDQ; () where that is not clear."""
-    draft, reference = model.draft, model.roles.reference
+    draft, reference = view.draft, view.roles.reference
     if path(draft, f"{pack}.out", reference) is None:
         return ()
     return tuple(

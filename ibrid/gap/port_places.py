@@ -7,11 +7,18 @@ current loop alone adds to the command what a path from that current does: such 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from ibrid.gap.axes import packs, power_block, regulates, regulator
-from ibrid.gap.effect import Edit, Model
-from ibrid.gap.effects.feedforward import feedforward
-from ibrid.gap.paths import after
-from ibrid.gap.places import command_entries, current_entries, into_whole_command, measured_current
+from ibrid.parts.edit import Edit
+from ibrid.parts.feedforward import feedforward
+from ibrid.parts.paths import (
+    command_entry,
+    current_entries,
+    measured_current,
+    packs,
+    power_block,
+    regulates,
+    regulator,
+)
+from ibrid.parts.view import View
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 
@@ -28,10 +35,14 @@ class Place:
 # --- in series -------------------------------------------------------------------------------------------------------
 
 
-def places_in_series(model: Model) -> Iterator[Place]:
+def places_in_series(view: View) -> Iterator[Place]:
     """Signals of the controller, from the command back to what is measured."""
-    roles, draft = model.roles, model.draft
-    yield Place(roles.command, "the whole voltage command", _into_command(roles.command))
+    roles, draft = view.roles, view.draft
+    yield Place(
+        roles.command,
+        "the whole voltage command",
+        lambda draft: draft.insert_before(roles.command, "Unknown_dq", "port"),
+    )
     for pll in draft.named("SRF_PLL"):
         yield Place(
             f"{pll}.e_q",
@@ -39,29 +50,24 @@ def places_in_series(model: Model) -> Iterator[Place]:
             lambda draft, pll=pll: draft.insert_before(f"{pll}.e_q", "Unknown", "port"),
         )
     for block in roles.power:
-        yield from _measured_power(model, block)
-    current = measured_current(model)
-    for what, targets in current_entries(model).items():
+        yield from _measured_power(view, block)
+    current = measured_current(view)
+    for what, targets in current_entries(view).items():
         name = current if len(targets) > 1 else targets[0]
         yield Place(name, f"the measured current, for {what}", _behind(current, targets))
-    found = feedforward(model)
+    found = feedforward(view)
     if found is not None:
-        entries = command_entries(draft, roles.command)
         name = f"{found.voltage} -> {roles.command}"
-        yield Place(name, f"the feedforward of {found.voltage}", _behind(found.last, entries))
-    for pack in packs(model):
+        yield Place(name, f"the feedforward of {found.voltage}", _behind(found.last, [command_entry(draft, view)]))
+    for pack in packs(view):
         yield Place(f"{pack}.out", "the current reference", _behind(f"{pack}.out"))
     for name in roles.outer:
-        axes = [axis[-1] for axis in ("in_d", "in_q") if regulator(model, axis) == name]
+        axes = [axis[-1] for axis in ("in_d", "in_q") if regulator(view, axis) == name]
         which = f"of the {' and '.join(axes)} axis" if axes else "beside another"
         yield Place(f"{name}.out", f"the output of the outer loop {which}", _behind(f"{name}.out"))
     for name, what in ((roles.current_loop, "current"), (roles.voltage_loop, "voltage")):
         if name is not None:
             yield Place(f"{name}.out", f"the output of the {what} regulator", _behind(f"{name}.out"))
-
-
-def _into_command(command: str) -> Callable[[Edit], str]:
-    return lambda draft: into_whole_command(draft, command, "Unknown_dq", "port")
 
 
 def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
@@ -74,9 +80,9 @@ def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
     return edit
 
 
-def _measured_power(model: Model, block: str) -> Iterator[Place]:
+def _measured_power(view: View, block: str) -> Iterator[Place]:
     """One block for p and q, or for that of them which the model uses."""
-    used = {axis: f"{block}.{axis}" for axis in "pq" if model.draft.targets(f"{block}.{axis}")}
+    used = {axis: f"{block}.{axis}" for axis in "pq" if view.draft.targets(f"{block}.{axis}")}
     if len(used) < 2:
         yield from (Place(port, f"the measured {axis}", _behind(port)) for axis, port in used.items())
         return
@@ -98,14 +104,14 @@ def _measured_power(model: Model, block: str) -> Iterator[Place]:
 # --- missing paths ---------------------------------------------------------------------------------------------------
 
 
-def missing_paths(model: Model) -> Iterator[Place]:
+def missing_paths(view: View) -> Iterator[Place]:
     """From measured voltages and currents to the command and the current reference, to the axes of that, and at the PCC."""
-    roles, draft = model.roles, model.draft
-    plant, command = roles.plant, (roles.command, command_entries(draft, roles.command))
+    roles, draft = view.roles, view.draft
+    plant, command = roles.plant, (roles.command, [command_entry(draft, view)])
     reference = (roles.reference, [roles.reference]) if roles.current_loop else command
-    measured = measured_current(model) if roles.current_loop else None
+    measured = measured_current(view) if roles.current_loop else None
     outputs = draft.kind(plant).outputs
-    if feedforward(model) is None:
+    if feedforward(view) is None:
         yield _path(roles.voltage, *command, "a path from the filter voltage to the command")
     if "i_ti" in outputs:
         if measured != f"{plant}.i_ti":
@@ -115,12 +121,12 @@ def missing_paths(model: Model) -> Iterator[Place]:
     if measured != f"{plant}.i_g":
         yield _path(f"{plant}.i_g", *reference, "a path from the grid current to the current reference")
     yield _path(f"{plant}.i_g", *reference, "a coupling of the axes by the grid current", turned=True)
-    loop = regulator(model, "in_d")
-    if roles.frequency is not None and loop is not None and regulates(model, loop) == "p":
+    loop = regulator(view, "in_d")
+    if roles.frequency is not None and loop is not None and regulates(view, loop) == "p":
         (frequency, *_) = draft.sources(f"{plant}.delta_omega")
         entry = f"{loop}.in_"
         yield _path(frequency, entry, [entry], "a path from the frequency to the loop of p")
-    yield from _axis_paths(model)
+    yield from _axis_paths(view)
     pcc = (TERMINAL_VOLTAGE, TERMINAL_CURRENT, [TERMINAL_CURRENT])
     yield _path(*pcc, "a shunt at the PCC that acts on each axis")
     yield _path(*pcc, "a shunt at the PCC that couples the axes", turned=True)
@@ -130,20 +136,20 @@ def _path(source: str, joined: str, targets: Iterable[str], words: str, *, turne
     """Delta times a source, or J times that, added to inputs."""
 
     def start(draft: Edit) -> str:
-        return after(draft, source, "Quarter_turn", "port_J") if turned else source
+        return draft.after(source, "Quarter_turn", "port_J") if turned else source
 
     return Place(f"{'J ' * turned}{source} -> {joined}", words, _added(start, targets))
 
 
-def _axis_paths(model: Model) -> Iterator[Place]:
+def _axis_paths(view: View) -> Iterator[Place]:
     """To one axis of the current reference: from what may regulate it, in place of what does if that is something else."""
-    roles = model.roles
+    roles = view.roles
 
     def p(draft: Edit) -> str:
-        return f"{power_block(draft, model)}.p"
+        return f"{power_block(draft, view)}.p"
 
     def q(draft: Edit) -> str:
-        return f"{power_block(draft, model)}.q"
+        return f"{power_block(draft, view)}.q"
 
     def converter_power(draft: Edit) -> str:
         name = draft.add("PQ_calc", "port_power")
@@ -153,17 +159,17 @@ def _axis_paths(model: Model) -> Iterator[Place]:
         return f"{name}.p"
 
     def size(draft: Edit) -> str:
-        return after(draft, roles.voltage, "Magnitude", "port_size")
+        return draft.after(roles.voltage, "Magnitude", "port_size")
 
     power, voltage = f"power at {roles.command}", f"|{roles.voltage}|"
     quantities = {
         "in_d": {"p": ("p", p), "dc": (power, converter_power)},
         "in_q": {"q": ("q", q), "voltage": (voltage, size)},
     }
-    for pack in packs(model):
+    for pack in packs(view):
         for axis, by_name in quantities.items():
-            target, found = f"{pack}.{axis}", regulator(model, axis)
-            present = regulates(model, found)
+            target, found = f"{pack}.{axis}", regulator(view, axis)
+            present = regulates(view, found)
             for what, (name, start) in by_name.items():
                 words = f"a path from {name} to the {axis[-1]} axis of the current reference"
                 if present is None and found is None:

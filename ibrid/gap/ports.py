@@ -6,11 +6,11 @@ In series, a block 1 + Delta lies in a signal; a missing path is such a block be
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ibrid.gap.devices import models_of
-from ibrid.gap.effect import Model, NotInVocabulary
 from ibrid.gap.port_places import missing_paths, places_in_series
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.edit import NotInVocabulary
+from ibrid.parts.view import View, views_of
 from ibrid.signals import Signal
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
@@ -37,19 +37,17 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
 
     Places at which an unknown transfer says exactly the same come once, but for those that an engineer tells apart.
     """
-    return tuple(port for model in models_of(diagram, (*kinds, *PORT_KINDS)) for port in _ports_of(model))
+    return tuple(port for view in views_of(diagram, (*kinds, *PORT_KINDS)) for port in _ports_of(view))
 
 
-def _ports_of(model: Model) -> list[Port]:
+def _ports_of(view: View) -> list[Port]:
     found = []
-    for place in (*places_in_series(model), *missing_paths(model)):
-        draft = model.edit()
+    for place in (*places_in_series(view), *missing_paths(view)):
         try:
-            block = place.edit(draft)
+            port = Port(place.name, place.words, *view.drawn(place.edit))
         except NotInVocabulary:
             continue
-        port = Port(place.name, place.words, draft.diagram(), block)
-        if not violations(port.diagram, model.kinds):
+        if not violations(port.diagram, view.kinds):
             found.append(port)
     return found
 

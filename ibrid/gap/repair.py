@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ibrid.gap.convention import Convention
-from ibrid.gap.effect import Insertion
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, Workshop, significant
+from ibrid.parts.practice import Insertion
 from ibrid.telling import Count, untold
 
 #: Edits at most.

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.effect import Edit, NotInVocabulary
 from ibrid.gap.held_out import HeldOut, held_out, weighed
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import PORT_KINDS
@@ -18,6 +17,7 @@ from ibrid.gap.trial import Model, Workshop, significant
 from ibrid.gap.verdict import Findings, fits
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.edit import Edit, NotInVocabulary
 from ibrid.signals import Signal
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram

@@ -10,13 +10,13 @@ from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.evaluation.recording import record_at
-from ibrid.gap.catalogue import insertions
 from ibrid.gap.convention import Convention, written_otherwise
-from ibrid.gap.effect import Effect, Insertion
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter, Values
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.catalogue import insertions
+from ibrid.parts.practice import Effect, Insertion
 from ibrid.structure.diagram import Diagram
 
 #: Probability of one false alarm in a whole catalogue of tests.

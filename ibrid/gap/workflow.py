@@ -12,8 +12,6 @@ from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.gap.amplitude_workflow import GapRequest, gap_at_amplitudes
 from ibrid.gap.answer import answer_of
-from ibrid.gap.catalogue import CATALOGUE
-from ibrid.gap.effect import Effect
 from ibrid.gap.held_out import held_out, predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.port_map import PortFit, port_map
@@ -25,6 +23,8 @@ from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, scale_of
 from ibrid.measurement.linearity import linearity
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.catalogue import CATALOGUE
+from ibrid.parts.practice import Effect
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table

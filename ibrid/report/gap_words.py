@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ibrid.gap.catalogue import CATALOGUE
-from ibrid.gap.effect import Effect
-from ibrid.gap.effects.nonlinear import NONLINEAR
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.parts.catalogue import CATALOGUE
+from ibrid.parts.nonlinear import NONLINEAR
+from ibrid.parts.practice import Effect
 from ibrid.report.numbers import interval, more_readable, number, p_value
 
 #: Said where nobody knows a number.

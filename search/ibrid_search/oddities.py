@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import PLANT
-from ibrid_search.proposers.moves.family import views_of
 
 #: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
 ABSURD = 30.0

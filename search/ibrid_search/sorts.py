@@ -1,9 +1,9 @@
 """Sorts of control: what an engineer would call a diagram by, whatever its details."""
 
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.view import View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import split_port
-from ibrid_search.proposers.moves.family import View, views_of
 
 
 def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:

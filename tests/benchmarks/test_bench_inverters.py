@@ -16,9 +16,9 @@ from ibrid_bench.search.trials import BUDGETS, rules_trial
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.gap.catalogue import CATALOGUE, insertions
 from ibrid.ledger import Ledger
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.plants.published_forming import BEYOND
 from ibrid.structure import compare, structure_hash, violations
 from ibrid.structure.drafting import Draft

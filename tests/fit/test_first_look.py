@@ -8,12 +8,12 @@ import pytest
 from ibrid_search.edits import apply_edit
 from ibrid_search.first_look import LOOKED_AT, PRICE, first_look
 from ibrid_search.proposal import Context
-from ibrid_search.proposers.moves.family import Family, Move
 from ibrid_search.proposers.rules import GROSS, Rules
 from scripted_search import context_of, task
 
 import ibrid
 from ibrid.measurement.noise import add_noise
+from ibrid.parts import Family, Move
 from ibrid.structure.drafting import Draft
 
 TRUTH = ibrid.textbook("gfl_pll_filter_exact")

@@ -10,10 +10,10 @@ import pytest
 
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
-from ibrid.gap.catalogue import CATALOGUE, insertions
-from ibrid.gap.effect import Edit, Effect, Insertion, Strength, model_of
 from ibrid.gap.effects_table import effects_table
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
+from ibrid.parts import Edit, Effect, Insertion, Move, Strength, view_of
+from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.structure import (
     Diagram,
     compare,
@@ -207,7 +207,7 @@ def test_what_an_effect_took_away_it_can_put_in_again(name, one):
 @pytest.mark.parametrize("name", ["gfl_delay", "gfl_l_filter", "gfl_pll_filter"])
 def test_a_second_edit_on_top_of_any_first_is_legal_too(name):
     for one in ALL[name]:
-        model = model_of(one.diagram, VOCABULARY)
+        model = view_of(one.diagram, VOCABULARY)
         assert model is not None
         for each in CATALOGUE:
             for second in each.insertions(model):
@@ -297,7 +297,7 @@ def test_a_line_behind_an_lcl_is_taken_up_by_its_grid_side_and_behind_an_l_filte
         ("gfl_l_filter", (), ["add"]),
         ("naive", ("plant.L_F", "plant.R_F"), []),
     ):
-        model = model_of(textbook(name), VOCABULARY)
+        model = view_of(textbook(name), VOCABULARY)
         assert model is not None
         assert line.absorbed(model) == absorbed
         assert [one.change for one in of(name, "series_impedance")] == changes
@@ -312,7 +312,7 @@ def test_a_grid_side_that_the_user_fixed_is_set_free_for_a_line():
 
 def test_a_line_that_is_absorbed_takes_the_shared_name_and_not_a_fixed_number():
     fixed = program("gfl", ('"LCL", "plant"', '"LCL", "plant", L_g=0.1, R_g="R_line"'))
-    model = model_of(fixed, VOCABULARY)
+    model = view_of(fixed, VOCABULARY)
     assert model is not None
     assert effect("series_impedance").absorbed(model) == ("R_line",)
 
@@ -397,7 +397,7 @@ def test_a_new_module_shares_nothing_with_what_the_user_shares():
     assert draft.free_name("power") == "power_2"  # a module, and the owner of kP and kI
 
 
-def mine(model):
+def mine(_):
     """A filter that exists, one that does not, an edit without a plant, and one that changes nothing."""
     for kind in ("LPF1_dq", "Nothing"):
 
@@ -405,9 +405,9 @@ def mine(model):
             name = draft.insert_before("park_i.i_dq", kind, "mine")
             return {f"{name}.omega_c": Strength((3000.0, 1000.0, 300.0), 1e14)}
 
-        yield from model.edited("mine", "add", f"{kind} before park_i.i_dq", edit)
-    yield from model.edited("mine", "remove", "the plant", lambda draft: draft.remove("plant"))
-    yield from model.edited("mine", "replace", "nothing at all", lambda draft: None)
+        yield Move.at("add", f"{kind} before park_i.i_dq", edit)
+    yield Move.at("remove", "the plant", lambda draft: draft.remove("plant"))
+    yield Move.at("replace", "nothing at all", lambda draft: None)
 
 
 def test_effects_of_ones_own_are_tried_beside_the_catalogue_and_what_is_illegal_or_the_same_is_left_out():

@@ -10,10 +10,10 @@ from ibrid_bench.hidden.case import Case, draw_case, write_case
 import ibrid
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.convention import Convention, rotation
 from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
+from ibrid.parts.catalogue import CATALOGUE
 from ibrid.structure.program import parse_program
 
 #: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.

@@ -13,12 +13,12 @@ from sharing import shared
 
 from ibrid.errors import OperatingPointError
 from ibrid.evaluation.recording import record_at
-from ibrid.gap.catalogue import insertions
 from ibrid.gap.convention import Convention
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Gap
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import insertions
 from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
 from ibrid.report.gap_curves import point_views
 from ibrid.report.gap_errors import closed

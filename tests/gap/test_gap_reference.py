@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.gap.catalogue import CATALOGUE, insertions
-from ibrid.gap.devices import models_of
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
 from ibrid.gap.trial import Workshop
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import CATALOGUE, insertions
+from ibrid.parts.view import views_of
 from ibrid.plants import PLANTS
 from ibrid.structure import parameter_table, parse_program, textbook, violations, wire
 from ibrid.structure.drafting import Draft
@@ -82,7 +82,7 @@ def test_a_missing_virtual_reactance_is_named_in_the_form_that_the_device_has():
 
 
 def test_each_of_two_devices_is_looked_at_by_itself():
-    first, second = models_of(textbook("parallel_gfl_gfm"), VOCABULARY)
+    first, second = views_of(textbook("parallel_gfl_gfm"), VOCABULARY)
     assert (first.roles.plant, second.roles.plant) == ("gfl_plant", "gfm_plant")
     assert (first.roles.frequency, second.roles.frequency) == ("gfl_pll", "gfm_p_droop")
     assert first.beside == set(second.draft.instances)
@@ -91,7 +91,7 @@ def test_each_of_two_devices_is_looked_at_by_itself():
 
 def test_an_edit_of_one_device_leaves_the_other_alone():
     before = textbook("parallel_gfl_gfm")
-    devices = models_of(before, VOCABULARY)
+    devices = views_of(before, VOCABULARY)
     kept = {one.name: one for one in before.instances}
     for number, model in enumerate(devices):
         for effect in CATALOGUE:

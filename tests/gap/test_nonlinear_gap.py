@@ -14,7 +14,6 @@ from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.effects.nonlinear import NONLINEAR
 from ibrid.gap.effects_table import effects_list
 from ibrid.gap.files import gap_json
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
@@ -27,6 +26,7 @@ from ibrid.gap.workflow import find_gap
 from ibrid.measurement.amplitudes import at_amplitudes, joined
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.nonlinear import NONLINEAR
 from ibrid.report.gap_text import gap_text
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program

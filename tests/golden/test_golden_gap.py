@@ -10,9 +10,9 @@ from ibrid_bench.hidden.case import draw_case
 
 import ibrid
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.catalogue import CATALOGUE
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
+from ibrid.parts.catalogue import CATALOGUE
 from ibrid.report.gap_measured import missing
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program

@@ -7,12 +7,10 @@ commit which entries changed and why.
 import json
 from pathlib import Path
 
-from ibrid_search.proposers.moves.blocks import twin_removals
-from ibrid_search.proposers.moves.family import view_of, views_of
-from ibrid_search.proposers.rules import FAMILIES
-
-from ibrid.gap.catalogue import insertions
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
+from ibrid.parts.blocks import twin_removals
+from ibrid.parts.catalogue import FAMILIES, insertions
+from ibrid.parts.view import view_of, views_of
 from ibrid.structure import Diagram, parse_program, structure_hash, textbook, textbook_names
 
 ROOT = Path(__file__).resolve().parents[2]

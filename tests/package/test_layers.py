@@ -14,6 +14,7 @@ LAYERS = (
     ("measurement",),
     ("modules",),
     ("structure",),
+    ("parts",),
     ("assembly",),
     ("fit",),
     ("study",),

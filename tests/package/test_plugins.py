@@ -13,14 +13,14 @@ from ibrid_search.proposers.choose import choose_proposers
 import ibrid
 from ibrid import cli
 from ibrid.errors import IbridError
-from ibrid.gap.catalogue import CATALOGUE
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import CATALOGUE
 from ibrid.plugins import extended_catalogue, extended_vocabulary, listed_plugins, plugin_proposers
 
 CODE = """
 from dataclasses import replace
 
-from ibrid.gap.catalogue import CATALOGUE
+from ibrid.parts.catalogue import CATALOGUE
 from ibrid.modules import find_kind
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid_search.proposal import Proposal

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from ibrid_search.edits import apply_edit
 from ibrid_search.proposal import Proposal
-from ibrid_search.proposers.moves.family import view_of
 from ibrid_search.proposers.pruning import Pruning, removal_moves, unseen_modules
 from scripted_search import QUICK, context_of, record_of, task
 
 import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
+from ibrid.parts.view import view_of
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.compare import compare
 from ibrid.structure.drafting import Draft

@@ -13,7 +13,6 @@ from ibrid_search.edits import apply_edit
 from ibrid_search.gates import implausible
 from ibrid_search.proposal import SCALES, Proposal
 from ibrid_search.proposers.edited import edited
-from ibrid_search.proposers.moves.family import Family, Move, view_of, views_of
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
 from scripted_search import context_of, record_of, task
 from sharing import shared
@@ -22,6 +21,7 @@ import ibrid
 from ibrid.fit.objective import BAND_NAMES
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
+from ibrid.parts import Family, Move, view_of, views_of
 from ibrid.signals import Signal
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.drafting import Draft
@@ -544,7 +544,7 @@ def test_a_run_begins_with_the_naive_program_and_no_other(name):
 
 OFFLINE = [
     *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning", "edited")),
-    *sorted((SEARCH / "proposers" / "moves").glob("*.py")),
+    *sorted((SEARCH.parents[1] / "ibrid" / "parts").glob("*.py")),
     *(SEARCH.parents[1] / "ibrid" / "structure" / f"{name}.py" for name in ("drafting", "roles")),
     SEARCH / "gates.py",
 ]

@@ -3,14 +3,13 @@
 import pytest
 from ibrid_search.oddities import oddities
 from ibrid_search.proposers.edited import edited
-from ibrid_search.proposers.moves.command import followers
-from ibrid_search.proposers.moves.family import Move, View, view_of, views_of
 from ibrid_search.proposers.rules import FAMILIES
 from scripted_search import naive_record
 from sharing import shared
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
+from ibrid.parts.view import Move, View, followers, view_of, views_of
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.drafting import Draft
 from ibrid.structure.frames import put_into_frame

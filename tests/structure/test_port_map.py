@@ -11,7 +11,6 @@ from sharing import shared
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
-from ibrid.gap.catalogue import insertions
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import Target, eliminated
 from ibrid.gap.port_map import PortFit, port_map
@@ -20,6 +19,7 @@ from ibrid.gap.prior import Belief, Beliefs
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
+from ibrid.parts.catalogue import insertions
 from ibrid.structure import Diagram, parameter_table, textbook, textbook_names, wire
 from ibrid.structure.drafting import Draft
 

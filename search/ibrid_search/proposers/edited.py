@@ -1,11 +1,11 @@
 """From a move to a proposal: the parent's diagram edited, made whole, and written as SEARCH/REPLACE blocks."""
 
+from ibrid.parts.view import Move, View
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid_search.edits import edit_between
 from ibrid_search.gates import implausible
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.moves.family import Move, View
 
 
 def edited(view: View, move: Move) -> Diagram:

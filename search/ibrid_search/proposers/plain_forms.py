@@ -6,10 +6,9 @@ from functools import partial
 from itertools import chain
 
 from ibrid.evaluation.record import Record
-from ibrid.structure.drafting import Draft
+from ibrid.parts.edit import Edit
+from ibrid.parts.view import Move, View
 from ibrid.structure.wiring import split_port
-from ibrid_search.proposers.moves.drawing import after
-from ibrid_search.proposers.moves.family import Move, View
 
 #: A gain this near to 1 or -1 is a wire.
 UNITY = 0.02
@@ -31,7 +30,7 @@ def _wires(view: View, record: Record) -> Iterator[Move]:
             yield Move(f"{name} is -1, a sign", lambda draft, name=name: _negate(draft, name))
 
 
-def _negate(draft: Draft, name: str) -> None:
+def _negate(draft: Edit, name: str) -> None:
     draft.replace(name, draft.instances[name].kind.replace("Gain", "Negate"), f"minus_{name}")
 
 
@@ -65,10 +64,10 @@ def _plls(view: View) -> Iterator[Move]:
             yield Move(words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0]))
 
 
-def _as_pll(draft: Draft, *, plant: str, meter: str, angle: str) -> None:
+def _as_pll(draft: Edit, *, plant: str, meter: str, angle: str) -> None:
     pll = draft.add("SRF_PLL", "pll", **draft.instances[meter].bindings)
     for source in draft.sources(f"{meter}.v"):
-        q_axis = f"{plant}.e_q" if source == f"{plant}.e" else after(draft, source, "SliceQ", "q_axis")
+        q_axis = f"{plant}.e_q" if source == f"{plant}.e" else draft.after(source, "SliceQ", "q_axis")
         draft.connect(q_axis, f"{pll}.e_q")
     for target in draft.targets(f"{meter}.delta_omega_pll"):
         if split_port(target)[0] not in (meter, angle):

@@ -8,14 +8,14 @@ from itertools import chain, combinations
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.structure.drafting import Draft
+from ibrid.parts.blocks import removals, twin_removals
+from ibrid.parts.edit import Edit
+from ibrid.parts.inner_loops import loop_removals
+from ibrid.parts.view import Move, View, views_of
+from ibrid.parts.wiring import cut_wires, shared_parameters
 from ibrid.structure.wiring import split_port
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.edited import edited, new_structure, proposal_of
-from ibrid_search.proposers.moves.blocks import removals, twin_removals
-from ibrid_search.proposers.moves.control_loops import loop_removals
-from ibrid_search.proposers.moves.family import Move, View, views_of
-from ibrid_search.proposers.moves.wiring import cut_wires, shared_parameters
 from ibrid_search.proposers.plain_forms import plain_forms
 
 #: Removals that are tried in pairs, once every single one was tried.
@@ -78,10 +78,10 @@ def _pairs(
 def both_moves(one: Move, other: Move) -> Move:
     """Two removals at once: two blocks may make up for each other, so that neither can go alone."""
 
-    def change(draft: Draft) -> None:
-        one.change(draft)
+    def change(draft: Edit) -> None:
+        one.draw(draft)
         with suppress(KeyError):  # the first may have taken along what the second would take
-            other.change(draft)
+            other.draw(draft)
 
     return Move(f"{one.note}, {other.note}", change)
 

@@ -8,16 +8,11 @@ import numpy as np
 
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES
+from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.edited import edited, new_structure, proposal_of
-from ibrid_search.proposers.moves.components import COMPONENTS
-from ibrid_search.proposers.moves.family import Family, Move, View, views_of
-from ibrid_search.proposers.moves.sub_loops import SUB_LOOPS
-from ibrid_search.proposers.moves.wiring import WIRING
-
-FAMILIES: tuple[Family, ...] = (*SUB_LOOPS, *COMPONENTS, *WIRING)
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2

@@ -1,0 +1,107 @@
+"""All of control practice: the effects that a gap may be named by, the families of moves that a search tries."""
+
+from collections.abc import Sequence
+
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts import (
+    at_the_pcc,
+    axis_loops,
+    blocks,
+    command,
+    current_measurement,
+    damping,
+    decoupling,
+    droops,
+    feedforward,
+    inner_loops,
+    output_filter,
+    pll_filter,
+    power_filter,
+    power_loops,
+    synchronisation,
+    virtual_impedance,
+    voltage_measurement,
+    wiring,
+)
+from ibrid.parts.practice import Effect, Family, Insertion
+from ibrid.parts.view import views_of
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import violations
+from ibrid.structure.diagram import Diagram
+
+Catalogue = tuple[Effect, ...]
+
+#: What may be missing in a model or in the device it models.
+CATALOGUE: Catalogue = (
+    command.CONTROL_DELAY,
+    synchronisation.PLL_MISSING,
+    power_loops.POWER_LOOP_MISSING,
+    power_loops.REACTIVE_LOOP_MISSING,
+    inner_loops.CURRENT_LOOP_MISSING,
+    pll_filter.PLL_PREFILTER,
+    power_filter.POWER_FILTER,
+    current_measurement.CURRENT_FILTER,
+    feedforward.VOLTAGE_FEEDFORWARD,
+    feedforward.VOLTAGE_FEEDFORWARD_FILTER,
+    decoupling.DECOUPLING,
+    damping.ACTIVE_DAMPING,
+    axis_loops.AC_VOLTAGE_LOOP,
+    axis_loops.DC_LINK,
+    droops.FREQUENCY_DROOP,
+    droops.VOLTAGE_DROOP,
+    virtual_impedance.VIRTUAL_IMPEDANCE,
+    output_filter.SERIES_IMPEDANCE,
+    at_the_pcc.SHUNT_CAPACITANCE,
+    output_filter.CAPACITOR_DAMPING,
+    output_filter.FILTER_CAPACITOR,
+    power_filter.REFERENCE_FILTER,
+    command.COMMAND_FILTER,
+    current_measurement.MEASUREMENT_DELAY,
+    power_loops.POWER_GAINS,
+    voltage_measurement.VOLTAGE_SENSOR,
+    current_measurement.CURRENT_SENSOR,
+    at_the_pcc.FRAME_MISALIGNMENT,
+)
+
+#: What a search tries: sub-loops, then single blocks, then wires.
+FAMILIES: tuple[Family, ...] = (
+    *output_filter.FAMILIES,
+    *synchronisation.FAMILIES,
+    *inner_loops.FAMILIES,
+    *power_loops.FAMILIES,
+    *axis_loops.FAMILIES,
+    *droops.FAMILIES,
+    *inner_loops.LESS,
+    *at_the_pcc.FAMILIES,
+    *feedforward.FAMILIES,
+    *decoupling.FAMILIES,
+    *virtual_impedance.FAMILIES,
+    *damping.FAMILIES,
+    *command.FAMILIES,
+    *pll_filter.FAMILIES,
+    *power_filter.FAMILIES,
+    *current_measurement.FAMILIES,
+    *voltage_measurement.FAMILIES,
+    *virtual_impedance.FEEDBACK,
+    *droops.FREQUENCY,
+    *blocks.FAMILIES,
+    *wiring.FAMILIES,
+)
+
+
+def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] = CATALOGUE) -> tuple[Insertion, ...]:
+    """All ways in which the effects of a catalogue change a legal diagram, in its order.
+
+    Each is legal and each structure comes once; none is that of the diagram itself. Of two devices behind one PCC each is
+    changed by itself. () where no plant has a command. kinds : the vocabulary that edits may use, such as `VOCABULARY`.
+    catalogue : also with effects of one's own, `(*CATALOGUE, MINE)`.
+    """
+    views = views_of(diagram, kinds)
+    found: list[Insertion] = []
+    seen = {structure_hash(diagram, kinds)}
+    for effect in catalogue:
+        for one in (one for view in views for one in effect.insertions(view)):
+            if not violations(one.diagram, kinds) and (key := structure_hash(one.diagram, kinds)) not in seen:
+                seen.add(key)
+                found.append(one)
+    return tuple(found)

@@ -1,0 +1,124 @@
+"""The measured voltage added to the command: there or not, scaled, filtered."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ibrid.modules.behaviour import Element
+from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.paths import command_entry, join, lags, loops, path, terminal_voltage
+from ibrid.parts.practice import Effect, Family, where_missing, where_present
+from ibrid.parts.shaping import bypassed, in_line
+from ibrid.parts.view import Move, View
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """The way of a voltage to the command past the loops. `blocks` : on it, without the lags of the whole command."""
+
+    voltage: str
+    blocks: tuple[str, ...]
+
+    @property
+    def last(self) -> str:
+        """The output that joins the command."""
+        return f"{self.blocks[-1]}.out" if self.blocks else self.voltage
+
+
+def feedforward(view: View) -> Feedforward | None:
+    """The feedforward of the filter's voltage, else of the PCC's; None where there is none, or no other control."""
+    if len(view.draft.sources(command_entry(view.draft, view))) < 2:
+        return None
+    for voltage in dict.fromkeys((view.roles.voltage, terminal_voltage(view))):
+        blocks = path(view.draft, voltage, view.roles.command, without=loops(view))
+        if blocks is not None:
+            row = lags(view)
+            return Feedforward(voltage, tuple(name for name in blocks if name not in row))
+    return None
+
+
+def _voltage_feedforward(view: View) -> Iterator[Move]:
+    roles, present = view.roles, feedforward(view)
+    if present is None:
+        where = f"{roles.voltage} to {roles.command}"
+
+        def scaled(draft: Edit) -> dict[str, Strength]:
+            gain = draft.after(roles.voltage, "Gain_dq", "feedforward")
+            join(draft, view, gain)
+            return {f"{gain.split('.')[0]}.k": Strength((0.1, 0.5, 1.0), 0.0)}
+
+        yield Move.at("add", f"{where}, as it is", lambda draft: join(draft, view, roles.voltage))
+        yield Move.at("add", f"{where}, with a gain", scaled)
+        return
+    where = f"{present.voltage} to {roles.command}"
+    entry = command_entry(view.draft, view)
+    yield Move.at("remove", where, lambda draft: draft.disconnect(present.last, entry))
+    gains = [name for name in present.blocks if view.element(name) is Element.GAIN]
+    for name in gains:
+        yield bypassed(name, f"{where}, as it is, without {name}", "replace")
+    if not gains:
+
+        def with_gain(draft: Edit) -> dict[str, Strength]:
+            name = draft.insert(present.last, [entry], "Gain_dq", "feedforward")
+            return {f"{name}.k": Strength((0.9, 0.6, 0.2), 1.0)}
+
+        yield Move.at("replace", f"{where}, with a gain other than 1", with_gain)
+
+
+VOLTAGE_FEEDFORWARD = Effect(
+    id="voltage_feedforward",
+    law="u_r += k_ff e, with k_ff = 1 or fitted",
+    places="from the measured voltage to the command",
+    signature="gross: 5 Hz to 2 kHz, most at 50 to 500 Hz; all entries, the same at every operating point",
+    confused_with=("active_damping", "voltage_feedforward_filter"),
+    told_apart_by="points below 20 Hz, where a filter of the feedforward does nothing and a missing one much",
+    moves=_voltage_feedforward,
+)
+
+
+def _feedforward_filter(view: View) -> Iterator[Move]:
+    found = feedforward(view)
+    if found is None:
+        return iter(())
+    way, entry = f"on the way from {found.voltage} to {view.roles.command}", command_entry(view.draft, view)
+    present = [name for name in found.blocks if view.element(name) is Element.LOW_PASS]
+    places = {way: lambda draft: draft.insert(found.last, [entry], "LPF1_dq", "feedforward_filter")}
+    return in_line(present, f"{{}} {way}", places, omega_c=cutoff(2000, 500, 100))
+
+
+VOLTAGE_FEEDFORWARD_FILTER = Effect(
+    id="voltage_feedforward_filter",
+    law="u_r += omega_c/(s + omega_c) k_ff e",
+    places="in the path of the voltage feedforward",
+    signature="around the corner frequency, usually 50 Hz to 5 kHz; all entries, the same at every operating point",
+    confused_with=("control_delay", "voltage_feedforward", "voltage_sensor"),
+    told_apart_by="points between 20 Hz and the corner frequency; a delay goes on turning the phase above it",
+    moves=_feedforward_filter,
+)
+
+
+def feedforwards(view: View) -> Iterator[Move]:
+    """The measured voltage added to the command, as it is, scaled or filtered."""
+    voltage, entry = view.roles.voltage, command_entry(view.draft, view)
+    if entry not in view.draft.targets(voltage):
+        yield Move("voltage feedforward", lambda draft: draft.connect(voltage, entry))
+    for kind, words in (("Gain_dq", "scaled "), ("LPF1_dq", "filtered ")):
+        if view.known(kind):
+
+            def shaped(draft: Edit, kind: str = kind) -> None:
+                draft.disconnect(voltage, entry)
+                draft.connect(draft.after(voltage, kind, "feedforward"), entry)
+
+            yield Move(f"{words}voltage feedforward", shaped)
+
+
+def fed_forward(view: View) -> bool:
+    """True when the measured voltage reaches the command without passing a regulator."""
+    return path(view.draft, view.roles.voltage, view.roles.command, without=loops(view)) is not None
+
+
+_BANDS = (0.3, 1.0, 1.0, 0.5)
+
+FAMILIES = (
+    Family("voltage feedforward", "module", _BANDS, 10.0, where_missing(feedforwards, fed_forward)),
+    Family("other feedforward", "module", _BANDS, 0.5, where_present(feedforwards, fed_forward)),
+)

@@ -1,0 +1,116 @@
+"""What control practice is read as: effects that may be missing in a model, and families of moves that a search tries."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from ibrid.parts.edit import NotInVocabulary
+from ibrid.parts.view import Change, Move, View
+from ibrid.structure.diagram import Diagram
+
+Moves = Callable[[View], Iterable[Move]]
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """One way in which an effect changes one given model.
+
+    `effect` : its id. `change` : what is done to the model. `where` : the place, in names of the user's program.
+    `diagram` : the edited program; modules that stay keep their names. `parameters` : new free parameters -> bank of
+    strengths (see `Strength`). `nothing` : values of new parameters at which the edited model is the given one, whatever
+    the others are; {} where there are none.
+    """
+
+    effect: str
+    change: Change
+    where: str
+    diagram: Diagram
+    parameters: Mapping[str, tuple[float, ...]]
+    nothing: Mapping[str, float]
+
+
+def no_moves(view: View) -> tuple[Move, ...]:
+    """Of effects that no edit of a diagram describes."""
+    return ()
+
+
+def absorbed_by_nothing(view: View) -> tuple[str, ...]:
+    """Of most effects: no parameter of a model takes them up."""
+    return ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A declaration of the catalogue: a physical cause of a gap between model and device.
+
+    `id` : its name in results. `law` : in symbols, per unit. `places` : where it is tried. `signature` : in which bands,
+    entries and operating points it shows. `confused_with` : ids of effects that look alike. `told_apart_by` : the
+    measurement that separates them. `moves` : all ways to change a given model, legal or not; those with a `where` count.
+    `absorbed` : free parameters of a given model that take the effect up entirely, so that it cannot be seen as one.
+    `measurement` : True when it lies in the measuring, not in the device, so that no edit of a diagram describes it.
+    """
+
+    id: str
+    law: str
+    places: str
+    signature: str
+    confused_with: tuple[str, ...]
+    told_apart_by: str
+    moves: Moves
+    absorbed: Callable[[View], tuple[str, ...]] = absorbed_by_nothing
+    measurement: bool = False
+
+    def insertions(self, view: View) -> Iterator[Insertion]:
+        """What each move makes of a model, tidied; none where a kind is not at hand."""
+        for move in self.moves(view):
+            if not move.where:
+                continue
+            try:
+                diagram, strengths = view.drawn(move.draw)
+            except NotInVocabulary:
+                continue
+            strengths = strengths or {}
+            yield Insertion(
+                self.id,
+                move.change,
+                move.where,
+                diagram,
+                {name: strength.bank for name, strength in strengths.items()},
+                {name: one.nothing for name, one in strengths.items() if one.nothing is not None},
+            )
+
+
+@dataclass(frozen=True)
+class Family:
+    """An engineering idea as a search tries it. `scale` : local, module or structural. `bands` : how much it usually
+    matters in each frequency band, 0 to 1, in the order of the record. `weight` : how readily an engineer tries it.
+    `moves` : the edits that apply to a diagram; those with a `note` count. `first` : it puts in a part that every controller
+    has, so it comes before the rest. `any_time` : it need not wait for those. `if_gross` : its weight while the error is
+    gross; None: the same. Another structure is tried then, and details later.
+    """
+
+    name: str
+    scale: str
+    bands: tuple[float, float, float, float]
+    weight: float
+    moves: Moves
+    first: bool = False
+    any_time: bool = False
+    if_gross: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.weight <= 0 or (self.if_gross is not None and self.if_gross <= 0):
+            raise ValueError(f"the family {self.name!r} must have a positive weight; leave it out instead")
+
+    def readiness(self, *, gross: bool) -> float:
+        """The weight for a parent whose error is gross, or not."""
+        return self.if_gross if gross and self.if_gross is not None else self.weight
+
+
+def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:
+    """The moves where the diagram has no such part yet; what an engineer expects is tried readily."""
+    return lambda view: () if present(view) else moves(view)
+
+
+def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
+    """The moves where the diagram has such a part already."""
+    return lambda view: moves(view) if present(view) else ()

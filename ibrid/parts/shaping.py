@@ -1,0 +1,89 @@
+"""Filters and delays put in line on a signal, and taken out again: what ideas about them have in common."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.edit import Edit, Strength
+from ibrid.parts.view import Change, Move, View
+from ibrid.signals import Signal
+
+#: Blocks that shape a signal on its way, most usual first.
+SHAPERS = {Signal.SCALAR: ("LPF1", "Notch", "Pade1"), Signal.DQ_VEC: ("LPF1_dq", "Delay", "Pade1_dq")}
+#: How usual a shaper is, where it is not 1.
+UNUSUAL = {"Notch": 0.25, "Pade1": 0.25, "Pade1_dq": 0.25}
+#: Names for blocks that are put in, by kind.
+STEMS = {
+    "LPF1": "filter",
+    "LPF1_dq": "filter",
+    "Notch": "notch",
+    "Pade1": "delay",
+    "Pade1_dq": "delay",
+    "Delay": "delay",
+}
+_SHIPPED = {kind.name for kind in VOCABULARY}
+
+
+def shapers(view: View, signal: Signal) -> tuple[str, ...]:
+    """Filters and delays for a signal: the usual ones and in-line kinds of the user's own with parameters."""
+    usual = view.known(*SHAPERS[signal])
+    own = (kind for kind in view.kinds if kind.name not in _SHIPPED and kind.in_line and kind.inputs["in_"] is signal)
+    return (*usual, *(kind.name for kind in own if kind.name not in usual))
+
+
+def usual(kind: str) -> float:
+    """How usual a shaper is."""
+    return UNUSUAL.get(kind, 1.0)
+
+
+def stem(kind: str) -> str:
+    """What a shaper is called."""
+    return STEMS.get(kind, kind.lower())
+
+
+def put_before(note: str, target: str, kind: str, place: str) -> Move:
+    """A shaper between an input and the sum of all that drives it, named after its place."""
+    name = f"{place}_{stem(kind)}"
+    return Move(note, lambda draft: _nothing(draft.insert_before(target, kind, name)), usual(kind))
+
+
+def put_behind(note: str, source: str, kind: str, place: str, targets: Iterable[str] = (), weight: float = 1.0) -> Move:
+    """A shaper between an output and all that takes it, or some of that."""
+    name = f"{place}_{stem(kind)}"
+
+    def draw(draft: Edit) -> None:
+        draft.insert(source, targets or draft.targets(source), kind, name)
+
+    return Move(note, draw, weight * usual(kind))
+
+
+def _nothing(_: str) -> None:
+    """Blocks that a search tries have no usual strength."""
+
+
+def bypassed(name: str, where: str, change: Change = "remove") -> Move:
+    """An effect's move: a module taken out of its path."""
+    return Move.at(change, where, lambda draft: draft.bypass(name))
+
+
+def in_line(
+    present: Iterable[str],
+    says: str,
+    places: Mapping[str, Callable[[Edit], str]],
+    **strengths: Strength,
+) -> Iterator[Move]:
+    """An effect that is a block in line: taken out where it is present, else put in at each place.
+
+    present : names of such blocks. says : what is said of one, with its name in braces. places : in words -> puts the block
+    in and returns its name. strengths : by parameter of the block.
+    """
+    present = list(present)
+    for name in present:
+        yield bypassed(name, says.format(name))
+    for where, put in places.items() if not present else ():
+        yield Move.at("add", where, partial(_with_strengths, put, strengths))
+
+
+def _with_strengths(put: Callable[[Edit], str], strengths: Mapping[str, Strength], draft: Edit) -> dict[str, Strength]:
+    name = put(draft)
+    return {f"{name}.{key}": strength for key, strength in strengths.items()}

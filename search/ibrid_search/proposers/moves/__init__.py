@@ -1,1 +1,0 @@
-"""The edits an engineer would try, by family: whole sub-loops, single components, wires and shared parameters."""
