@@ -3,8 +3,7 @@
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +11,14 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import to_ours
 from ibrid.measurement.csv_columns import ENTRIES, Columns, columns_of
+from ibrid.measurement.csv_table import Table, fields_of, read_table
 from ibrid.measurement.files import read_lines, write_atomically
-from ibrid.measurement.header import Header, header_of, header_values, known_keys, number_of, read_keys
+from ibrid.measurement.header import Header, header_of, header_values, known_keys, read_keys
 from ibrid.measurement.repeats import sigma_of_mean
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 
 #: Amplitudes further apart than this factor are different ones; nearer ones are one amplitude, repeated.
 APART = 1.2
-
-
-@dataclass(frozen=True)
-class _Row:
-    line: int
-    op: OperatingPoint
-    repeat: int
-    frequency: float
-    matrix: list[complex]
-    sigma: list[float] | None
-    amplitude: float | None
 
 
 def read_csv(path: str | Path, **keys: object) -> Sweep:
@@ -52,20 +41,20 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
     """
     path = Path(path)
     lines = read_lines(path)
-    comments = [(number, line.lstrip()[1:]) for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
-    found, notes = read_keys(comments, str(path))
+    marked = [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
+    found, notes = read_keys([(number, lines[number - 1].lstrip()[1:]) for number in marked], str(path))
     header = header_of({**found, **known_keys(keys)}, str(path), notes)
-    body = [
-        (number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
-    ]
+    comments = set(marked)
+    body = [number for number, line in enumerate(lines, 1) if number not in comments and line and not line.isspace()]
     if not body:
         raise SweepError(f"{path} must hold a line of column names and rows of numbers; found only comments.")
-    columns = columns_of(_fields(*body[0], path), f"{path} line {body[0][0]}")
-    if len(body) == 1:
-        raise SweepError(f"{path} must hold rows of numbers; found only the column names in line {body[0][0]}.")
-    rows = [_row(number, _fields(number, line, path), columns, path) for number, line in body[1:]]
+    head, *numbers = body
+    columns = columns_of(fields_of(head, lines[head - 1], path), f"{path} line {head}")
+    if not numbers:
+        raise SweepError(f"{path} must hold rows of numbers; found only the column names in line {head}.")
+    table = read_table(numbers, [lines[number - 1] for number in numbers], columns, path)
     return Sweep(
-        points=tuple(_point_at_amplitudes(group, header, columns, path) for group in _by_operating_point(rows, path)),
+        points=tuple(_point_at_amplitudes(group, header, columns, path) for group in _by_operating_point(table, path)),
         f0_hz=header.f0_hz,
         power_node=header.power_node,
         s_base_va=header.s_base_va,
@@ -76,169 +65,106 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
     )
 
 
-def _fields(number: int, line: str, path: Path) -> list[str]:
-    if '"' not in line:
-        return [field.strip() for field in line.split(",")]
-    try:
-        return [field.strip() for field in next(csv.reader([line], strict=True))]
-    except csv.Error as reason:
-        raise SweepError(
-            f"{path} line {number} must be comma-separated values; {reason}, check the quotes."
-        ) from reason
-
-
-def _row(number: int, fields: list[str], columns: Columns, path: Path) -> _Row:
-    where = f"{path} line {number}"
-    if len(fields) != columns.count:
-        hint = "decimal commas?" if len(fields) > columns.count else "is the line cut off?"
-        raise SweepError(f"{where} must have {columns.count} values, one per column; found {len(fields)}, {hint}")
-
-    def cell(name: str) -> float:
-        return number_of(fields[columns.place[name]], f"{where}: {name}")
-
-    def optional(name: str) -> float | None:
-        return cell(name) if name in columns.place and fields[columns.place[name]] else None
-
-    frequency = cell("freq_hz")
-    if frequency <= 0:
-        raise SweepError(f"{where}: freq_hz must be positive; found {frequency:g}, leave that row out.")
-    repeat = optional("repeat")
-    if repeat is not None and repeat != int(repeat):
-        raise SweepError(f"{where}: repeat must be a whole number; found {repeat:g}.")
-    sigma = [optional(name) for name in columns.sigma]
-    if any(value is not None and value <= 0 for value in sigma):
-        raise SweepError(f"{where}: sigma must be positive; leave the cell empty where the noise is unknown.")
-    p, q, v = cell("p"), cell("q"), optional("v")
-    try:
-        op = OperatingPoint(fields[columns.place["op"]], p, q, 1.0 if v is None else v)
-    except SweepError as reason:
-        raise SweepError(f"{where}: {reason}") from reason
-    return _Row(
-        line=number,
-        op=op,
-        repeat=int(repeat or 0),
-        frequency=frequency,
-        matrix=[complex(cell(real), cell(imaginary)) for real, imaginary in columns.matrix],
-        sigma=None if not sigma or None in sigma else [value for value in sigma if value is not None],
-        amplitude=optional("amplitude"),
-    )
-
-
-def _by_operating_point(rows: list[_Row], path: Path) -> list[list[_Row]]:
+def _by_operating_point(table: Table, path: Path) -> list[Table]:
     """Rows per operating point in order of appearance; one name means one steady state."""
-    groups: dict[str, list[_Row]] = {}
-    for row in rows:
-        group = groups.setdefault(row.op.name, [])
-        group.append(row)
-        first, again = group[0].op, row.op
-        if not np.allclose((first.p, first.q, first.v), (again.p, again.q, again.v), rtol=1e-9, atol=1e-12):
+    groups = table.grouped(table.op)
+    for group in groups:
+        other = np.flatnonzero(~np.isclose(group.point, group.point[0], rtol=1e-9, atol=1e-12).all(axis=1))
+        if len(other):
+            (p, q, v), (p_again, q_again, v_again) = group.point[0], group.point[other[0]]
             raise SweepError(
-                f"{path} line {row.line}: operating point {again.name} must keep one p, q, v; found p={again.p:g}, "
-                f"q={again.q:g}, v={again.v:g} after p={first.p:g}, q={first.q:g}, v={first.v:g} "
-                f"in line {group[0].line}, give the second setpoint a name of its own."
+                f"{path} line {group.line[other[0]]}: operating point {group.op[0]} must keep one p, q, v; found "
+                f"p={p_again:g}, q={q_again:g}, v={v_again:g} after p={p:g}, q={q:g}, v={v:g} "
+                f"in line {group.line[0]}, give the second setpoint a name of its own."
             )
-    return list(groups.values())
+    return groups
 
 
-def _point_at_amplitudes(rows: list[_Row], header: Header, columns: Columns, path: Path) -> PointSweep:
+def _point_at_amplitudes(rows: Table, header: Header, columns: Columns, path: Path) -> PointSweep:
     smallest, *larger = (_point(level, header, columns, path) for level in _by_amplitude(rows, path))
     return replace(smallest, larger=tuple(larger))
 
 
-def _by_amplitude(rows: list[_Row], path: Path) -> list[list[_Row]]:
+def _by_amplitude(rows: Table, path: Path) -> list[Table]:
     """Rows of one operating point by the rank of their amplitude at their frequency, the smallest first."""
-    empty = [row for row in rows if row.amplitude is None]
-    if len(empty) == len(rows):
+    empty = np.isnan(rows.amplitude)
+    if empty.all():
         return [rows]
-    if empty:
+    if empty.any():
         raise SweepError(
-            f"{path} line {empty[0].line}: amplitude must be there in all rows of operating point {rows[0].op.name} "
-            "or in none."
+            f"{path} line {rows.line[np.argmax(empty)]}: amplitude must be there in all rows of operating point "
+            f"{rows.op[0]} or in none."
         )
-    levels: dict[int, list[_Row]] = {}
-    by_frequency: dict[float, list[tuple[float, _Row]]] = {}
-    for row in rows:
-        by_frequency.setdefault(row.frequency, []).append((row.amplitude or 0.0, row))
-    for found in by_frequency.values():
-        found.sort(key=lambda one: one[0])
-        rank, first = 0, found[0][0]
-        for amplitude, row in found:
-            if first <= 0 and amplitude != first:
-                raise SweepError(
-                    f"{path} line {row.line}: amplitude must be positive where there are several; found {first:g} too."
-                )
-            if amplitude > APART * first > 0:
-                rank, first = rank + 1, amplitude
-            levels.setdefault(rank, []).append(row)
-    return [sorted(level, key=lambda row: row.line) for _, level in sorted(levels.items())]
-
-
-def _point(rows: list[_Row], header: Header, columns: Columns, path: Path) -> PointSweep:
-    runs: dict[int, list[_Row]] = {}
-    for row in rows:
-        runs.setdefault(row.repeat, []).append(row)
-    sorted_runs = [_sorted_run(run, path) for run in runs.values()]
-    frequency = np.array([row.frequency for row in sorted_runs[0]])
-    for run in sorted_runs[1:]:
-        if len(run) != len(frequency) or (np.array([row.frequency for row in run]) != frequency).any():
+    level = np.zeros(len(rows), dtype=int)
+    rank, first, frequency = 0, 0.0, 0.0
+    for k in np.lexsort((rows.amplitude, rows.frequency)):
+        amplitude = rows.amplitude[k]
+        if rows.frequency[k] != frequency:
+            rank, first, frequency = 0, amplitude, rows.frequency[k]
+        if first <= 0 and amplitude != first:
             raise SweepError(
-                f"{path} line {run[0].line}: repeat {run[0].repeat} of operating point {rows[0].op.name} must have "
-                f"the same frequencies as repeat {sorted_runs[0][0].repeat}; complete it or leave it out."
+                f"{path} line {rows.line[k]}: amplitude must be positive where there are several; found {first:g} too."
             )
-    converted = [_convert(run, header, columns, path) for run in sorted_runs]
+        if amplitude > APART * first > 0:
+            rank, first = rank + 1, amplitude
+        level[k] = rank
+    return [rows.at(level == rank) for rank in range(level.max() + 1)]
+
+
+def _point(rows: Table, header: Header, columns: Columns, path: Path) -> PointSweep:
+    runs = [_sorted_run(run, path) for run in rows.grouped(rows.repeat)]
+    frequency = runs[0].frequency
+    for run in runs[1:]:
+        if len(run) != len(frequency) or (run.frequency != frequency).any():
+            raise SweepError(
+                f"{path} line {run.line[0]}: repeat {run.repeat[0]:.0f} of operating point {rows.op[0]} must have "
+                f"the same frequencies as repeat {runs[0].repeat[0]:.0f}; complete it or leave it out."
+            )
+    converted = [_convert(run, header, columns, path) for run in runs]
     repeats = np.array([matrix for matrix, _ in converted])
     single = [sigma for _, sigma in converted if sigma is not None]
     if single:
         if len(single) != len(converted):
-            raise SweepError(
-                f"{path}: sigma of operating point {rows[0].op.name} must be given for all repeats or none."
-            )
+            raise SweepError(f"{path}: sigma of operating point {rows.op[0]} must be given for all repeats or none.")
         sigma = np.sqrt((np.array(single) ** 2).sum(axis=0)) / len(single)
     else:
         sigma = sigma_of_mean(repeats) if len(repeats) >= 3 else None
+    told = not np.isnan(rows.amplitude).any()
     try:
         return PointSweep(
-            op=rows[0].op,
+            op=OperatingPoint(rows.op[0], *rows.point[0].tolist()),
             frequency=frequency,
             admittance=repeats.mean(axis=0),
             sigma=sigma,
             repeats=repeats if len(repeats) > 1 else None,
-            amplitude=_amplitude(sorted_runs),
+            amplitude=np.mean([run.amplitude for run in runs], axis=0) if told else None,
         )
     except SweepError as reason:
-        raise SweepError(f"{path} line {rows[0].line}: {reason}") from reason
+        raise SweepError(f"{path} line {rows.line[0]}: {reason}") from reason
 
 
-def _sorted_run(run: list[_Row], path: Path) -> list[_Row]:
-    run = sorted(run, key=lambda row: row.frequency)
-    for earlier, later in pairwise(run):
-        if earlier.frequency == later.frequency:
-            first, second = sorted((earlier.line, later.line))
-            raise SweepError(
-                f"{path} line {second}: {later.frequency:g} Hz must be there once per operating point and repeat; "
-                f"{later.op.name} has it in line {first} already, number the runs in a column repeat."
-            )
+def _sorted_run(run: Table, path: Path) -> Table:
+    run = run.at(np.argsort(run.frequency, kind="stable"))
+    twice = np.flatnonzero(np.diff(run.frequency) == 0)
+    if len(twice):
+        first, second = sorted(run.line[twice[0] : twice[0] + 2])
+        raise SweepError(
+            f"{path} line {second}: {run.frequency[twice[0]]:g} Hz must be there once per operating point and repeat; "
+            f"{run.op[0]} has it in line {first} already, number the runs in a column repeat."
+        )
     return run
 
 
-def _convert(run: list[_Row], header: Header, columns: Columns, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    matrix = np.array([row.matrix for row in run]).reshape(-1, 2, 2)
+def _convert(run: Table, header: Header, columns: Columns, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     sigma = None
-    without = [row.line for row in run if row.sigma is None]
-    if not without:
-        sigma = np.array([row.sigma for row in run])
-        sigma = np.broadcast_to(sigma.reshape(len(run), -1), (len(run), 4)).reshape(-1, 2, 2)
+    without = run.line[np.isnan(run.sigma).any(axis=1)] if run.sigma.size else run.line
+    if not len(without):
+        sigma = np.broadcast_to(run.sigma, (len(run), 4)).reshape(-1, 2, 2)
     elif len(without) < len(run):
         raise SweepError(
-            f"{path} line {without[0]}: sigma must be there in all rows of operating point {run[0].op.name} or in none."
+            f"{path} line {without[0]}: sigma must be there in all rows of operating point {run.op[0]} or in none."
         )
-    return to_ours(matrix, sigma, header, columns.quantity, lambda k: f"{path} line {run[k].line}")
-
-
-def _amplitude(runs: list[list[_Row]]) -> np.ndarray | None:
-    """Injected amplitude per frequency, averaged over the repeats of one amplitude; None where it is not told."""
-    values = [[row.amplitude for row in run if row.amplitude is not None] for run in runs]
-    return np.array(values, dtype=float).mean(axis=0) if values[0] else None
+    return to_ours(run.matrix, sigma, header, columns.quantity, lambda k: f"{path} line {run.line[k]}")
 
 
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:

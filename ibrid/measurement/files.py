@@ -6,6 +6,7 @@ from ibrid.errors import IbridError, SweepError
 from ibrid.writing import write_whole
 
 MAX_BYTES = 200_000_000
+LONGEST_LINE = 20_000
 
 
 def read_bytes(path: Path) -> bytes:
@@ -47,7 +48,14 @@ def text_lines(content: bytes, where: str) -> list[str]:
         raise SweepError(f"{where} must be UTF-8 text; line {line} holds a zero byte, export it as text (CSV UTF-8).")
     if not text.strip():
         raise SweepError(f"{where} must hold a sweep; found an empty file.")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if (longest := max(map(len, lines))) > LONGEST_LINE:
+        line = next(number for number, line in enumerate(lines, 1) if len(line) == longest)
+        raise SweepError(
+            f"{where} must have lines of at most {LONGEST_LINE} characters; line {line} has {longest}, put one frequency "
+            "on a line."
+        )
+    return lines
 
 
 def write_atomically(path: Path, text: str) -> None:

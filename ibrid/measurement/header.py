@@ -23,7 +23,7 @@ HEADER_KEYS = (*CHOICES, *POSITIVE)
 POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
-_KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=]\s*(.*?)\s*")
+_KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def read_keys(
             if text.strip():
                 notes.append(text.strip())
             continue
-        key, value = match.groups()
+        key, value = match[1], match[2].strip()
         if key in names:
             if key in keys and keys[key] != value:
                 raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")

@@ -3,6 +3,7 @@
 Everything is per unit on the inverter's base, current out of the inverter, q axis leading d (readers convert).
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isfinite, pi
@@ -179,7 +180,7 @@ class Sweep:
         object.__setattr__(self, "notes", tuple(self.notes))
         if not self.points:
             raise SweepError("a sweep must have at least one operating point; found none.")
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(self.names).items() if count > 1)
         if twice:
             raise SweepError(f"operating points must have different names; {twice[0]} is there twice.")
         for name in ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"):
