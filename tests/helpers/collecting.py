@@ -51,11 +51,14 @@ def collecting() -> Iterator[Failures]:
 
 
 def each(
-    names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | None = None
+    names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | Sequence[str] | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """As pytest.mark.parametrize, in a single item; several may stand above one another."""
     of_case = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     rows = [_row(case, len(of_case)) for case in cases]
+    if ids is not None and not callable(ids):
+        rows = [(row, name) for (row, _), name in zip(rows, ids, strict=True)]
+    words = ids if callable(ids) else str
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(test)
@@ -64,7 +67,7 @@ def each(
         def looped(*args: Any, **fixtures: Any) -> None:
             with collecting() as failures:
                 for row, name in rows:
-                    with failures.case(name or ", ".join(str(ids(value) if ids else value)[:80] for value in row)):
+                    with failures.case(name or ", ".join(str(words(value) or value)[:80] for value in row)):
                         test(*args, **fixtures, **dict(zip(of_case, row, strict=True)))
 
         rest = [parameter for parameter in signature.parameters.values() if parameter.name not in of_case]
