@@ -89,7 +89,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
     global _began
     fixtures = getattr(item, "_fixtureinfo", None)
     used = [made for several in (fixtures.name2fixturedefs if fixtures else {}).values() for made in several]
-    borrowed[:] = [_fixtures[fixture] for fixture in used if fixture in _fixtures]
+    borrowed.clear()
+    borrowed.update({fixture: _fixtures[fixture] for fixture in used if fixture in _fixtures})
     _began = processor_seconds()
     return (yield)
 
@@ -99,8 +100,8 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
     global _began
     report = yield
     now = processor_seconds()
-    report.own, report.borrowed = now - _began, sum(borrowed)  # type: ignore[attr-defined]
-    borrowed.clear()
+    report.own = now - _began  # type: ignore[attr-defined]
+    report.borrowed = sum(borrowed.values()) if report.when == "teardown" else 0.0  # type: ignore[attr-defined]
     _began = now
     return report
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_search.logbook import Effort, Logbook
 from ibrid_search.mcp_server import Options, serve
 from ibrid_search.proposal import Task
@@ -203,14 +204,14 @@ def test_steps_and_programs_are_compared(bench: Workbench):
     assert "not legal" in ask(bench, "compare_programs", a=0, b=UNWIRED)["error"]
 
 
-@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+@each_of("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workbench, text: str):
     assert ask(bench, "evaluate_program", program=text)["status"] in ("unreadable", "illegal")
     assert ask(bench, "check_grammar", program=text)["violations"]
     assert ask(bench, "compare_programs", a=text, b=0)["error"]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("tool", "arguments", "words"),
     [
         ("evaluate_program", {}, "lack 'program'"),

@@ -6,6 +6,7 @@ import pickle
 import time
 
 import pytest
+from collecting import each_of
 from ibrid_search.proposers.chat import Chat, ChatError
 from ibrid_search.proposers.chat_server import ChatServer
 from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
@@ -123,7 +124,7 @@ def test_a_pause_that_the_server_asks_for_is_kept():
     assert time.monotonic() - started >= 0.3
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("turn", "says_why", "asked"),
     [
         (refuses(500, "out of memory"), "answered HTTP 500 (out of memory), 3 times", 3),
@@ -234,7 +235,7 @@ def test_text_that_no_file_could_hold_is_replaced():
         assert chat(script).complete(ASK).text == "a?b"
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("model", "settings", "says_why"),
     [
         ("", {}, "a model has a name"),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import benchmark, evaluated
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer, Task
@@ -268,7 +269,7 @@ def test_models_are_named_on_a_command_line(monkeypatch):
     assert [one.name for one in proposer.models] == ["a", "b"]
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("models", "says_why"),
     [
         ([], "at least one model"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.reference.__main__ import main
 from ibrid_bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
 from ibrid_bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
@@ -37,7 +38,7 @@ def test_every_inverter_hides_at_least_two_effects_of_the_catalogue():
     assert len({(one.inverter, one.words) for one in HIDINGS}) == len(HIDINGS)
 
 
-@pytest.mark.parametrize("hiding", NAMED)
+@each_of("hiding", NAMED)
 def test_an_edit_of_the_hidden_effect_leads_from_the_model_to_the_device(hiding: Hiding):
     case = hidden_case(hiding)
     assert violations(case.model) == ()

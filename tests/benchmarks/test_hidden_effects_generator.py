@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.hidden.__main__ import main
 from ibrid_bench.hidden.bases import BASES, draw_base
 from ibrid_bench.hidden.case import KINDS, UNDERSTATED, Case, Kind, draw_case, write_case
@@ -123,8 +124,8 @@ _OPTIONS = [
 ]
 
 
-@pytest.mark.parametrize("options", _OPTIONS, ids=str)
-@pytest.mark.parametrize(("p", "q", "v"), [(1.0, 0.3, 1.0), (-0.6, -0.2, 1.03)])
+@each_of("options", _OPTIONS, ids=str)
+@each_of(("p", "q", "v"), [(1.0, 0.3, 1.0), (-0.6, -0.2, 1.03)])
 def test_without_hidden_effects_a_device_is_the_reference_inverter(options, p, q, v):
     plant, op = PLANTS["paper_like"], OperatingPoint("one", p, q, v)
     plant = replace(plant, parameters=replace(plant.parameters, **options))
@@ -132,16 +133,14 @@ def test_without_hidden_effects_a_device_is_the_reference_inverter(options, p, q
     assert relative(found, state_space(plant, op).admittance(FREQUENCY)) < 1e-10
 
 
-@pytest.mark.parametrize(
-    "name", [name for name, plant in PLANTS.items() if isinstance(plant.parameters, GFLParameters)]
-)
+@each_of("name", [name for name, plant in PLANTS.items() if isinstance(plant.parameters, GFLParameters)])
 def test_published_inverters_are_the_same_in_both_models(name):
     plant = PLANTS[name]
     found = admittance(_same_as(plant.parameters), OP, FREQUENCY, plant.omega_0)
     assert relative(found, state_space(plant, OP).admittance(FREQUENCY)) < 1e-10
 
 
-@pytest.mark.parametrize("effect", HIDDEN, ids=lambda effect: effect.key)
+@each_of("effect", HIDDEN, ids=lambda effect: effect.key)
 def test_device_and_model_of_every_effect_are_what_modules_assemble_to(effect):
     case = case_of(effect)
     node, op = case.sweep.power_node, case.sweep.points[1].op
@@ -272,8 +271,8 @@ def case_sweep(Y: np.ndarray) -> Sweep:
 # the steady state
 
 
-@pytest.mark.parametrize("node", ["capacitor", "pcc"])
-@pytest.mark.parametrize(
+@each_of("node", ["capacitor", "pcc"])
+@each_of(
     "changes",
     [
         {},
@@ -366,7 +365,7 @@ def test_foreign_effects_and_wrong_conventions_are_in_no_catalogue():
     assert not {effect.id for effect in (*FOREIGN, *CONVENTIONS)} & (IDS - {"frame_misalignment"})
 
 
-@pytest.mark.parametrize("effect", [*HIDDEN, *FOREIGN], ids=lambda effect: effect.key)
+@each_of("effect", [*HIDDEN, *FOREIGN], ids=lambda effect: effect.key)
 def test_severities_do_not_overlap_and_end_where_a_device_can_be_built(effect):
     for settings in (effect.device, effect.model, effect.both, effect.measurement):
         for name, strength in settings.items():
@@ -379,7 +378,7 @@ def test_severities_do_not_overlap_and_end_where_a_device_can_be_built(effect):
                 assert ordered in (ranges, ranges[::-1])
 
 
-@pytest.mark.parametrize("effect", [*HIDDEN, *FOREIGN, *CONVENTIONS[:-1]], ids=lambda effect: effect.key)
+@each_of("effect", [*HIDDEN, *FOREIGN, *CONVENTIONS[:-1]], ids=lambda effect: effect.key)
 def test_every_effect_changes_what_is_measured_at_every_severity(effect):
     for severity in SEVERITIES:
         case = draw_case(kind_of(effect), 1, effects=[effect.key], severity=severity)
@@ -388,7 +387,7 @@ def test_every_effect_changes_what_is_measured_at_every_severity(effect):
             assert np.linalg.norm(believed - point.admittance) > 1e-5 * np.linalg.norm(point.admittance)
 
 
-@pytest.mark.parametrize("name", BASES)
+@each_of("name", BASES)
 def test_a_base_is_the_textbook_structure_of_its_name(name):
     drawn = parse_program(block_diagram(draw_base(name, np.random.default_rng(0)), OMEGA_60).text)
     assert structure_hash(drawn) == structure_hash(textbook(name))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, exact_model
 from ibrid_bench.search.inverters import DIAGRAMS, HARDWARE, hardware, inverter, inverter_names, plant_of
 from sharing import shared
@@ -46,7 +47,7 @@ def assert_close(found: np.ndarray, wanted: np.ndarray, tolerance: float) -> Non
     assert (np.abs(found - wanted) <= tolerance * scale).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_hidden_inverter_is_legal_and_stable_at_its_three_points(name):
     assert ibrid.violations(hidden(name).truth) == ()
     assert len(model(name).parameters) == 3
@@ -54,7 +55,7 @@ def test_a_hidden_inverter_is_legal_and_stable_at_its_three_points(name):
         assert np.real(model(name).state_space(op).poles()).max() < 0
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_its_sweep_is_the_response_of_its_diagram(name):
     for point in points(hidden(name)):
         assert (len(point.frequency), point.frequency[0], point.frequency[-1]) == (16, 5.0, 5000.0)
@@ -62,7 +63,7 @@ def test_its_sweep_is_the_response_of_its_diagram(name):
         assert_close(model(name).response(point.op.name, point.frequency), point.admittance, 1e-9)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if plant_of(name)])
+@each_of("name", [name for name in NAMES if plant_of(name)])
 def test_its_sweep_is_the_linearisation_of_the_nonlinear_inverter(name):
     plant = plant_of(name)
     assert plant is not None
@@ -243,7 +244,7 @@ def imports(path: Path) -> set[str]:
 OWN = sorted(SEARCH.rglob("*.py"))
 
 
-@pytest.mark.parametrize("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
+@each_of("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_the_search_never_looks_at_the_hidden_inverters(path):
     assert not [name for name in imports(path) if name.startswith("ibrid_bench")]
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import benchmark, changed, evaluated
 
 import ibrid
@@ -245,7 +246,7 @@ def test_a_fit_that_had_no_time_for_a_start_is_a_timeout_not_a_failure(monkeypat
 # options
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("options", "words"),
     [
         ({"parameters": "share"}, "did you mean shared"),
@@ -268,7 +269,7 @@ def test_a_wrong_option_is_one_sentence_that_names_the_near_ones(options, words)
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("options", "words"),
     [
         ({"seeds": "vector-fiting"}, "did you mean vector-fitting"),

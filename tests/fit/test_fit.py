@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import TRUE, benchmark, changed, drawn, evaluated, measured, objective_value, problem_of, x_of
 from scipy.optimize import Bounds, minimize
 
@@ -41,8 +42,8 @@ def noisy(noise_db: float = 40, seed: int = 1):
 # known structures
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("name", sorted(set(RECIPES) - {OUTSIDE_THE_BOX}))
+@each_of("seed", [0, 1, 2])
+@each_of("name", sorted(set(RECIPES) - {OUTSIDE_THE_BOX}))
 def test_a_known_structure_is_found_again_from_default_starts(name, seed):
     plant = RECIPES[name].plant
     record = ibrid.evaluate(ibrid.parse_program(plant.program), ibrid.read_sweep(ibrid.benchmarks()[name]), seed=seed)
@@ -74,8 +75,8 @@ def test_a_published_device_outside_the_printed_boxes_is_found_with_a_wider_box_
     assert narrow.nrmse > 0.1
 
 
-@pytest.mark.parametrize("population", ["textbook", "wide"])
-@pytest.mark.parametrize("draw", range(6))
+@each_of("population", ["textbook", "wide"])
+@each_of("draw", range(6))
 def test_random_stable_draws_are_found_again(population, draw):
     plant = random_stable(np.random.default_rng([77, draw]), population=population, pll_filter=draw % 2 == 0)
     record = ibrid.evaluate(

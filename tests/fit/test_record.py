@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import benchmark, evaluated, measured
 
 import ibrid
@@ -135,7 +136,7 @@ def broken(**changes) -> dict:
     return data
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("changes", "words"),
     [
         ({"schema": "ibrid.gap/1"}, r"has the schema 'ibrid\.record/1', found 'ibrid\.gap/1'"),
@@ -228,7 +229,7 @@ def test_a_missing_file_is_refused(tmp_path):
 # the model
 
 
-@pytest.mark.parametrize("name", sorted(set(ibrid.textbook_names()) - {"gfl_delay", "gfl_l_filter_delay"}))
+@each_of("name", sorted(set(ibrid.textbook_names()) - {"gfl_delay", "gfl_l_filter_delay"}))
 def test_the_state_space_has_the_response_of_the_record(name):
     record = evaluated(name, restarts=0)
     frequency = np.logspace(-1, 4, 30)
@@ -260,7 +261,7 @@ def test_with_a_delay_the_state_space_follows_the_exact_response_to_a_degree():
     assert error.max() < 0.1
 
 
-@pytest.mark.parametrize("name", ibrid.textbook_names())
+@each_of("name", ibrid.textbook_names())
 def test_poles_and_stability_are_those_of_the_exported_matrices(name):
     record = evaluated(name, restarts=0)
     for op in OPS:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
@@ -113,19 +114,19 @@ def test_every_effect_that_results_refer_to_is_in_the_catalogue_once():
     assert len(ids) == len(set(ids))
 
 
-@pytest.mark.parametrize("one", CATALOGUE, ids=lambda one: one.id)
+@each_of("one", CATALOGUE, ids=lambda one: one.id)
 def test_what_an_effect_is_confused_with_is_an_effect_that_is_confused_with_it(one):
     assert one.confused_with
     for other in one.confused_with:
         assert one.id in effect(other).confused_with, f"{other} does not name {one.id}"
 
 
-@pytest.mark.parametrize("one", CATALOGUE, ids=lambda one: one.id)
+@each_of("one", CATALOGUE, ids=lambda one: one.id)
 def test_an_effect_of_the_device_changes_some_textbook_program_and_one_of_the_measurement_none(one):
     assert any(of(name, one.id) for name in NAMES) != one.measurement
 
 
-@pytest.mark.parametrize("one", CATALOGUE, ids=lambda one: one.id)
+@each_of("one", CATALOGUE, ids=lambda one: one.id)
 def test_an_effect_travels_to_another_process(one):
     again = pickle.loads(pickle.dumps(one))
     assert again == one
@@ -144,7 +145,7 @@ def test_the_table_for_people_is_that_of_the_catalogue():
 # every edit of every textbook program
 
 
-@pytest.mark.parametrize(("name", "one"), EVERY)
+@each_of(("name", "one"), EVERY)
 def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names(name, one):
     before = textbook(name)
     assert violations(one.diagram) == ()
@@ -159,7 +160,7 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
         assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name in plants
 
 
-@pytest.mark.parametrize(("name", "one"), EVERY)
+@each_of(("name", "one"), EVERY)
 def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mean_what_they_meant(name, one):
     before, after = free_units(textbook(name)), free_units(one.diagram)
     assert one.parameters.keys() == after.keys() - before.keys()
@@ -174,7 +175,7 @@ def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mea
         assert all(boxes[key].low <= value <= boxes[key].high for value in bank)
 
 
-@pytest.mark.parametrize(("name", "one"), EVERY)
+@each_of(("name", "one"), EVERY)
 def test_an_edit_does_nothing_at_nothing_and_something_at_each_strength(name, one):
     given = response(textbook(name), {})
     for j in range(max((len(bank) for bank in one.parameters.values()), default=1)):
@@ -185,20 +186,20 @@ def test_an_edit_does_nothing_at_nothing_and_something_at_each_strength(name, on
             assert difference(given, response(one.diagram, {**strength, **one.nothing})) < 1e-6
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_each_structure_comes_once_and_the_given_one_never(name):
     hashes = [structure_hash(one.diagram) for one in ALL[name]]
     assert len({*hashes, structure_hash(textbook(name))}) == len(hashes) + 1
 
 
-@pytest.mark.parametrize(("name", "one"), [case for case in EVERY if case.values[1].change == "add"])  # type: ignore[union-attr]
+@each_of(("name", "one"), [case for case in EVERY if case.values[1].change == "add"])  # type: ignore[union-attr]
 def test_what_an_effect_added_it_can_take_away_again(name, one):
     wanted = structure_hash(textbook(name))
     back = [again for again in insertions(one.diagram, VOCABULARY, (effect(one.effect),)) if again.change == "remove"]
     assert wanted in [structure_hash(again.diagram) for again in back]
 
 
-@pytest.mark.parametrize(("name", "one"), [case for case in EVERY if case.values[1].change == "remove"])  # type: ignore[union-attr]
+@each_of(("name", "one"), [case for case in EVERY if case.values[1].change == "remove"])  # type: ignore[union-attr]
 def test_what_an_effect_took_away_it_can_put_in_again(name, one):
     again = insertions(one.diagram, VOCABULARY, (effect(one.effect),))
     assert {each.change for each in again} & {"add", "replace"}

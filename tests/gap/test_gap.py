@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.hidden.case import Case, draw_case, write_case
 
 import ibrid
@@ -44,7 +45,7 @@ def ids(gap) -> list[str]:
     return [one.id for one in gap.effects]
 
 
-@pytest.mark.parametrize("effect", HIDDEN)
+@each_of("effect", HIDDEN)
 def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect):
     case = draw_case("effect", 3, effects=[f"{effect}:add"], severity="gross", noise_db=60)
     gap = answered(case, catalogue=FEW)

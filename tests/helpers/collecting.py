@@ -1,6 +1,6 @@
 """Many cases in one test: each is checked, all that fail are told together.
 
-`each` stands where pytest.mark.parametrize would, for cases that are many and quick: thousands of items cost every process
+`each_of` stands where pytest.mark.parametrize would, for cases that are many and quick: thousands of items cost every process
 seconds to collect. Fixtures of the test are made once, for all cases.
 """
 
@@ -50,7 +50,7 @@ def collecting() -> Iterator[Failures]:
         pytest.skip("every case is skipped")
 
 
-def each(
+def each_of(
     names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | Sequence[str] | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """As pytest.mark.parametrize, in a single item; several may stand above one another."""

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_policy.learning.advantages import (
     DIVERGENCE,
     EPSILON,
@@ -78,8 +79,8 @@ def test_entropic_advantages_do_not_depend_on_the_scale_of_rewards_but_noise_is_
     np.testing.assert_allclose(two, [-np.tanh(5.0), np.tanh(5.0)], rtol=1e-12)
 
 
-@pytest.mark.parametrize("advantages", WAYS.values())
-@pytest.mark.parametrize("rewards", [[0.5] * 4, [None, None], [None, 0.3, None], []])
+@each_of("advantages", WAYS.values())
+@each_of("rewards", [[0.5] * 4, [None, None], [None, 0.3, None], []])
 def test_a_group_that_teaches_nothing_is_dropped(advantages, rewards):
     assert advantages(rewards, 0.02) is None
 
@@ -301,7 +302,7 @@ def test_the_default_profile_is_the_papers():
     assert (one.optimizer, one.decay1, one.decay2) == ("adam", 0.9, 0.98)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("wrong", "sentence"),
     [
         ({"group": 1}, "a group needs 2 answers or more.*found 1"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import random_diagrams
+from collecting import each_of
 from ibrid_policy.diagram_words import diagram_of, diagram_words
 from ibrid_policy.edit import Edit, difference, made
 from ibrid_policy.edit_words import edit_words, read_edit
@@ -60,7 +61,7 @@ def test_no_word_stands_for_two_things():
     assert len(set(TOKENS.words)) == len(TOKENS)
 
 
-@pytest.mark.parametrize("name", [*SINGLE, "parallel_gfl_gfm"])
+@each_of("name", [*SINGLE, "parallel_gfl_gfm"])
 def test_a_textbook_diagram_can_be_said_and_read_back(name):
     diagram = textbook(name)
     words = TOKENS.decode(said(diagram))
@@ -84,7 +85,7 @@ def test_random_diagrams_and_the_edits_between_them_are_said_exactly(without_num
         before = diagram
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@each_of("name", SINGLE)
 def test_the_edit_from_any_textbook_diagram_to_any_other_is_said_exactly(name):
     for other in SINGLE:
         if other != name:

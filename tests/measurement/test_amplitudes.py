@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.hidden.bases import draw_base
 from ibrid_bench.hidden.device import OMEGA_60, Device, admittance, stable
 from ibrid_bench.hidden.injection import injected
@@ -252,7 +253,7 @@ def test_a_device_with_a_delay_is_refused_by_the_simulation_in_time():
         injected(replace(device(), T_d=1e-4), Nonlinearity(), OP, FREQUENCY, 1e-3)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each_of("seed", range(20))
 def test_the_gate_is_silent_on_a_linear_device_at_small_amplitudes(seed):
     small = joined(at_amplitudes(device_sweep())[:2])
     found = linearity(add_noise(small, 60.0, rng=np.random.default_rng(seed)))

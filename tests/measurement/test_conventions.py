@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.measurement import (
     OperatingPoint,
@@ -70,7 +71,7 @@ def test_the_law_that_the_test_rests_on_holds():
         np.testing.assert_allclose(inverter(np.array([1e-5]), p, q)[0], -np.array([[p, -q], [-q, -p]]), atol=1e-5)
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@each_of("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_sweeps_raise_no_doubt(path):
     sweep = read_sweep(path)
     assert check_conventions(sweep).status != "doubt"
@@ -93,8 +94,8 @@ def test_correct_data_agree():
     assert verdict.warnings == ()
 
 
-@pytest.mark.parametrize("start", [0.1, 0.5, 2.0, 5.0, 20.0])
-@pytest.mark.parametrize("power", [0.5, 5.0, 50.0])
+@each_of("start", [0.1, 0.5, 2.0, 5.0, 20.0])
+@each_of("power", [0.5, 5.0, 50.0])
 def test_correct_data_raise_no_doubt_however_slow_the_power_loops(start, power):
     assert check_conventions(measured(frequency=np.geomspace(start, 5000, 24), power=power)).status != "doubt"
 
@@ -112,8 +113,8 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-@pytest.mark.parametrize("noise_db", [None, 40, 20])
+@each_of("name", MISTAKES)
+@each_of("noise_db", [None, 40, 20])
 def test_a_wrong_declaration_is_named(name, noise_db):
     wrong, declared, sentence = MISTAKES[name]
     sweep = measured(wrong, declared)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.measurement import (
     OperatingPoint,
@@ -148,7 +149,7 @@ def test_zero_matrices_at_single_frequencies_are_survived():
     assert "inf" in format_inspection(found)
 
 
-@pytest.mark.parametrize("path", sorted(DATA.glob("*.csv")), ids=lambda path: path.stem)
+@each_of("path", sorted(DATA.glob("*.csv")), ids=lambda path: path.stem)
 def test_shipped_sweeps_are_inspected(path):
     found = inspect(read_sweep(path))
     text = format_inspection(found)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, estimate_noise, hardware_sweeps, read_sweep
@@ -80,16 +81,16 @@ def test_sigma_from_the_scatter_of_a_file_counts_as_repeats(tmp_path):
     assert source(again) == "repeats"
 
 
-@pytest.mark.parametrize("repeats", [2, 3, 5, 20])
-@pytest.mark.parametrize("noise_db", [60, 30])
+@each_of("repeats", [2, 3, 5, 20])
+@each_of("noise_db", [60, 30])
 def test_scatter_of_repeats_estimates_the_noise_of_their_mean(repeats, noise_db):
     noisy = add_noise(clean(), noise_db, rng=np.random.default_rng(1), repeats=repeats, record_sigma=False)
     true = 10 ** (-noise_db / 20) / np.sqrt(repeats)
     assert estimate_noise(noisy)["a"].level == pytest.approx(true, rel=0.1)
 
 
-@pytest.mark.parametrize("per_decade", [20, 40, 100])
-@pytest.mark.parametrize("noise_db", [50, 40, 20])
+@each_of("per_decade", [20, 40, 100])
+@each_of("noise_db", [50, 40, 20])
 def test_roughness_estimates_the_noise_of_a_single_run(per_decade, noise_db):
     noisy = add_noise(clean(per_decade), noise_db, rng=np.random.default_rng(2), record_sigma=False)
     assert estimate_noise(noisy)["a"].level == pytest.approx(10 ** (-noise_db / 20), rel=0.2)

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from collecting import each_of
 from random_diagrams import random_legal_diagram
 
 from ibrid.assembly.interconnection import interconnect_rows
@@ -148,15 +149,15 @@ PLANT = """
 """
 
 
-@pytest.mark.parametrize("equilibrium", ["exact", "paper"])
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("equilibrium", ["exact", "paper"])
+@each_of("name", textbook_names())
 def test_python_control_and_casadi_agree_on_a_textbook_diagram(name, equilibrium):
     case = Case(textbook(name), equilibrium)
     assert_equal_parts(case.by_control(), case.by_casadi())
 
 
-@pytest.mark.parametrize("equilibrium", ["exact", "paper"])
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("equilibrium", ["exact", "paper"])
+@each_of("name", textbook_names())
 def test_the_response_of_a_textbook_diagram_is_that_of_the_papers_linear_system(name, equilibrium):
     case = Case(textbook(name), equilibrium)
     wanted = np.array([linear_system(case, frequency) for frequency in FREQUENCY])
@@ -172,8 +173,8 @@ def test_the_random_diagrams_have_delays_direct_loops_rotations_and_both_plants(
     assert sum(not violations(one, equilibrium="paper") for one in RANDOM) >= 100
 
 
-@pytest.mark.parametrize("equilibrium", ["exact", "paper"])
-@pytest.mark.parametrize("number", range(RANDOM_DIAGRAMS))
+@each_of("equilibrium", ["exact", "paper"])
+@each_of("number", range(RANDOM_DIAGRAMS))
 def test_python_control_and_casadi_agree_on_a_random_diagram(number, equilibrium):
     if violations(RANDOM[number], equilibrium=equilibrium):
         pytest.skip("not legal in this mode")
@@ -186,7 +187,7 @@ def test_python_control_and_casadi_agree_on_a_random_diagram(number, equilibrium
     assert len(system.state_labels) == system.nstates == len(set(system.state_labels))
 
 
-@pytest.mark.parametrize("number", range(RANDOM_DIAGRAMS))
+@each_of("number", range(RANDOM_DIAGRAMS))
 def test_the_response_of_a_random_diagram_is_that_of_the_papers_linear_system(number):
     case = Case(RANDOM[number], rng=np.random.default_rng(number))
     wanted = np.array([linear_system(case, frequency) for frequency in FREQUENCY])
@@ -421,8 +422,8 @@ def test_a_loop_with_a_gain_of_one_is_named_and_has_no_response(text, name, path
         nearly.by_control()
 
 
-@pytest.mark.parametrize(("text", "name"), [(LOOP, "first.k"), (ITSELF, "gain.k")])
-@pytest.mark.parametrize("value", [-3.0, 0.5, 0.999, 1.001, 100.0])
+@each_of(("text", "name"), [(LOOP, "first.k"), (ITSELF, "gain.k")])
+@each_of("value", [-3.0, 0.5, 0.999, 1.001, 100.0])
 def test_a_loop_with_another_gain_is_solved(text, name, value):
     case = Case(program(text), values={name: value})
     assert_equal_parts(case.by_control(), case.by_casadi())

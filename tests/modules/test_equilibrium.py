@@ -6,6 +6,7 @@ from math import atan2, cos, sin
 import casadi as ca
 import numpy as np
 import pytest
+from collecting import each_of
 from random_diagrams import random_legal_diagram
 from scipy.optimize import fsolve
 
@@ -52,8 +53,8 @@ def solved(p: float, q: float, v: float, node: str, parameters=LCL) -> dict[str,
     return {"v_in": terminal, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_ti - i_g, "u_r": u_r}
 
 
-@pytest.mark.parametrize("node", ["capacitor", "pcc"])
-@pytest.mark.parametrize(("p", "q", "v"), POINTS)
+@each_of("node", ["capacitor", "pcc"])
+@each_of(("p", "q", "v"), POINTS)
 def test_the_plant_is_at_rest_where_a_solver_finds_it(p, q, v, node):
     found = plant_equilibrium(find_kind("LCL", VOCABULARY), LCL, p, q, v, node)
     wanted = solved(p, q, v, node)
@@ -62,8 +63,8 @@ def test_the_plant_is_at_rest_where_a_solver_finds_it(p, q, v, node):
         assert np.array(found[port]) == pytest.approx(z, abs=1e-11), port  # the solver's tolerance
 
 
-@pytest.mark.parametrize("node", ["capacitor", "pcc"])
-@pytest.mark.parametrize(("p", "q", "v"), POINTS)
+@each_of("node", ["capacitor", "pcc"])
+@each_of(("p", "q", "v"), POINTS)
 def test_an_l_filter_is_at_rest_with_its_power_at_the_terminals(p, q, v, node):
     found = {
         port: np.array(z) for port, z in plant_equilibrium(find_kind("LFilter", VOCABULARY), LCL, p, q, v, node).items()
@@ -84,8 +85,8 @@ LOCKED = [
 ]
 
 
-@pytest.mark.parametrize("name", LOCKED)
-@pytest.mark.parametrize(("p", "q", "v"), [(1.0, 0.3, 1.0), (-0.8, 0.1, 0.95), (0.0, 0.0, 1.05)])
+@each_of("name", LOCKED)
+@each_of(("p", "q", "v"), [(1.0, 0.3, 1.0), (-0.8, 0.1, 0.95), (0.0, 0.0, 1.05)])
 def test_the_reference_inverters_rest_where_the_plant_and_the_frame_say(name, p, q, v):
     plant = PLANTS[name]
     state = dict(zip(plant.dynamics.states, plant.equilibrium(OperatingPoint("op", p, q, v)), strict=True))
@@ -238,8 +239,8 @@ VIRTUAL = f"""
 """
 
 
-@pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("node", ["capacitor", "pcc"])
+@each_of("point", POINTS)
+@each_of("node", ["capacitor", "pcc"])
 def test_a_pll_on_the_capacitor_voltage_puts_it_on_the_d_axis(point, node):
     text = LOCKED + 'g.connect("plant.e_q", "pll.e_q")'
     assert angle_of(text, point, node=node) == pytest.approx(angle(grid("e", point, node)), abs=1e-14)
@@ -649,7 +650,7 @@ def test_the_frame_of_the_textbook_diagrams_follows_their_pll():
         assert aligned_channel(wiring, carried(wiring)) == (target, 0)
 
 
-@pytest.mark.parametrize("seed", range(150))
+@each_of("seed", range(150))
 def test_what_the_checker_counts_as_known_is_what_assembly_can_compute(seed):
     rng = np.random.default_rng([11, seed])
     diagram = random_legal_diagram(rng)

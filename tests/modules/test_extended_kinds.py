@@ -6,6 +6,7 @@ The inverter is written out here a second time, as x' = f, 0 = g in CasADi; u_r 
 import casadi as ca
 import numpy as np
 import pytest
+from collecting import each_of
 from extended_inverters import VALUES, Inverter, M, program
 from scipy.optimize import fsolve
 
@@ -135,9 +136,9 @@ INVERTERS = [
 ]
 
 
-@pytest.mark.parametrize("node", ["capacitor", "pcc"])
-@pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("inverter", INVERTERS, ids=str)
+@each_of("node", ["capacitor", "pcc"])
+@each_of("point", POINTS)
+@each_of("inverter", INVERTERS, ids=str)
 def test_a_diagram_of_extended_kinds_is_the_linearised_inverter(inverter, point, node):
     wanted = true_response(inverter, point, node)
     found = diagram_response(inverter, point, node)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import benchmark, drawn, problem_of
 
 import ibrid
@@ -81,7 +82,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     assert cost[0] == np.inf
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_derivatives_of_a_textbook_diagram_equal_central_differences(name):
     problem, _ = problem_of(ibrid.textbook(name), benchmark())
     x = drawn(problem, np.random.default_rng(3))[0]
@@ -108,8 +109,8 @@ def test_derivatives_in_paper_mode_equal_central_differences(name):
         np.testing.assert_allclose(gradient[0, :, index], difference[0], atol=1e-6 * cost.max())
 
 
-@pytest.mark.parametrize("objective", ["nrmse", "relative", "band", "log"])
-@pytest.mark.parametrize("name", ["gfl_pll_filter_exact", "gfl_delay", "naive"])
+@each_of("objective", ["nrmse", "relative", "band", "log"])
+@each_of("name", ["gfl_pll_filter_exact", "gfl_delay", "naive"])
 def test_normal_equations_equal_the_dense_products(name, objective):
     problem, _ = problem_of(ibrid.textbook(name), benchmark())
     x = drawn(problem, np.random.default_rng(5), 3)

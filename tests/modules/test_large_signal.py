@@ -6,6 +6,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from collecting import each_of
 from extended_inverters import VALUES, Inverter, program
 from fitted import benchmark, evaluated
 from random_diagrams import random_legal_diagram
@@ -67,7 +68,7 @@ def relative_difference(found, expected) -> float:
 # --- one kind
 
 
-@pytest.mark.parametrize("kind", [one for one in VOCABULARY if one.large_signal is not None], ids=lambda one: one.name)
+@each_of("kind", [one for one in VOCABULARY if one.large_signal is not None], ids=lambda one: one.name)
 def test_a_large_signal_law_linearises_to_the_state_space(kind: ModuleKind):
     check_kind(kind)
 
@@ -135,8 +136,8 @@ def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
     assert with_loops > 10
 
 
-@pytest.mark.parametrize("name", RECORDS)
-@pytest.mark.parametrize("op", [OP, ELSEWHERE])
+@each_of("name", RECORDS)
+@each_of("op", [OP, ELSEWHERE])
 def test_the_linearisation_is_the_record(name: str, op: str):
     record = RECORDS[name]()
     model, linear = nonlinear_model(record, op), linear_model(record, op)

@@ -8,6 +8,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import ModuleError
@@ -242,7 +243,7 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(set(NAMES)) == 34
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_kind_is_the_papers_in_paper_mode(name):
     matrices = paper_matrices(name)
     for s in S:
@@ -251,19 +252,19 @@ def test_a_kind_is_the_papers_in_paper_mode(name):
         assert response(matrices, s) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * np.abs(wanted).max(initial=0.0))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_the_direct_term_is_the_limit_at_high_frequency(name):
     matrices = paper_matrices(name)
     far = response(matrices, 1e13j)  # the fastest pole is near 1e5 rad/s, its residue near 1e7
     assert far == pytest.approx(matrices[3], abs=1e-5)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_kind_keeps_the_contract(name):
     check_kind(kind_named(name), np.random.default_rng(3))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_kind_has_the_papers_boxes(name):
     found = {key: (box.low, box.high) for key, box in kind_named(name).parameters.items()}
     assert found == BOXES.get(name, {})
@@ -277,7 +278,7 @@ def test_the_equilibrium_numbers_have_the_papers_boxes():
     }
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
     kind = kind_named(name)
     assert kind.order == ORDERS.get(name, 0)
@@ -285,7 +286,7 @@ def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
     assert kind.delay is not None or kind.order == len(kind.states)
 
 
-@pytest.mark.parametrize("name", [kind.name for kind in VOCABULARY if kind.order and kind.delay is None])
+@each_of("name", [kind.name for kind in VOCABULARY if kind.order and kind.delay is None])
 def test_the_order_is_the_rank_of_the_hankel_matrix(name):
     kind = kind_named(name)
     n, matrices = len(kind.states), paper_matrices(name)
@@ -360,7 +361,7 @@ def test_a_plant_is_the_derivative_of_equation_2(name):
     assert np.hstack([a, b]) == pytest.approx(jacobian, rel=1e-13, abs=1e-11)
 
 
-@pytest.mark.parametrize("order", range(1, HIGHEST_PADE_ORDER + 1))
+@each_of("order", range(1, HIGHEST_PADE_ORDER + 1))
 def test_the_pade_form_of_a_delay_is_the_printed_quotient(order):
     from scipy.interpolate import pade
 
@@ -427,7 +428,7 @@ def test_a_kind_of_ones_own_keeps_the_contract():
 BOX = Range(0.1, 10.0, 1.0, "1", "gain")
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("change", "sentence"),
     [
         ({"states": ()}, r"0 states, 1 input and 1 output channels need A of 0 x 0, got rows of length \[1\]"),

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from collecting import each_of
 from sharing import shared
 
 import ibrid
@@ -68,7 +69,7 @@ def test_a_page_made_from_the_code_is_up_to_date(name: str):
     assert PAGES[name] == text.rstrip() + "\n", f"docs/{name}: run python docs/making/write_pages.py"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each_of("kind", KINDS)
 def test_matrices_in_symbols_are_those_in_numbers(kind: ModuleKind):
     """Two ways: the symbols of the page filled with numbers, and the declaration called with them."""
     values = {name: box.low + 0.37 * (box.high - box.low) for name, box in kind.parameters.items()}
@@ -127,7 +128,7 @@ def test_there_are_commands_to_try():
     }
 
 
-@pytest.mark.parametrize(("page", "line"), COMMANDS)
+@each_of(("page", "line"), COMMANDS)
 def test_a_quoted_command_parses(page: str, line: str):
     arguments = parser().parse_args(shlex.split(line, comments=True)[1:])
     assert arguments.run is not None
@@ -149,7 +150,7 @@ def test_the_nominal_values_of_the_page_about_gaps_are_understood():
     assert set(json.loads(text)) <= set(names)
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each_of("page", PAGES)
 def test_links_between_pages_lead_somewhere(page: str):
     targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", PAGES[page])
     missing = [one for one in targets if "://" not in one and not (DOCS / one).exists()]

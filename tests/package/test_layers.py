@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-import pytest
+from collecting import each_of
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo`, `bench` and `bench_gap` are programs on top, like the command line.
@@ -55,7 +55,7 @@ def test_every_part_of_the_package_has_its_place_in_the_order():
     assert parts <= set(LEVEL), f"say where {sorted(parts - set(LEVEL))} belongs"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+@each_of("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_file_imports_only_from_layers_below(path: Path):
     own = layer_of(path)
     for line, name in imported_modules(path):

@@ -7,13 +7,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from collecting import each_of
 
 import ibrid
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("name", ibrid.__all__)
+@each_of("name", ibrid.__all__)
 def test_every_public_name_is_there_and_documented(name: str):
     value = getattr(ibrid, name)
     if callable(value):

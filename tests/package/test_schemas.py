@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import benchmark, evaluated
 from jsonschema import Draft202012Validator
 from made_gap import misses_the_filter
@@ -86,7 +87,7 @@ def test_an_exported_state_space_is_described():
     assert complaints("state-space", state_space()) == []
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("name", "change", "where"),
     [
         ("record", {"outcome": "fine"}, "$.outcome"),

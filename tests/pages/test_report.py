@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from page_reader import Reader, self_contained
 
 from ibrid.errors import IbridError
@@ -367,7 +368,7 @@ def test_modes_are_those_of_a_second_order_system():
     assert found.damping == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("value", "text"),
     [(0.0721265, "0.07213"), (1400.0, "1400"), (23961.5, "23960"), (1.1518e-5, "1.152e-5"), (0.0, "0"), (-0.5, "-0.5"),
      (9999.6, "10000"), (3.2e7, "3.2e7"), (None, "-")],

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from collecting import each_of
 
 import ibrid
 from ibrid.analysis.linear_model import linear_model
@@ -43,8 +44,8 @@ def reference_currents(name: str, op: str, v: np.ndarray) -> np.ndarray:
     return np.array(plant.dynamics.g(move(x0=resting.x)["xf"], v))
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("op", [OP, ELSEWHERE])
+@each_of("name", NAMES)
+@each_of("op", [OP, ELSEWHERE])
 def test_it_rests_at_the_operating_point_and_its_linearisation_is_the_record(name: str, op: str):
     record = true_record(name)
     model, linear = nonlinear_model(record, op), linear_model(record, op)

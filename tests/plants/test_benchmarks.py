@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.measurement.csv_file import read_csv
 from ibrid.plants import benchmarks
@@ -18,7 +19,7 @@ def test_every_recipe_has_its_file():
     assert len([name for name in benchmarks() if name.startswith("random_")]) == 10
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@each_of("name", RECIPES)
 def test_shipped_file_equals_its_recipe(name):
     shipped, made = read_csv(benchmarks()[name]), RECIPES[name].sweep()
     assert shipped.names == made.names
@@ -33,7 +34,7 @@ def test_shipped_file_equals_its_recipe(name):
         assert error.max() < 1e-9
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@each_of("name", RECIPES)
 def test_shipped_file_tells_how_it_was_made_and_what_is_inside(name):
     text = Path(benchmarks()[name]).read_text(encoding="utf-8")
     assert "make_data.py" in text

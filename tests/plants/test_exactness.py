@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.numeric import closed_loop
@@ -60,8 +61,8 @@ def assert_is_the_linearisation(plant, point) -> None:
     assert (nearest <= 1e-6 * np.abs(wanted).max()).all()
 
 
-@pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("name", PLANTS)
+@each_of("point", POINTS)
+@each_of("name", PLANTS)
 def test_a_reference_inverters_diagram_is_its_linearisation(name, point):
     assert_is_the_linearisation(PLANTS[name], point)
 
@@ -85,7 +86,7 @@ def test_the_benchmark_with_another_control_is_its_linearisation(overrides):
         assert_is_the_linearisation(plant, point)
 
 
-@pytest.mark.parametrize("number", range(RANDOM_PLANTS))
+@each_of("number", range(RANDOM_PLANTS))
 def test_a_random_inverters_diagram_is_its_linearisation(number):
     rng = np.random.default_rng([41, number])
     plant = random_stable(rng, population=("textbook", "wide")[number % 2], pll_filter=number % 3 == 0)
@@ -229,8 +230,8 @@ def forming_inverter(point, with_loops: bool) -> np.ndarray:
     return np.array([c @ np.linalg.solve(2j * np.pi * one * np.eye(len(a)) - a, b) + d for one in FREQUENCY])
 
 
-@pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("with_loops", [True, False], ids=["cascade", "open loop"])
+@each_of("point", POINTS)
+@each_of("with_loops", [True, False], ids=["cascade", "open loop"])
 def test_a_grid_forming_inverters_diagram_is_its_linearisation(with_loops, point):
     diagram = parse_program((DROOP + (CASCADE if with_loops else OPEN)).format(**FORMING))
     assert violations(diagram) == ()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 from ibrid.errors import IbridError, OperatingPointError, SweepError
 from ibrid.plants import (
@@ -27,8 +28,8 @@ POWER_CONTROLLED = [
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-@pytest.mark.parametrize("name", PLANTS)
-@pytest.mark.parametrize("text", [*POINTS, "p=0,q=0", "p=-1.2,q=0.1,v=1.05"])
+@each_of("name", PLANTS)
+@each_of("text", [*POINTS, "p=0,q=0", "p=-1.2,q=0.1,v=1.05"])
 def test_nothing_moves_at_the_equilibrium(name, text):
     plant, op = PLANTS[name], operating_point(text)
     rest = plant.at_rest(op)
@@ -51,8 +52,8 @@ def test_equilibrium_delivers_the_power_at_the_capacitor(text):
     assert e[0] ** 2 == pytest.approx(roots.max(), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", POWER_CONTROLLED)
-@pytest.mark.parametrize("text", POINTS)
+@each_of("name", POWER_CONTROLLED)
+@each_of("text", POINTS)
 def test_slow_admittance_keeps_p_and_q_constant(name, text):
     """At DC p and q at the measured node do not change, so with an L filter Y(0) = -[[p, -q], [-q, -p]] / v^2."""
     plant, op = PLANTS[name], operating_point(text)
@@ -109,7 +110,7 @@ def test_large_injection_shows_that_the_model_is_nonlinear():
     assert np.linalg.norm(large - exact) > 1e-3 * np.linalg.norm(exact)
 
 
-@pytest.mark.parametrize("name", PLANTS)
+@each_of("name", PLANTS)
 def test_every_shipped_inverter_is_stable_where_it_is_swept(name):
     assert all(is_stable(PLANTS[name], op) for op in PLANTS[name].operating_points)
 
@@ -184,9 +185,7 @@ def test_frequency_grid_includes_both_ends():
     np.testing.assert_allclose(grid[1:] / grid[:-1], 10 ** (3 / 15))
 
 
-@pytest.mark.parametrize(
-    "text", ["", "5:5000", "5:5000:16:2", "5000:5:16", "0:10:4", "a:b:c", "5:50:1", "5:nan:4", "5:inf:3"]
-)
+@each_of("text", ["", "5:5000", "5:5000:16:2", "5000:5:16", "0:10:4", "a:b:c", "5:50:1", "5:nan:4", "5:inf:3"])
 def test_malformed_frequencies_are_refused(text):
     with pytest.raises(SweepError, match="A:B:N"):
         frequency_grid(text)
@@ -198,9 +197,7 @@ def test_operating_point_text_names_the_point():
     assert operating_point("q=0,p=0.5,v=1.02").name == "p=0.5,q=0,v=1.02"
 
 
-@pytest.mark.parametrize(
-    "text", ["", "p=1", "p=1,q", "p=1,q=x", "p=1,q=0,v=0", "p=1,p=2,q=0", "p=1,q=0,s=1", "p=nan,q=0"]
-)
+@each_of("text", ["", "p=1", "p=1,q", "p=1,q=x", "p=1,q=0,v=0", "p=1,p=2,q=0", "p=1,q=0,s=1", "p=nan,q=0"])
 def test_malformed_operating_points_are_refused(text):
     with pytest.raises(OperatingPointError, match=r"p=1,q=0\.3"):
         operating_point(text)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 import ibrid
 from ibrid.errors import IbridError
@@ -66,8 +67,8 @@ def test_plant_textbook_program_and_shipped_sweep_have_one_name(name):
     assert name in ibrid.benchmarks()
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "parallel_gfl_gfm"])
-@pytest.mark.parametrize("text", POINTS)
+@each_of("name", [name for name in NAMES if name != "parallel_gfl_gfm"])
+@each_of("text", POINTS)
 def test_p_and_q_at_rest_are_those_asked_for(name, text):
     plant, op = PLANTS[name], operating_point(text)
     state = states(plant, op)
@@ -232,7 +233,7 @@ def test_the_page_of_reference_inverters_is_what_its_command_makes():
 # wrong inputs
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("call", "words"),
     [
         (lambda: GFM_DROOP.with_overrides({"p_droop.k": -3.0}), "no parameter p_droop.k"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_search.archive import Archive, Entry
 from ibrid_search.settings import SearchSettings
 
@@ -418,7 +419,7 @@ def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
 # settings
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("change", "law"),
     [
         ({"islands": 0}, "islands must be 1 or more"),

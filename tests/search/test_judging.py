@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from collecting import each_of
 from ibrid_search.edits import edit_between
 from ibrid_search.gates import implausible
 from ibrid_search.judging import Verdict, judge, judge_program
@@ -229,7 +230,7 @@ NO_PROGRAM = [
 ]
 
 
-@pytest.mark.parametrize("text", NO_PROGRAM, ids=range(len(NO_PROGRAM)))
+@each_of("text", NO_PROGRAM, ids=range(len(NO_PROGRAM)))
 def test_a_whole_program_that_is_none_is_refused(text):
     verdict = judge_program(text, task())
     assert verdict.status in (Status.UNREADABLE, Status.ILLEGAL)

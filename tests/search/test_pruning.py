@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_search.edits import apply_edit
 from ibrid_search.proposal import Proposal
 from ibrid_search.proposers.pruning import Pruning, removal_moves, unseen_modules
@@ -66,8 +67,8 @@ def open_to(*names: str) -> Record:
     return replace(record, intervals=dict.fromkeys(record.parameters, intervals), at_bound=())
 
 
-@pytest.mark.parametrize("thorough", [False, True], ids=["one thing", "thorough"])
-@pytest.mark.parametrize("name", NAMES)
+@each_of("thorough", [False, True], ids=["one thing", "thorough"])
+@each_of("name", NAMES)
 def test_what_comes_out_is_legal_new_and_smaller(name, thorough):
     parent = ibrid.textbook(name)
     seen = {hash_of(parent)}
@@ -84,7 +85,7 @@ def test_what_comes_out_is_legal_new_and_smaller(name, thorough):
         assert size != before
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_everything_can_go_but_the_plant(name):
     view = view_of(ibrid.textbook(name), VOCABULARY)
     assert view is not None

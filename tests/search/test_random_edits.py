@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_search.edits import apply_edit
 from ibrid_search.gates import implausible
 from ibrid_search.proposal import SCALES, Proposal
@@ -36,8 +37,8 @@ def walked(seed: int, number: int, scale: str | None = None) -> list[str]:
     return texts
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("scale", SCALES)
+@each_of("name", PARENTS)
 def test_an_edit_by_chance_leads_to_a_legal_plausible_new_structure(name, scale):
     text = ibrid.program_text(ibrid.textbook(name))
     for seed in range(10):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_search.requirements import Requirements, parse_requirements, passivity_index
 from scripted_search import naive_record
 
@@ -87,7 +88,7 @@ def test_words_are_read(text, wanted):
     assert parse_requirements(text) == wanted
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("text", "told"),
     [
         ("stabel", "did you mean stable"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.search.inverters import DIAGRAMS, inverter
 from ibrid_search.edits import apply_edit
 from ibrid_search.gates import implausible
@@ -74,28 +75,28 @@ def after(proposal: Proposal, parent: ibrid.Diagram) -> ibrid.Diagram:
 # the moves
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_every_move_is_made_and_most_lead_to_a_legal_diagram(name):
     listed = list(moves_of(PARENTS[name]))
     assert len(listed) >= 30
     assert len(legal_moves(name)) >= 0.9 * len(listed)
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_a_move_says_what_it_does_in_a_line(name):
     for _, move, _ in legal_moves(name):
         assert 0 < len(move.note) < 120
         assert move.note.isprintable()
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_a_move_leaves_its_parent_as_it_is(name):
     before = ibrid.program_text(PARENTS[name])
     list(moves_of(PARENTS[name]))
     assert ibrid.program_text(PARENTS[name]) == before
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_no_move_adds_more_than_a_sub_loop(name):
     before = {one.name for one in PARENTS[name].instances}
     for _, move, diagram in legal_moves(name):
@@ -119,7 +120,7 @@ def layers(found: Roles) -> set[str]:
     return {name for name, there in present.items() if there}
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_no_move_brings_two_layers_of_a_controller(name):
     before = roles_of(PARENTS[name])
     for _, move, diagram in legal_moves(name):
@@ -171,7 +172,7 @@ def put(change) -> ibrid.Diagram:
     return draft.diagram()
 
 
-@pytest.mark.parametrize(
+@each_of(
     "change",
     [
         lambda d: d.insert_before("pll.e_q", "LPF1", "x"),
@@ -272,7 +273,7 @@ def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
     }
 
 
-@pytest.mark.parametrize("name", PARENTS)
+@each_of("name", PARENTS)
 def test_families_come_first_as_long_as_a_layer_is_missing(name):
     for view in views_of(PARENTS[name], VOCABULARY):
         assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (view.roles.missing_layers > 0)
@@ -352,8 +353,8 @@ def test_without_a_current_loop_or_an_lcl_there_is_no_other_current(name):
 # the proposals
 
 
-@pytest.mark.parametrize("name", ["naive", "gfl_exact", "gfl_l_filter_delay"])
-@pytest.mark.parametrize("scale", SCALES)
+@each_of("name", ["naive", "gfl_exact", "gfl_l_filter_delay"])
+@each_of("scale", SCALES)
 def test_a_proposal_is_a_legal_structure_that_the_run_has_not_met(name, scale):
     parent = TEXTBOOK[name]
     seen = {hash_of(parent)}
@@ -518,7 +519,7 @@ FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plant
 OWN = sorted(SEARCH.rglob("*.py"))
 
 
-@pytest.mark.parametrize("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
+@each_of("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_the_search_knows_no_textbook_program_and_no_hidden_inverter(path):
     allowed = {f"ibrid.structure.library.{BEGIN_SOMEWHERE.get(str(path.relative_to(SEARCH)))}"}
     assert not [name for name in imported(path) if name.startswith(FORBIDDEN) and name not in allowed]
@@ -550,7 +551,7 @@ OFFLINE = [
 ]
 
 
-@pytest.mark.parametrize("path", OFFLINE, ids=lambda path: path.name)
+@each_of("path", OFFLINE, ids=lambda path: path.name)
 def test_the_offline_proposers_hold_no_program_and_read_no_file(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]

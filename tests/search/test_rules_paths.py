@@ -1,6 +1,7 @@
 """Single edits lead from the naive start to every reference inverter, and what follows the command follows it all along."""
 
 import pytest
+from collecting import each_of
 from ibrid_search.oddities import oddities
 from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.rules import FAMILIES
@@ -94,12 +95,12 @@ def path(name: str) -> tuple[ibrid.Diagram, ...]:
     return tuple(found)
 
 
-@pytest.mark.parametrize("name", PATHS)
+@each_of("name", PATHS)
 def test_single_edits_lead_from_the_naive_start_to_the_textbook_program(name):
     assert ibrid.compare(path(name)[-1], ibrid.textbook(name)).same
 
 
-@pytest.mark.parametrize("name", PATHS)
+@each_of("name", PATHS)
 def test_every_program_on_the_way_is_legal_and_new(name):
     assert [ibrid.violations(diagram) for diagram in path(name)] == [()] * len(path(name))
     assert len({structure_hash(diagram, VOCABULARY) for diagram in path(name)}) == len(path(name))

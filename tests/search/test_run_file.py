@@ -5,6 +5,7 @@ import tomllib
 from types import MappingProxyType
 
 import pytest
+from collecting import each_of
 from hypothesis import given
 from hypothesis import strategies as st
 from ibrid_search.run_file import FREE, read_run_toml, require_same, run_toml
@@ -69,9 +70,7 @@ def test_infinity_and_nan_are_read_as_such():
     assert math.isnan(found["c"])
 
 
-@pytest.mark.parametrize(
-    "name", ["line\nbreak", 'quote"', "back\\slash", "\x00\x1b[31m", "\U000e0001", "\u2028", "é", "😀"]
-)
+@each_of("name", ["line\nbreak", 'quote"', "back\\slash", "\x00\x1b[31m", "\U000e0001", "\u2028", "é", "😀"])
 def test_strange_characters_survive(name):
     assert read({"data": name})["data"] == name
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import pytest
+from collecting import each_of
 
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind, Range
@@ -61,7 +61,7 @@ def test_every_kind_that_ships_is_told_what_it_is():
     assert told == {name: element for element, names in ELEMENTS.items() for name in names.split()}
 
 
-@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.name)
+@each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_under_another_name_does_the_same(kind):
     copy = replace(kind, name="My" + kind.name)
     facts = "element", "in_line", "signal", "per_axis", "passes", "shapes", "regulates", "integrates", "of_circuit"

@@ -5,6 +5,7 @@ from itertools import combinations
 import networkx as nx
 import numpy as np
 import pytest
+from collecting import each_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_diagrams import random_legal_diagram, renamed_and_reordered
@@ -67,7 +68,7 @@ def gfl(*changes: tuple[str, str]) -> str:
     return structure_hash(parse_program(text))
 
 
-@pytest.mark.parametrize(
+@each_of(
     "change",
     [
         ('"q_loop", kP="power.kP"', '"q_loop"'),
@@ -143,7 +144,7 @@ def test_an_unknown_kind_or_port_is_refused():
             structure_hash(parse_program(textbook_text("naive") + f"    {line}\n"))
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_hash_is_32_hexadecimal_digits(name):
     found = structure_hash(textbook(name))
     assert len(found) == 32

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from collecting import each_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_diagrams import random_legal_diagram, renamed_and_reordered
@@ -39,7 +40,7 @@ def changed(name: str, *changes: tuple[str, str], more: tuple[str, ...] = ()) ->
     return diagram
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_diagram_is_the_same_as_itself_under_other_names(name):
     diagram = textbook(name)
     comparison = compare(diagram, renamed_and_reordered(diagram, np.random.default_rng(5)))
@@ -135,7 +136,7 @@ EQUIVALENT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", EQUIVALENT)
+@each_of("case", EQUIVALENT)
 def test_another_drawing_of_the_same_controller_is_the_same(case):
     comparison = compare(changed("gfl", *EQUIVALENT[case]), textbook("gfl"))
     assert comparison.same, format_comparison(comparison)

@@ -1,6 +1,6 @@
 """A draft is edited wire by wire and comes out whole: nothing undriven, nothing idle, nothing shared with the dead."""
 
-import pytest
+from collecting import each_of
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
@@ -29,7 +29,7 @@ def assert_whole(draft: Draft) -> None:
 # looking
 
 
-@pytest.mark.parametrize("name", ibrid.textbook_names())
+@each_of("name", ibrid.textbook_names())
 def test_a_draft_that_nobody_touched_is_the_diagram(name):
     draft = draft_of(name)
     draft.tidy()
@@ -250,7 +250,7 @@ def test_what_cannot_be_made_whole_is_left_to_the_grammar():
     assert [one.reason for one in violations(draft.diagram(), VOCABULARY)] == ["undriven_input"]
 
 
-@pytest.mark.parametrize("name", ibrid.textbook_names())
+@each_of("name", ibrid.textbook_names())
 def test_whatever_single_block_is_taken_away_tidying_ends_in_a_whole_or_without_a_plant(name):
     for victim in draft_of(name).instances:
         draft = draft_of(name)

@@ -4,6 +4,7 @@ import pickle
 import time
 
 import pytest
+from collecting import each_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ibrid_search.edits import EditError, apply_edit, edit_between, strip_thinking
@@ -43,7 +44,7 @@ ERROR = '    g.connect("plant.e", "gain.in_")'
 EXPECTED = PROGRAM.replace(GAIN, ERROR)
 
 
-@pytest.mark.parametrize(
+@each_of(
     "edit",
     [
         block(GAIN, ERROR),
@@ -120,7 +121,7 @@ def test_a_text_that_is_there_twice_is_refused_with_its_lines():
     assert "at lines 6, 9" in str(error)
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("edit", "says"),
     [
         ("", "found none"),
@@ -139,7 +140,7 @@ def test_an_answer_without_a_whole_block_says_what_is_missing(edit, says):
     assert says in str(error)
 
 
-@pytest.mark.parametrize(
+@each_of(
     "edit",
     [
         "x" * 10_000_000,
@@ -218,7 +219,7 @@ def test_an_edit_is_made_within_a_millisecond():
     assert min(times) < 1e-3
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("answer", "thinking", "rest"),
     [
         ("no tags", "", "no tags"),

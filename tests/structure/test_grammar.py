@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_diagrams import random_legal_diagram
@@ -89,7 +90,7 @@ BREACHES = [
 ]
 
 
-@pytest.mark.parametrize(("line", "without", "reason", "where", "said"), BREACHES)
+@each_of(("line", "without", "reason", "where", "said"), BREACHES)
 def test_a_breach_is_named_with_its_line_and_a_remedy(line, without, reason, where, said):
     found = only(skeleton(*([line] if line else []), without=without))
     assert (found.reason, found.line) == (reason, where)
@@ -139,7 +140,7 @@ def test_the_order_may_reach_its_bound_and_no_more(kind):
     assert "the order is 32, above 30" in found.message
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("plant", "reason", "words"),
     [
         ("L_F=0.15", None, ()),

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import TRUE
 from sharing import shared
 
@@ -184,7 +185,7 @@ REPLACED = [("|plant.e|", "i_ref.in_q", "q_loop"), ("power at plant.u_r", "i_ref
 # the ports
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_a_textbook_inverter_has_twelve_to_twenty_ports_of_different_names_and_its_own_parameters(name):
     diagram = textbook(name)
     found = ports(diagram, VOCABULARY)
@@ -218,7 +219,7 @@ def test_a_bare_plant_has_the_ports_of_its_command_and_of_its_terminals():
 # the open model
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_of("name", NAMES)
 def test_delta_of_zero_leaves_admittance_and_slopes_of_the_compiled_model_unchanged(name):
     diagram = textbook(name)
     model = problem(diagram)
@@ -252,14 +253,14 @@ def test_in_place_of_a_loop_delta_of_zero_is_the_model_without_that_loop(source,
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("hidden", HIDDEN.values(), ids=HIDDEN)
+@each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_the_law_of_an_effect_the_open_model_is_that_with_the_effect(hidden):
     given, device = hidden.given(), hidden.device()
     found = opened(port_called(given, hidden.port), values_of(given)).response(1 + hidden.law(S))
     np.testing.assert_allclose(found, measured(device), rtol=0, atol=1e-9 * np.abs(found).max())
 
 
-@pytest.mark.parametrize("port", ports(textbook("gfl_delay"), VOCABULARY), ids=lambda port: port.name)
+@each_of("port", ports(textbook("gfl_delay"), VOCABULARY), ids=lambda port: port.name)
 def test_slopes_by_the_transfer_and_the_parameters_are_those_of_differences(port):
     diagram, rng = textbook("gfl_delay"), np.random.default_rng(0)
     values = values_of(diagram)
@@ -280,7 +281,7 @@ def test_slopes_by_the_transfer_and_the_parameters_are_those_of_differences(port
         )
 
 
-@pytest.mark.parametrize("hidden", HIDDEN.values(), ids=HIDDEN)
+@each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_without_noise_the_true_parameters_give_the_transfer_at_once(hidden):
     given, device = hidden.given(), hidden.device()
     at = opened(port_called(given, hidden.port), values_of(given))
@@ -335,7 +336,7 @@ def map_of_nothing() -> tuple[PortFit, ...]:
     return mapped(given, noisy(swept(given, values_of(given))))
 
 
-@pytest.mark.parametrize("hidden", HIDDEN.values(), ids=HIDDEN)
+@each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_parameters_10_percent_off_the_port_of_a_hidden_block_is_adequate(hidden):
     (fit,) = mapped(hidden.given(), noisy(hidden.device()), only=[hidden.port])
     assert fit.port.name == hidden.port
@@ -348,7 +349,7 @@ def test_with_parameters_10_percent_off_the_port_of_a_hidden_block_is_adequate(h
         assert farthest(fit, hidden.law(S), seen) < DEVIATIONS
 
 
-@pytest.mark.parametrize("hidden", HIDDEN.values(), ids=HIDDEN)
+@each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_known_parameters_the_measured_transfer_follows_the_law_of_the_block(hidden):
     given = hidden.given()
     true = values_of(given)

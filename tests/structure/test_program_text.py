@@ -7,6 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from collecting import each_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_diagrams import random_legal_diagram
@@ -61,7 +62,7 @@ def body(line: str) -> str:
     return f"{HEAD}    {line}\n"
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_printed_textbook_program_reads_back_equal(name):
     diagram = parse_program(textbook_text(name))
     assert parse_program(program_text(diagram)) == diagram
@@ -107,7 +108,7 @@ def test_modules_and_connections_know_their_line():
     assert diagram.connections[0].line == 7
 
 
-@pytest.mark.parametrize(
+@each_of(
     "text",
     [
         "\ufeffdef f(g):\n    g.add('PI', 'a', kP=0.5)\n",
@@ -223,7 +224,7 @@ MALFORMED = {
 }
 
 
-@pytest.mark.parametrize("text", MALFORMED, ids=lambda text: repr(text)[:40])
+@each_of("text", MALFORMED, ids=lambda text: repr(text)[:40])
 def test_malformed_text_is_refused_with_its_line_and_what_was_found(text):
     line, word = MALFORMED[text]
     sentence = read_safely(text)
@@ -263,7 +264,7 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@each_of("name", HOSTILE)
 def test_hostile_text_is_refused(name):
     result = read_safely(HOSTILE[name])
     assert isinstance(result, str) or not result.instances
@@ -328,9 +329,7 @@ def test_a_long_file_is_refused_even_if_its_beginning_is_a_program(tmp_path):
         read_program(path)
 
 
-@pytest.mark.parametrize(
-    "value", [10**400, float("nan"), float("inf"), None, [1, 2], (1, 2, 3), (2, 1), True, "a b", ""]
-)
+@each_of("value", [10**400, float("nan"), float("inf"), None, [1, 2], (1, 2, 3), (2, 1), True, "a b", ""])
 def test_a_diagram_in_python_refuses_a_binding_without_meaning(value):
     with pytest.raises(DiagramError, match=r"a\.kP"):
         Diagram().add("PI", "a", kP=value)

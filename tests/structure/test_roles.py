@@ -1,6 +1,7 @@
 """The roles of the blocks are recognised in the textbook's diagrams and in what engineers make of them."""
 
 import pytest
+from collecting import each_of
 from ibrid_bench.search.inverters import inverter
 
 import ibrid
@@ -40,7 +41,7 @@ def test_blocks_that_feed_themselves_end_no_walk_through_the_diagram():
     assert found.current_loop is None
 
 
-@pytest.mark.parametrize("name", GRID_FOLLOWING)
+@each_of("name", GRID_FOLLOWING)
 def test_a_grid_following_inverter_has_a_pll_a_current_loop_and_outer_loops(name):
     found = seen(ibrid.textbook(name))
     assert (found.plant, found.frequency, found.current_loop) == ("plant", "pll", "current")

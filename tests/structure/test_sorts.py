@@ -1,6 +1,7 @@
 """Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
 
 import pytest
+from collecting import each_of
 from ibrid_bench.search.inverters import inverter
 from ibrid_search.sorts import sort_of_control
 
@@ -8,7 +9,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook
 
 
-@pytest.mark.parametrize(
+@each_of(
     ("hidden", "sort"),
     [
         ("paper_like", "phase"),

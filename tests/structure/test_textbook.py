@@ -1,6 +1,7 @@
 """The textbook diagrams that ship as program files."""
 
 import pytest
+from collecting import each_of
 
 from ibrid.errors import ProgramError
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
@@ -41,7 +42,7 @@ def test_the_shipped_programs_are_these():
     assert set(textbook_names()) == set(ORDERS)
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_textbook_diagram_is_legal_without_a_warning(name):
     diagram = textbook(name)
     assert violations(diagram) == ()
@@ -49,7 +50,7 @@ def test_a_textbook_diagram_is_legal_without_a_warning(name):
     assert violations(diagram, equilibrium="paper") == ()
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_only_the_papers_diagrams_use_the_papers_kinds_alone(name):
     assert (violations(textbook(name), PAPER_VOCABULARY) == ()) == (name in IN_THE_PAPERS_KINDS)
 
@@ -59,12 +60,12 @@ def test_the_papers_diagrams_are_legal_in_the_papers_mode_without_a_warning(name
     assert warnings(textbook(name), PAPER_VOCABULARY, equilibrium="paper") == ()
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_textbook_diagram_has_its_order(name):
     assert sum(kind.order for kind in wire(textbook(name), VOCABULARY).kinds.values()) == ORDERS[name]
 
 
-@pytest.mark.parametrize("name", textbook_names())
+@each_of("name", textbook_names())
 def test_a_textbook_program_says_what_it_is(name):
     text = textbook_text(name)
     assert text.startswith("def build_")
