@@ -12,6 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.gap.nonlinear_shapes import D_LIMIT, DEAD_ZONE, MAGNITUDE_LIMIT, Q_LIMIT, SATURATION, Shape
 from ibrid.gap.ports import Port, ports
 from ibrid.measurement.sweep import Sweep
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.paths import packs, path
 from ibrid.parts.view import View, view_of
@@ -48,7 +49,7 @@ def places(diagram: Diagram, kinds: Vocabulary) -> tuple[Place, ...]:
 
 
 def _places(view: View, found: Mapping[str, Port]) -> Iterator[Place]:
-    for pll in view.draft.named("SRF_PLL"):
+    for pll in view.draft.having(Element.PLL):
         port = found.get(f"{pll}.e_q")
         if port is not None:
             yield Place("pll_deadband", DEAD_ZONE, port, port.name)

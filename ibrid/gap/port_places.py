@@ -7,6 +7,7 @@ current loop alone adds to the command what a path from that current does: such 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit
 from ibrid.parts.feedforward import feedforward
 from ibrid.parts.paths import (
@@ -43,7 +44,7 @@ def places_in_series(view: View) -> Iterator[Place]:
         "the whole voltage command",
         lambda draft: draft.insert_before(roles.command, "Unknown_dq", "port"),
     )
-    for pll in draft.named("SRF_PLL"):
+    for pll in draft.having(Element.PLL):
         yield Place(
             f"{pll}.e_q",
             "the input of the PLL",

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.parts.edit import Edit, Strength
+from ibrid.parts.edit import Edit, Strength, stands_for
 from ibrid.parts.view import Change, Move, View
 from ibrid.signals import Signal
 
@@ -21,14 +21,14 @@ STEMS = {
     "Pade1_dq": "delay",
     "Delay": "delay",
 }
-_SHIPPED = {kind.name for kind in VOCABULARY}
+SHIPPED = {kind.name for kind in VOCABULARY}
 
 
 def shapers(view: View, signal: Signal) -> tuple[str, ...]:
     """Filters and delays for a signal: the usual ones and in-line kinds of the user's own with parameters."""
     usual = view.known(*SHAPERS[signal])
-    own = (kind for kind in view.kinds if kind.name not in _SHIPPED and kind.in_line and kind.inputs["in_"] is signal)
-    return (*usual, *(kind.name for kind in own if kind.name not in usual))
+    fitting = (kind for kind in view.kinds if kind.in_line and kind.signal is signal)
+    return (*usual, *(kind.name for kind in fitting if stands_for(kind) == kind.name and kind.name not in SHIPPED))
 
 
 def usual(kind: str) -> float:

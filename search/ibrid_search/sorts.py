@@ -1,5 +1,6 @@
 """Sorts of control: what an engineer would call a diagram by, whatever its details."""
 
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.view import View, views_of
 from ibrid.structure.diagram import Diagram
@@ -16,6 +17,6 @@ def _sort(view: View) -> str:
     draft, roles = view.draft, view.roles
     makers = draft.upstream(f"{roles.plant}.delta_omega", without=roles.plant)
     phase = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
-    power, oscillator = makers & set(roles.power), makers & set(draft.named("dVOC"))
+    power, oscillator = makers & set(roles.power), makers & set(draft.having(Element.OSCILLATOR))
     follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
     return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

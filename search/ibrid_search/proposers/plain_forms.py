@@ -6,6 +6,7 @@ from functools import partial
 from itertools import chain
 
 from ibrid.evaluation.record import Record
+from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit
 from ibrid.parts.view import Move, View
 from ibrid.structure.wiring import split_port
@@ -21,7 +22,7 @@ def plain_forms(view: View, record: Record) -> Iterator[Move]:
 
 def _wires(view: View, record: Record) -> Iterator[Move]:
     """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign."""
-    for name in view.draft.named("Gain", "Gain_dq"):
+    for name in view.draft.having(Element.GAIN):
         shared = view.draft.instances[name].bindings.get("k")
         sign = _unit(shared if isinstance(shared, str) else f"{name}.k", record)
         if sign > 0:
@@ -31,7 +32,8 @@ def _wires(view: View, record: Record) -> Iterator[Move]:
 
 
 def _negate(draft: Edit, name: str) -> None:
-    draft.replace(name, draft.instances[name].kind.replace("Gain", "Negate"), f"minus_{name}")
+    kind = draft.usual(Element.SIGN, draft.signal(f"{name}.in_"))
+    draft.replace(name, kind, f"minus_{name}")
 
 
 def _unit(parameter: str, record: Record) -> int:
@@ -55,10 +57,10 @@ def _plls(view: View) -> Iterator[Move]:
     Both are the same where the voltage that it sees is on the d axis at rest.
     """
     draft = view.draft
-    for meter in draft.named("PLL_frequency") if view.known("SRF_PLL") else ():
+    for meter in draft.having(Element.FREQUENCY_METER) if view.known("SRF_PLL") else ():
         frequency = f"{meter}.delta_omega_pll"
         angles = [split_port(one)[0] for one in draft.targets(frequency) if draft.sources(one) == [frequency]]
-        angles = [name for name in angles if name and draft.instances[name].kind == "Integrator"]
+        angles = [name for name in angles if name and view.element(name) is Element.INTEGRATOR]
         if angles and draft.sources(f"{meter}.delta_omega") == [frequency]:
             words = f"{meter} turns its own frame, a PLL"
             yield Move(words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0]))

@@ -98,4 +98,4 @@ def unrecognised_modules(view: View) -> set[str]:
     """Modules that are not of the layers an engineer expects: filters, gains and delays here and there."""
     roles = view.roles
     known = {roles.plant, roles.frequency, roles.current_loop, roles.voltage_loop, *roles.power, *roles.outer}
-    return {name for name, one in view.draft.instances.items() if name not in known and one.kind in DOUBTFUL}
+    return {name for name in view.draft.instances if name not in known and view.shipped(name) in DOUBTFUL}
