@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
-from ibrid.report.figure import figure_html, inline_svg
+from ibrid.report.figure import inline_svg
 from ibrid.report.style import series
 
 if TYPE_CHECKING:
@@ -73,14 +73,6 @@ def line_frequency(
     return found if point is None else np.union1d(found, point.frequency)
 
 
-def bode_figures(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> str:
-    """The four entries as figures of a page; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
-
-    zoom : False where no script runs, in notebooks.
-    """
-    return f'<div class="four">{"".join(_bode_figure(entry, shown, name, label, zoom) for entry in ENTRIES)}</div>'
-
-
 def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> dict[str, Markup]:
     """The four entries drawn; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
 
@@ -98,19 +90,6 @@ def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = Tr
         )
         for entry in ENTRIES
     }
-
-
-def _bode_figure(entry: str, shown: Sequence[Curves], name: str, label: str, zoom: bool) -> str:
-    svg = inline_svg(
-        lambda axes: draw_bode(axes, entry, shown),
-        name=f"{name}-{entry}",
-        label=f"Bode plot of Y_{entry}{label}",
-        size=(5.2, 3.8),
-        rows=2,
-        heights=(1.25, 1.0),
-        zoom=zoom,
-    )
-    return figure_html(svg, f"Y<sub>{entry}</sub>")
 
 
 def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> None:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from ibrid.report.markup import scroll
 from ibrid.report.style import INK, MUTED, RULE, STAND_INS
 from ibrid.report.ticks import plain_decades
 from ibrid.report.zoom import zoom_attributes
@@ -87,18 +86,6 @@ def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None,
         "hspace": BETWEEN / plot,
         "height_ratios": heights,
     }
-
-
-def figure_html(svg: str, title: str = "", words: str = "", style: str = "") -> str:
-    """A figure with a title, which is HTML, above it and an explanation below it.
-
-    style : "medium" or "broad" for what is wider than a column; it scrolls on a telephone, so that it can be read there.
-    """
-    above = f"<figcaption>{title}</figcaption>" if title else ""
-    below = f'<p class="note">{escape(words)}</p>' if words else ""
-    if style:
-        return f'<figure class="{style}">{above}{scroll("Figure", svg)}{below}</figure>'
-    return f"<figure>{above}{svg}{below}</figure>"
 
 
 def _for_page(text: str, name: str, attributes: str) -> Markup:

@@ -37,12 +37,6 @@ def p_value(value: float) -> str:
     return "< 1e-12" if value < 1e-12 else error(value)
 
 
-def sentence(text: str) -> str:
-    """Words that begin with a capital letter and end with a full stop."""
-    text = text[:1].upper() + text[1:]
-    return text if not text or text[-1] in ".!?" else f"{text}."
-
-
 def percent(value: float) -> str:
     """A part as a percentage."""
     return f"{number(100 * value, 2)} %"

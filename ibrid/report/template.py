@@ -34,6 +34,12 @@ def tag(text: str) -> str:
     return f"n{sha256(text.encode()).hexdigest()[:10]}"
 
 
+def shortened(text: str, longest: int = 160) -> str:
+    """One line of at most `longest` characters."""
+    text = " ".join(text.split())
+    return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"
+
+
 @cache
 def _environment(package: str) -> "Environment":
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined  # only pages need it
@@ -45,14 +51,14 @@ def _environment(package: str) -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {
-        name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds", "sentence")
-    }
+    found.filters |= {name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds")}
     found.filters |= {
         "hertz": hertz,
         "heat": heat,
         "exact": lambda value: repr(float(value)),
         "plus_minus": _plus_minus,
+        "sentence": _sentence,
+        "shortened": shortened,
     }
     found.globals |= {
         "ENTRIES": list(ENTRIES),
@@ -67,3 +73,9 @@ def _environment(package: str) -> "Environment":
 
 def _plus_minus(text: str) -> str:
     return text.replace("+-", "±")
+
+
+def _sentence(text: str) -> str:
+    """Words that begin with a capital letter and end with a full stop."""
+    text = text[:1].upper() + text[1:]
+    return text if not text or text[-1] in ".!?" else f"{text}."

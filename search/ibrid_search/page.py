@@ -1,26 +1,27 @@
 """report.html of a search: one self-contained page, during the run and after it, in the look of `ibrid report`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
-from ibrid.report.error_table import error_tables
-from ibrid.report.markup import Section, bullets, data, escape, page, page_header, paragraph, program, stable_or_not
-from ibrid.report.numbers import error
-from ibrid.report.parameter_table import parameter_html, twins_table
+from ibrid.report.parameter_rows import parameter_groups, twin_rows
+from ibrid.report.template import page
 from ibrid.report.verdict import verdict
 from ibrid.writing import inside, write_whole
-from ibrid_search.report.course import lineage_html, trajectory_html
-from ibrid_search.report.learning import learning_html
-from ibrid_search.report.models import comparison_html, diagrams_html, response_html
+from ibrid_search.lineage import lineage
+from ibrid_search.report.course import front_svg, trajectory_svg
+from ibrid_search.report.learning import learning_svg, updates_of
+from ibrid_search.report.models import drawn_models, front_facts, response_facts
 from ibrid_search.report.run_data import RunData, Stored, read_run
-from ibrid_search.report.statistics import speed, statistics_html
-from ibrid_search.report.structures import not_explained, structures_html
+from ibrid_search.report.statistics import statistics_facts
 from ibrid_search.run_folder import ARCHIVE, PAGE
 from ibrid_search.step import EVALUATED
 from ibrid_search.store import Store
+
+#: What the error is drawn against: a number of a step, and its name.
+FRONTS = (("free", "free parameters"), ("order", "order"))
 
 
 def write_run_page(
@@ -51,35 +52,29 @@ def write_run_page(
 
 def run_html(run: RunData) -> str:
     """The page as text."""
-    title = "Search" if run.answer is None else f"Search: NRMSE {error(run.answer.nrmse)}"
-    return page(title, _header(run), _sections(run))
-
-
-def _header(run: RunData) -> str:
-    answer, start = run.answer, run.start
-    evaluations = run.points[-1].evaluation if run.points else 0
-    budget = run.settings.get("budget")
-    known = f" of {budget}" if isinstance(budget, int) else ""
-    if isinstance(budget, int) and evaluations > budget:  # a smaller one was given when the run went on
-        known = f", budget {budget}"
-    facts = [("evaluations", f"{evaluations}{known}")]
-    facts.append(("proposals", str(sum(number > 0 for number in run.steps))))
-    if start is not None and start.nrmse is not None:
-        facts.append(("NRMSE of the start", data(start.nrmse, error(start.nrmse))))
-    if answer is not None:
-        facts.append(("NRMSE found", data(answer.nrmse, error(answer.nrmse))))
-        facts.append(("stability", stable_or_not(bool(answer.stable))))
-        facts += [("order", str(answer.order)), ("free parameters", str(answer.free))]
-    if run.comparison is not None:
-        both = f"{run.comparison.modules.f1:.2f} / {run.comparison.connections.f1:.2f}"
-        facts.append(("F1 of modules / connections", both))
-    facts += [(name, escape(words)) for name, words in speed(run).items()]
-    if ending := run.meta.get("ending"):
-        facts.append(("ended since", escape(ending)))
-    started = _when(run.meta.get("started", ""))
-    above = "Search for the block diagram behind a measured admittance" + (f", started {started}" if started else "")
-    title = "What was found" if answer is not None else "Nothing found yet"
-    return page_header(above, title, _verdict(run), facts)
+    evaluations, budget, record = run.points[-1].evaluation if run.points else 0, run.settings.get("budget"), run.record
+    updates = updates_of(run)
+    budget = budget if isinstance(budget, int) else 0
+    facts = {
+        "run": run,
+        "started": _when(run.meta.get("started", "")),
+        "record_verdict": "" if record is None else verdict(record),
+        "tried": sum(step.status in EVALUATED for step in run.steps.values()),
+        "evaluations": evaluations,
+        "budget": budget,
+        "over_budget": evaluations > budget,  # a smaller one was given when the run went on
+        "evaluation_of": {point.step: point.evaluation for point in run.points},
+        "trajectory": trajectory_svg(run),
+        "drawn": drawn_models(run),
+        "responses": response_facts(run),
+        "parameters": None if record is None else parameter_groups(record),
+        "twins": () if record is None else twin_rows(record),
+        "fronts": [(name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front],
+        "front": front_facts(run),
+        "lineage": [] if run.answer is None else lineage(run.steps, run.answer.number),
+        "learning": {"updates": updates, "svg": learning_svg(updates)},
+    }
+    return page("run.html", facts | statistics_facts(run), "ibrid_search")
 
 
 def _when(text: str) -> str:
@@ -88,61 +83,3 @@ def _when(text: str) -> str:
         return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M %Z").strip()
     except ValueError:
         return " ".join(text.split())
-
-
-def _verdict(run: RunData) -> str:
-    """The sentence on top: how good, how it was reached, whether it is the truth, what else fits."""
-    answer = run.answer
-    if answer is None:
-        tried = sum(step.status in EVALUATED for step in run.steps.values())
-        return f"No stable candidate has been fitted yet; {tried} were tried, and the reasons are below."
-    record = run.record
-    words = [f"NRMSE {error(answer.nrmse)}."] if record is None else [verdict(record)]
-    if answer.number == 0:
-        words.append("It is the start itself: nothing better has been found.")
-    else:
-        at = next((one.evaluation for one in run.points if one.step == answer.number), None)
-        words.append(f"Found as step {answer.number}" + (f", evaluation {at}." if at is not None else "."))
-    if not answer.stable:
-        words.append("The model is unstable, and the device is not.")
-    if run.comparison is not None:
-        words.append(
-            "It is the structure that was given as the truth."
-            if run.comparison.same
-            else "It is not the structure that was given as the truth."
-        )
-    others = [step for step in run.selection.equally_good if step != answer.number]
-    if not run.explained:
-        near = f"; {len(others)} {'others are' if len(others) > 1 else 'other is'} about equally near" if others else ""
-        words.append(f"{not_explained(run)}{near}.")
-    elif others:
-        words.append(f"{len(others)} other structure{'s fit' if len(others) > 1 else ' fits'} equally well.")
-    return " ".join(words)
-
-
-def _sections(run: RunData) -> Iterator[Section]:
-    if run.notes:
-        yield "notes", "What is missing on this page", bullets(run.notes)
-    yield "trajectory", "How the search went", trajectory_html(run)
-    yield "diagram", "Block diagrams", diagrams_html(run)
-    if run.comparison is not None:
-        yield "comparison", "Comparison with the given truth", comparison_html(run.comparison)
-    record = run.record
-    if record is not None:
-        yield "response", "Frequency response", response_html(run)
-        yield "error", "Where the error lies", error_tables(record)
-        yield "parameters", "Parameters", parameter_html(record)
-        if record.identifiability:
-            seen = bullets(record.identifiability) + twins_table(record)
-            yield "visible", "What the data can and cannot see", seen
-        if record.warnings:
-            yield "warnings", "Warnings", bullets(record.warnings)
-    yield "structures", "Which structures fit", structures_html(run)
-    yield "lineage", "How it came about", lineage_html(run)
-    yield "statistics", "What was proposed", statistics_html(run)
-    if lessons := learning_html(run):
-        yield "learning", "What the proposer learnt", lessons
-    if run.answer is not None:
-        yield "program", "Program", program(run.answer.program)
-    elif run.start is not None and run.start.reason:
-        yield "start", "Why the start has no fit", paragraph(run.start.reason)
