@@ -7,15 +7,16 @@ the operating points, of which each takes its own part.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
 from ibrid.assembly.symbolic import SymbolicModel
 from ibrid.fit import kernel
+from ibrid.fit.least_squares import Points
 from ibrid.fit.objective import Residual, residual
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.structure.parameters import Parameter
 
 #: A signed box wider than this is searched in asinh(value / SIGNED_SCALE).
@@ -179,6 +180,55 @@ class Problem:
         """Free name -> physical value at one operating point."""
         theta = self.coordinates.to_theta(x)[self.index[point]]
         return {one.name: float(value) for one, value in zip(self.model.parameters, theta, strict=True)}
+
+
+class Believed(Protocol):
+    """What is believed of free numbers, beside the data."""
+
+    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cost (S,), half its gradient (S, P) and its curvature (S, P) at x (S, P)."""
+        ...
+
+
+class Misfit:
+    """A problem under one objective as a `SumOfSquares`, what is believed of its numbers included.
+
+    Beliefs are in standard deviations, as chi2 is; beside a relative objective they weigh 1 / number of measured numbers.
+    """
+
+    def __init__(self, problem: Problem, objective: str, believed: Believed | None = None) -> None:
+        self.problem, self.objective, self.believed = problem, objective, believed
+        self._scale = 1.0 if objective == "chi2" else 1.0 / measured_numbers(problem.points)
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the problem's coordinates."""
+        return self.problem.coordinates.x_low, self.problem.coordinates.x_high
+
+    def at(self, x: np.ndarray, near: Points | None = None) -> Points:
+        """Evaluate x (S, P)."""
+        cost, gradient, hessian = self.parts(x)
+        total = cost.sum(axis=1)
+        total[~np.isfinite(total)] = np.inf
+        return Points(x, total, (gradient.sum(axis=1), hessian.sum(axis=1)))
+
+    def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """g and H, which come with the cost."""
+        gradient, hessian = points.carried
+        return gradient, hessian
+
+    def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `Problem.normal_equations`; the last of the parts is what is believed, where anything is."""
+        cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
+        if self.believed is None:
+            return cost, gradient, hessian
+        own = tuple(self._scale * part for part in self.believed.pull(x))
+        curved = own[2][:, None, :, None] * np.eye(x.shape[1])
+        return (
+            np.concatenate([cost, own[0][:, None]], axis=1),
+            np.concatenate([gradient, own[1][:, None]], axis=1),
+            np.concatenate([hessian, curved], axis=1),
+        )
 
 
 class _Caller:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ibrid.fit.anchor import nearest
 from ibrid.fit.corner_swap import corner_swaps
-from ibrid.fit.gauss_newton import Batch, begin, descend
-from ibrid.fit.problem import Problem
+from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
@@ -47,6 +47,7 @@ class Search:
         self, problem: Problem, wiring: Wiring, rng: np.random.Generator, settings: FitSettings, omega_0: float
     ) -> None:
         self.problem, self.rng, self.settings = problem, rng, settings
+        self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
         self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
@@ -101,37 +102,38 @@ class Search:
         if not usable.size:
             return
         order = usable[np.argsort(costs[usable], kind="stable")]
-        batch = self._descend(begin(problem, x[order[: max(settings.kept, settings.kept_misfit)]], "log"))
+        kept = x[order[: max(settings.kept, settings.kept_misfit)]]
+        batch = self._descend(LEVENBERG.begin(self.logarithmic, kept))
         self.finish(batch.x, number)
 
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
         """Descend from known values, name -> value for each operating point; the numbers they lack are drawn."""
-        settings, problem = self.settings, self.problem
-        batch = begin(problem, self.drawer.completed(self.rng, warm, settings.warm), settings.minimised)
+        settings = self.settings
+        batch = LEVENBERG.begin(self.final, self.drawer.completed(self.rng, warm, settings.warm))
         if np.isfinite(batch.cost).any():
             self.finish(batch.best(settings.warm_kept).x, None)
 
     def _descend(self, batch: Batch) -> Batch:
-        settings, problem = self.settings, self.problem
+        settings, model = self.settings, self.logarithmic
         wide = batch
         batch = batch.best(settings.kept)
         for iterations, kept in settings.halving:
-            batch = descend(problem, batch, "log", iterations)
+            batch = LEVENBERG.go(model, batch, iterations)
             if np.sqrt(batch.cost.min()) < settings.misfit:
                 batch = batch.best(kept)
         if np.sqrt(batch.cost.min()) >= settings.misfit and len(wide.x) > settings.kept:
-            more = descend(problem, wide, "log", sum(one for one, _ in settings.halving))
+            more = LEVENBERG.go(model, wide, sum(one for one, _ in settings.halving))
             batch = more.best(settings.kept_misfit)
-        return descend(problem, batch, "log", settings.iterations)
+        return LEVENBERG.go(model, batch, settings.iterations)
 
     def hop(self) -> None:
         """Kick some coordinates of the best answer and descend again, until a few rounds in a row gain nothing."""
-        settings, problem, idle = self.settings, self.problem, 0
+        settings, idle = self.settings, 0
         while idle < settings.hops and not self.solved and not self.late:
             before = self.best.error
             x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
-            batch = descend(problem, begin(problem, x, settings.minimised), settings.minimised, HOP_ITERATIONS)
-            self._keep(descend(problem, batch.best(settings.kept), settings.minimised, settings.iterations), None)
+            batch = LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), HOP_ITERATIONS)
+            self._keep(LEVENBERG.go(self.final, batch.best(settings.kept), settings.iterations), None)
             idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
 
     def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
@@ -160,8 +162,7 @@ class Search:
 
     def finish(self, x: np.ndarray, wave: int | None) -> None:
         """Carry starts x (S, P) to the end in the final objective, and the twins of the best of them too."""
-        settings, problem = self.settings, self.problem
-        batch = descend(problem, begin(problem, x, settings.minimised), settings.minimised, settings.iterations)
+        batch = self._to_the_end(x)
         self._keep(batch, wave)
         if self.finished and not self.solved:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
@@ -183,10 +184,11 @@ class Search:
         return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
     def _twin_batch(self, x: np.ndarray) -> Batch:
-        settings, problem = self.settings, self.problem
-        found = twins_of(problem, self.swaps, x)
-        starts = np.array(found).reshape(len(found), problem.size)
-        return descend(problem, begin(problem, starts, settings.minimised), settings.minimised, settings.iterations)
+        twins = twins_of(self.problem, self.swaps, x)
+        return self._to_the_end(np.array(twins).reshape(len(twins), self.problem.size))
+
+    def _to_the_end(self, x: np.ndarray) -> Batch:
+        return LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), self.settings.iterations)
 
     def _errors(self, x: np.ndarray) -> np.ndarray:
         return np.sqrt(self.problem.costs(x, self.settings.minimised)).mean(axis=1)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.gap.refit import Penalised, Refit, Refitter
+from ibrid.gap.refit import Refit, Refitter, beliefs_of
 from ibrid.gap.result import Unseen
 from ibrid.parts.practice import Effect, Insertion
 
@@ -18,8 +18,7 @@ def jacobian_rows(refit: Refit) -> np.ndarray:
     for slope, point in zip(refit.problem.jacobians(refit.x), refit.problem.points, strict=True):
         white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, refit.free)
         rows += [white.real, white.imag]
-    slope = Penalised(refit.problem, refit.prior).slope(refit.problem.coordinates.to_theta(refit.x))
-    return np.concatenate([*rows, np.diag(slope)])
+    return np.concatenate([*rows, np.diag(beliefs_of(refit.problem, refit.prior).x_slope(refit.x))])
 
 
 def unseen(

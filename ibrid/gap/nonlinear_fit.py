@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.errors import IbridError
-from ibrid.fit.damped_step import damped_step, held_at_bounds
+from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_places import Place, values_at_rest
@@ -23,7 +24,7 @@ BANK = tuple(np.geomspace(3e-4, 0.1, 9))
 BOX = (1e-5, 1.0)
 #: Starts that are descended, steps of each and of the best, and the step of numeric slopes.
 KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 2, 8, 40, 1e-5
-GREATEST_DAMPING, LARGEST_STEP, ENOUGH = 1e7, 1.0, 1e-4
+DESCENT = Descent(marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, enough=1e-4, small=1e-3, trusted=np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,7 @@ class NonlinearSearch:
         self.parameters = self.model.symbolic.parameters
         self.coordinates = self.model.coordinates
         self.beliefs = Beliefs(self.parameters, prior)
+        self._slopes_of: WeakKeyDictionary[State, np.ndarray] = WeakKeyDictionary()
         self.low = np.append(self.coordinates.x_low, np.log(BOX[0]))
         self.high = np.append(self.coordinates.x_high, np.log(BOX[1]))
 
@@ -85,23 +87,49 @@ class NonlinearSearch:
         """The best fit from parameter values, each with every threshold of the bank; None where nothing has a response."""
         begun: list[State] = []
         for start in starts:
-            x = self._x(start)
+            x = self.beliefs.start(start)
             beside = self._beside(x)
             found = [] if beside is None else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
             begun += [state for state in found if state is not None]
         if not begun:
             return None
         begun.sort(key=lambda one: one.cost)
-        ended = [self._descended(one, FIRST_STEPS) for one in begun[:KEPT]]
-        best = self._descended(min(ended, key=lambda one: one.cost), MOST_STEPS)
-        return self._described(best)
+        best = DESCENT.go(self, DESCENT.start(self._points(begun[:KEPT])), FIRST_STEPS).best(1)
+        best = DESCENT.go(self, DESCENT.start(best.points), MOST_STEPS)
+        return self._described(best.points.carried[0][0])
 
-    def _x(self, values: Mapping[str, float]) -> np.ndarray:
-        nominal = self.beliefs.nominal
-        theta = np.array([values.get(one.name, nominal[k]) for k, one in enumerate(self.parameters)])
-        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the parameters and of ln of the threshold."""
+        return self.low, self.high
 
-    def at(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
+    def at(self, x: np.ndarray, near: Points | None = None) -> Points:
+        """Evaluate x (S, P + 1), the motions from those near."""
+        before = [None] * len(x) if near is None else [state.motion.entering for state in near.carried[0]]
+        states = [self.state(*pair) for pair in zip(x, before, strict=True)]
+        return Points(x, np.array([np.inf if state is None else state.cost for state in states]), carried(states))
+
+    def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """g and H; slopes are taken once for each state."""
+        pairs = [self._normal(state) for state in points.carried[0]]
+        return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
+
+    def _normal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        if state not in self._slopes_of:
+            self._slopes_of[state] = self._slopes(state)
+        jacobian = self._slopes_of[state]
+        misfit = self.data.weight * (state.Y - self.data.admittance)
+        _, down, hold = self.beliefs.pull(state.x[:-1])
+        gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
+        return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(np.append(hold, 0.0))
+
+    @staticmethod
+    def _points(states: Sequence[State]) -> Points:
+        return Points(
+            np.array([state.x for state in states]), np.array([state.cost for state in states]), carried(states)
+        )
+
+    def state(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
         """The motion at x, begun from another one's `entering`; None where there is none."""
         beside = self._beside(x[:-1])
         return None if beside is None else self._moving(x, beside, start)
@@ -119,7 +147,7 @@ class NonlinearSearch:
         chi2 = float((np.abs(misfit) ** 2).sum())
         if not np.isfinite(chi2):
             return None
-        cost = chi2 + float((self.beliefs.sigmas(self.coordinates.to_theta(x[:-1])) ** 2).sum())
+        cost = chi2 + float(self.beliefs.pull(x[:-1])[0])
         return State(x, threshold, chi2, cost, Y, rest, linear, motion)
 
     def _beside(self, x: np.ndarray) -> tuple[Linear, np.ndarray] | None:
@@ -175,39 +203,10 @@ class NonlinearSearch:
             columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
         return np.nan_to_num(np.array(columns).T)
 
-    def _prior(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Half the gradient of the prior's cost, and its curvature, (P + 1,) each."""
-        theta = self.coordinates.to_theta(x[:-1])
-        slope = self.beliefs.slope(theta) * self.coordinates.slope(theta)
-        return np.append(self.beliefs.sigmas(theta) * slope, 0.0), np.append(slope**2, 0.0)
-
-    def _descended(self, best: State, steps: int) -> State:
-        damping = 1e-3
-        jacobian = gradient = None
-        for _ in range(steps):
-            if jacobian is None:
-                jacobian = self._slopes(best)
-                misfit = self.data.weight * (best.Y - self.data.admittance)
-                misfit = np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
-                gradient = jacobian.T @ misfit
-            pull, hold = self._prior(best.x)
-            down = gradient + pull
-            matrix = jacobian.T @ jacobian + np.diag(hold)
-            held = held_at_bounds(best.x, down, self.low, self.high)
-            step, expected = damped_step(down, matrix, held, damping, LARGEST_STEP)
-            if damping > GREATEST_DAMPING or expected < ENOUGH * (10.0 + best.cost):
-                break
-            trial = self.at(np.clip(best.x + step, self.low, self.high), best.motion.entering)
-            if trial is not None and trial.cost < best.cost:
-                best, damping, jacobian = trial, max(damping / 5.0, 1e-9), None
-            else:
-                damping *= 6.0
-        return best
-
     def _described(self, state: State) -> NonlinearFit:
-        jacobian = self._slopes(state)
+        jacobian = self._slopes_of.get(state, self._slopes(state))
         box = (self.high - self.low) ** -2.0
-        data, prior = jacobian.T @ jacobian, np.diag(self._prior(state.x)[1] + box)
+        data, prior = jacobian.T @ jacobian, np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box)
         unit = np.diag(data + prior) ** -0.5
         covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit
         effective = float(np.trace(covariance @ data))

@@ -10,17 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.fit.damped_step import damped_step, held_at_bounds
-from ibrid.fit.problem import Coordinates
+from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.gap.open_port import Opened, OpenPort
 from ibrid.gap.prior import Beliefs
 
 #: Steps of every start, and of the best of them.
 FIRST_STEPS, MOST_STEPS = 15, 60
-LARGEST_STEP = 2.0
-FIRST_DAMPING, LEAST_DAMPING, GREATEST_DAMPING = 1e-2, 1e-9, 1e8
-#: Gains of the cost that end a fit: of its size, and at all.
-ENOUGH, SMALL = 1e-4, 1e-3
+DESCENT = Descent(marquardt=True, greatest=1e8, enough=1e-4, small=1e-3)
 MOST_ROUNDS = 12
 #: The prior of each Delta is Student's, -2 ln p = TAIL ln(1 + |Delta|^2 / LARGE^2): where the data hardly see it, it is not
 #: one that makes a resonance of the noise; where they do, any size is likely enough.
@@ -34,10 +30,6 @@ class Target:
     data: np.ndarray
     weight: np.ndarray
     beliefs: Beliefs
-
-    def slope(self, coordinates: Coordinates, theta: np.ndarray) -> np.ndarray:
-        """Standard deviations of what is believed for each unit of x, at theta (P,)."""
-        return self.beliefs.slope(theta) * coordinates.slope(theta)
 
     def misfit(self, opened: Opened, g: np.ndarray) -> np.ndarray:
         """White residuals at g (..., K) -> (..., K, 4M)."""
@@ -73,7 +65,8 @@ class Fit:
     """A point of the search.
 
     `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `seen` : (K,) a'a of the data alone, the
-    information on each g. `gradient`, `information` : of the data by x, g eliminated. `follows` : (K, P), dg/dx.
+    information on each g. `gradient` : half of the cost's by x, g eliminated. `information` : (P, P), of the data on x.
+    `believed` : (P,) of the prior. `follows` : (K, P), dg/dx.
     """
 
     x: np.ndarray
@@ -83,37 +76,41 @@ class Fit:
     seen: np.ndarray
     gradient: np.ndarray
     information: np.ndarray
+    believed: np.ndarray
     follows: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class OpenPortFit:
+    """An open port's fit as a `SumOfSquares` of its parameters; carries the `Fit` of each point."""
+
+    model: OpenPort
+    target: Target
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the model's coordinates."""
+        return self.model.coordinates.x_low, self.model.coordinates.x_high
+
+    def at(self, x: np.ndarray, near: Points | None = None) -> Points:
+        """Evaluate x (S, P), the transfers from those near."""
+        before = [None] * len(x) if near is None else [fit.g for fit in near.carried[0]]
+        fits = [evaluated(self.model, self.target, *pair) for pair in zip(x, before, strict=True)]
+        return Points(x, np.array([np.inf if fit is None else fit.cost for fit in fits]), carried(fits))
+
+    def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """g and H of the parameters."""
+        fits = points.carried[0]
+        return np.array([fit.gradient for fit in fits]), np.array([f.information + np.diag(f.believed) for f in fits])
 
 
 def fit_port(model: OpenPort, target: Target, starts: Sequence[np.ndarray]) -> Fit | None:
     """The best local optimum inside the boxes that starts x (P,) lead to; None where none has a response."""
-    low, high = model.coordinates.x_low, model.coordinates.x_high
-    begun = [evaluated(model, target, np.clip(x, low, high)) for x in starts]
-    ended = [_descended(model, target, one, FIRST_STEPS) for one in begun if one is not None]
-    if not ended:
+    squares = OpenPortFit(model, target)
+    best = DESCENT.go(squares, DESCENT.begin(squares, np.array(starts)), FIRST_STEPS).best(1)
+    if not np.isfinite(best.cost[0]):
         return None
-    return _descended(model, target, min(ended, key=lambda one: one.cost), MOST_STEPS - FIRST_STEPS)
-
-
-def _descended(model: OpenPort, target: Target, best: Fit, steps: int) -> Fit:
-    low, high = model.coordinates.x_low, model.coordinates.x_high
-    damping = FIRST_DAMPING
-    for _ in range(steps):
-        theta = model.coordinates.to_theta(best.x)
-        slope = target.slope(model.coordinates, theta)
-        gradient = best.gradient + slope * target.beliefs.sigmas(theta)
-        matrix = best.information + np.diag(slope**2)
-        held = held_at_bounds(best.x, gradient, low, high)
-        step, expected = damped_step(gradient, matrix, held, damping, LARGEST_STEP)
-        if (expected < ENOUGH * best.chi2 + SMALL and damping <= FIRST_DAMPING) or damping > GREATEST_DAMPING:
-            break
-        trial = evaluated(model, target, np.clip(best.x + step, low, high), best.g)
-        if trial is not None and trial.cost < best.cost:
-            best, damping = trial, max(damping / 5.0, LEAST_DAMPING)
-        else:
-            damping *= 6.0
-    return best
+    return DESCENT.go(squares, DESCENT.start(best.points), MOST_STEPS - FIRST_STEPS).points.carried[0][0]
 
 
 @np.errstate(all="ignore")
@@ -134,13 +131,15 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
     follows = -np.einsum("ke,kep->kp", a.conj(), slope) / (seen + held)[:, None]
     left = slope + a[:, :, None] * follows[:, None, :]
     of_g = held[:, None] * follows
+    pulled, down, hold_x = target.beliefs.pull(x)
     return Fit(
         x=x,
         g=g,
         chi2=float(power(misfit).sum()),
-        cost=cost + float((target.beliefs.sigmas(theta) ** 2).sum()),
+        cost=cost + float(pulled),
         seen=seen,
-        gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0)),
+        gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0)) + down,
+        believed=hold_x,
         information=np.real(np.einsum("kep,keq->pq", left.conj(), left) + follows.conj().T @ of_g),
         follows=follows,
     )

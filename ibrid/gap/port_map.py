@@ -115,7 +115,6 @@ class _Search:
         self.names = [one.name for one in self.parameters]
         self._require(prior, "the prior")
         beliefs = Beliefs(self.parameters, prior)
-        self.nominal = dict(zip(self.names, beliefs.nominal.tolist(), strict=True))
         data = np.stack([one.admittance for one in sweep.points], axis=1)
         sigma = np.stack([np.asarray(one.sigma) for one in sweep.points], axis=1)
         self.target = Target(data, 1.0 / (scale * sigma), beliefs)
@@ -125,14 +124,13 @@ class _Search:
         found = []
         for start in starts or ({},):
             self._require(start, "a start")
-            found.append(self._x({**self.nominal, **start}))
+            found.append(self.target.beliefs.start(start))
         return [*found, *(self._seeded(x) for x in found if self.grid_side)]
 
     def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
         """Starts around the nominal values, with that grid side."""
-        middle = self._x(self.nominal)
-        slope = self.target.slope(self.model.coordinates, self.model.coordinates.to_theta(middle))
-        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), SPREAD)
+        middle = self.target.beliefs.start({})
+        width = self.target.beliefs.width(middle, SPREAD)
         return [self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))]
 
     def best(self, starts: Sequence[np.ndarray]) -> PortFit | None:
@@ -142,11 +140,6 @@ class _Search:
     def _require(self, named: Mapping[str, object], what: str) -> None:
         if unknown := [name for name in named if name not in self.names]:
             raise IbridError(f"{what} names {unknown[0]!r}, which is no free parameter; {near(unknown[0], self.names)}")
-
-    def _x(self, values: Mapping[str, float]) -> np.ndarray:
-        theta = np.array([values.get(one.name, self.nominal[one.name]) for one in self.parameters], dtype=float)
-        coordinates = self.model.coordinates
-        return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
 
     @cached_property
     def grid_side(self) -> dict[str, float]:
@@ -159,13 +152,12 @@ class _Search:
         return {members[plant[0], name]: value for name, value in seed.items() if (plant[0], name) in members}
 
     def _seeded(self, x: np.ndarray) -> np.ndarray:
-        return np.where([name in self.grid_side for name in self.names], self._x(self.grid_side), x)
+        return np.where([name in self.grid_side for name in self.names], self.target.beliefs.start(self.grid_side), x)
 
     def _described(self, fit: Fit) -> PortFit:
         """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least known of it."""
         theta = self.model.coordinates.to_theta(fit.x)
-        held = self.target.slope(self.model.coordinates, theta) ** 2
-        known = held + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
+        known = fit.believed + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
         covariance = _inverse(fit.information + np.diag(known))
         known_of_g = fit.seen + hold(fit.g)
         free = 2 * float((fit.seen / known_of_g).sum()) + len(known) - float(known @ np.diag(covariance))

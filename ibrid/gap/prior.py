@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, near
+from ibrid.fit.problem import Coordinates
 from ibrid.structure.parameters import Parameter, ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
 
@@ -23,6 +24,8 @@ ABSOLUTE_TOLERANCE = 0.25
 KNEE = 0.05
 #: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
 BEYOND = 10.0
+#: Width of a draw of a parameter of which nothing is believed, of its logarithm: a decade.
+DECADE = log(10.0)
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,12 @@ class Beliefs:
     it is ln(theta / n) / t, with n <= 0 it is (theta - n) / t, and 0 where nothing is believed.
 
     `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing is believed the typical
-    value of the parameter. `weight` : (P,) 1/t, 0 where nothing is believed.
+    value of the parameter. `weight` : (P,) 1/t, 0 where nothing is believed. `coordinates` : theta <-> x.
     """
 
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
+        self.names = [one.name for one in parameters]
+        self.coordinates = Coordinates(parameters)
         held = [prior.get(one.name) for one in parameters]
         self.known = np.array([one is not None for one in held], dtype=bool)
         typical = [one.typical for one in parameters]
@@ -69,6 +74,28 @@ class Beliefs:
         """Their derivative by theta (..., P)."""
         away = np.where(self._ratio, 1.0 / np.where(self._ratio, theta, 1.0), 1.0)
         return np.where(self._bent, 1.0 / np.hypot(theta, self._knee), away) * self.weight
+
+    def start(self, values: Mapping[str, float]) -> np.ndarray:
+        """x (P,) at values by name; what they lack is the nominal value."""
+        theta = np.array(
+            [values.get(name, own) for name, own in zip(self.names, self.nominal, strict=True)], dtype=float
+        )
+        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
+
+    def x_slope(self, x: np.ndarray) -> np.ndarray:
+        """Standard deviations for each unit of x, at x (..., P)."""
+        theta = self.coordinates.to_theta(x)
+        return self.slope(theta) * self.coordinates.slope(theta)
+
+    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sum of the squared standard deviations (...), half its gradient and its curvature (..., P), at x (..., P)."""
+        away, slope = self.sigmas(self.coordinates.to_theta(x)), self.x_slope(x)
+        return (away**2).sum(axis=-1), away * slope, slope**2
+
+    def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
+        """One standard deviation in x (P,), at x (P,); `unknown` where nothing is believed."""
+        slope = self.x_slope(x)
+        return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
 
     @property
     def _knee(self) -> np.ndarray:

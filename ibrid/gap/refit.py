@@ -14,8 +14,8 @@ from scipy.stats import chi2 as chi2_law
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.gauss_newton import begin, descend
-from ibrid.fit.problem import Coordinates, Problem
+from ibrid.fit.least_squares import LEVENBERG
+from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
@@ -32,43 +32,6 @@ FAR, NEAR = 10, 60
 GLANCE = 12
 #: Starts that go on to chi2.
 KEPT = 6
-#: Width of a draw of a parameter without a nominal value, of its logarithm: a decade.
-DECADE = log(10.0)
-
-
-class Penalised:
-    """A problem with the prior as one more column of the cost; `normal_equations` as in `Problem`."""
-
-    def __init__(self, problem: Problem, prior: Prior) -> None:
-        self.problem = problem
-        self.beliefs = Beliefs([one.parameter for one in problem.numbers], prior)
-        self.numbers = measured_numbers(problem.points)
-
-    @property
-    def coordinates(self) -> Coordinates:
-        """Those of the problem."""
-        return self.problem.coordinates
-
-    def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Costs (S, M + 1), gradients (S, M + 1, P) and Gauss-Newton matrices (S, M + 1, P, P)."""
-        cost, gradient, hessian = self.problem.normal_equations(x, objective)
-        scale = 1.0 if objective == "chi2" else 1.0 / self.numbers
-        theta = self.coordinates.to_theta(x)
-        away, slope = self.beliefs.sigmas(theta), self.slope(theta)
-        cost = np.concatenate([cost, scale * (away**2).sum(axis=1)[:, None]], axis=1)
-        gradient = np.concatenate([gradient, scale * (away * slope)[:, None]], axis=1)
-        own = scale * (slope**2)[:, None, :, None] * np.eye(x.shape[1])
-        return cost, gradient, np.concatenate([hessian, own], axis=1)
-
-    def slope(self, theta: np.ndarray) -> np.ndarray:
-        """Standard deviations for each unit of x, at theta (..., P)."""
-        return self.beliefs.slope(theta) * self.coordinates.slope(theta)
-
-    def start(self, values: Values) -> np.ndarray:
-        """x (P,) at values by name; what they lack is the nominal or the typical value."""
-        pairs = zip(self.problem.numbers, self.beliefs.nominal, strict=True)
-        theta = np.array([values.get(one.name, nominal) for one, nominal in pairs])
-        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +79,7 @@ class Refit:
     @cached_property
     def moved(self) -> dict[str, float]:
         """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
-        beliefs = Penalised(self.problem, self.prior).beliefs
+        beliefs = beliefs_of(self.problem, self.prior)
         sigmas = beliefs.sigmas(self.problem.coordinates.to_theta(self.x))
         rows = zip(self.problem.numbers, sigmas, beliefs.known, strict=True)
         return {one.name: float(away) for one, away, known in rows if known}
@@ -161,14 +124,15 @@ class Refitter:
             problem = self.problem(diagram)
         except DiagramError:
             return None
-        penalised = Penalised(problem, self.prior)
-        x = np.array([penalised.start(one) for one in starts])
+        beliefs = beliefs_of(problem, self.prior)
+        chi2, logarithmic = Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
+        x = np.array([beliefs.start(values) for values in starts])
         if draws:
-            x = np.concatenate([x, self._moved(x, penalised, draws, spread)])
-        near = descend(penalised, begin(penalised, x[: len(starts)], "chi2"), "chi2", NEAR // 4)
-        far = descend(penalised, begin(penalised, x, "log"), "log", FAR)
-        candidates = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
-        ends = descend(penalised, begin(penalised, candidates, "chi2"), "chi2", NEAR)
+            x = np.concatenate([x, self._moved(x, beliefs, draws, spread)])
+        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[: len(starts)]), NEAR // 4)
+        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR)
+        kept = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
+        ends = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR)
         if not np.isfinite(ends.cost).any():
             return None
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
@@ -188,16 +152,16 @@ class Refitter:
             problem = self.problem(diagram)
         except DiagramError:
             return inf
-        penalised = Penalised(problem, self.prior)
-        x = np.array([penalised.start(one) for one in starts])
-        cost = descend(penalised, begin(penalised, x, "chi2"), "chi2", GLANCE).cost
-        return float(cost.min()) + problem.size * log(penalised.numbers)
+        beliefs = beliefs_of(problem, self.prior)
+        chi2 = Misfit(problem, "chi2", beliefs)
+        x = np.array([beliefs.start(values) for values in starts])
+        cost = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x), GLANCE).cost
+        return float(cost.min()) + problem.size * log(measured_numbers(problem.points))
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""
         problem = self.problem(diagram)
-        penalised = Penalised(problem, self.prior)
-        cost, _, hessian = penalised.normal_equations(x[None], "chi2")
+        cost, _, hessian = Misfit(problem, "chi2", beliefs_of(problem, self.prior)).parts(x[None])
         data, prior = hessian[0, :-1].sum(axis=0), hessian[0, -1]
         return Refit(
             diagram=diagram,
@@ -212,15 +176,19 @@ class Refitter:
     def at_values(self, diagram: Diagram, values: Values) -> Refit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
         problem = self.problem(diagram)
-        return self.at(diagram, Penalised(problem, self.prior).start(values))
+        return self.at(diagram, beliefs_of(problem, self.prior).start(values))
 
-    def _moved(self, x: np.ndarray, penalised: Penalised, number: int, spread: float) -> np.ndarray:
+    def _moved(self, x: np.ndarray, beliefs: Beliefs, number: int, spread: float) -> np.ndarray:
         base = x[self.rng.integers(len(x), size=number)]
-        coordinates, nominal = penalised.coordinates, penalised.beliefs.nominal
-        slope = penalised.slope(nominal)
-        width = np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), DECADE)
+        coordinates = beliefs.coordinates
+        width = beliefs.width(coordinates.to_x(beliefs.nominal))
         moved = base + spread * width * self.rng.standard_normal(base.shape)
         return np.clip(moved, coordinates.x_low, coordinates.x_high)
+
+
+def beliefs_of(problem: Problem, prior: Prior) -> Beliefs:
+    """What is believed of a problem's free numbers."""
+    return Beliefs([number.parameter for number in problem.numbers], prior)
 
 
 def _effective(data: np.ndarray, prior: np.ndarray) -> float:

@@ -11,9 +11,9 @@ import numpy as np
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
-from ibrid.fit.gauss_newton import begin, descend
+from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.objective import objective_for
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import StartDrawer
 from ibrid.measurement.sweep import measured_numbers
 from ibrid.structure.diagram import Diagram
@@ -81,6 +81,6 @@ def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Ge
     objective, before = objective_for(problem.points), context.parent.record.parameters
     drawer = StartDrawer(problem, wiring, context.task.sweep.omega_0)
     starts = drawer.completed(rng, [before.get(point.op.name, {}) for point in problem.points], DRAWS)
-    batch = begin(problem, starts, objective).best(KEPT)
-    cost = descend(problem, batch, objective, STEPS).cost.min()
+    model = Misfit(problem, objective)
+    cost = LEVENBERG.go(model, LEVENBERG.begin(model, starts).best(KEPT), STEPS).cost.min()
     return sqrt(cost / len(problem.points)) if np.isfinite(cost) else inf

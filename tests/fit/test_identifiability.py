@@ -7,9 +7,10 @@ import pytest
 from fitted import TRUE, benchmark, evaluated, measured, problem_of, x_of
 
 import ibrid
-from ibrid.fit.gauss_newton import begin, descend
 from ibrid.fit.identifiability import visibility
 from ibrid.fit.ipopt import solve
+from ibrid.fit.least_squares import LEVENBERG
+from ibrid.fit.problem import Misfit
 
 EXACT = "gfl_pll_filter_exact"
 SCALE = {"plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"}
@@ -27,7 +28,8 @@ def names_in(sentence: str) -> set[str]:
 
 
 def fitted_from_the_truth(problem, objective: str) -> np.ndarray:
-    batch = descend(problem, begin(problem, x_of(problem, TRUE)[None], objective), objective, 30)
+    model = Misfit(problem, objective)
+    batch = LEVENBERG.go(model, LEVENBERG.begin(model, x_of(problem, TRUE)[None]), 30)
     return solve(problem, batch.x[0], objective, iterations=40, seconds=10).x
 
 

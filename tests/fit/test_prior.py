@@ -8,9 +8,9 @@ from fitted import benchmark
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.prior import KNEE, Belief, Beliefs, prior_of, read_values
-from ibrid.gap.refit import Penalised
+from ibrid.gap.refit import beliefs_of
 from ibrid.measurement.noise import add_noise
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook, textbook_text
@@ -126,13 +126,14 @@ def test_the_penalty_has_the_gradient_of_finite_differences_and_says_nothing_of_
     problem = Problem(model, sweep.points)
     names = [one.name for one in problem.numbers]
     table = parameter_table(wiring, "exact")
-    penalised = Penalised(problem, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
-    x = penalised.start({}) + 0.1
+    beliefs = beliefs_of(problem, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
+    penalised = Misfit(problem, "chi2", beliefs)
+    x = beliefs.start({}) + 0.1
 
     def cost(at: np.ndarray) -> float:
-        return float(penalised.normal_equations(at[None], "chi2")[0][0, -1])
+        return float(penalised.parts(at[None])[0][0, -1])
 
-    gradient = penalised.normal_equations(x[None], "chi2")[1][0, -1]
+    gradient = penalised.parts(x[None])[1][0, -1]
     numeric = [(cost(x + step) - cost(x - step)) / 2e-6 for step in 1e-6 * np.eye(len(x))]
     assert 2 * gradient == pytest.approx(numeric, rel=1e-5, abs=1e-8)
     assert np.count_nonzero(gradient) == 2

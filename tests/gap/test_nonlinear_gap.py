@@ -66,13 +66,13 @@ def searched(kind: NonlinearKind, sweep: Sweep, effect: str) -> tuple[NonlinearS
 
 def at_truth(kind: NonlinearKind, effect: str, threshold: float) -> tuple[State, AmplitudeData, Place]:
     search, data = searched(kind, case(kind).sweep, effect)
-    start = search._x(case(kind).truth["values"])
+    start = search.beliefs.start(case(kind).truth["values"])
     beside = search._beside(start)
     assert beside is not None
     counted = threshold
     if search.place.shape.limits:  # from the largest current at rest
         counted = threshold / np.linalg.norm(beside[1], axis=1).max() - 1.0
-    state = search.at(np.append(start, np.log(counted)))
+    state = search.state(np.append(start, np.log(counted)))
     assert state is not None
     return state, data, search.place
 
