@@ -1,6 +1,6 @@
-"""Where the progress of a search is shown: a line that is rewritten in a terminal, plain lines, a notebook, or nowhere.
+"""Where the progress of some work is shown: lines that are rewritten in a terminal, plain lines, a notebook, or nowhere.
 
-A stream that is closed or whose reader has gone is silently left alone: a search does not end because nobody looks.
+A stream that is closed or whose reader has gone is silently left alone: work does not end because nobody looks.
 """
 
 import os
@@ -8,8 +8,10 @@ import sys
 from html import escape
 from typing import Any, Protocol, TextIO
 
-#: Width where no terminal says how wide it is, and of the output of a notebook.
-WIDTH, NOTEBOOK_WIDTH = 80, 100
+from ibrid.errors import IbridError
+
+#: Width where no terminal says how wide it is, of the output of a notebook, and of a bar at most.
+WIDTH, NOTEBOOK_WIDTH, BAR = 80, 100, 60
 WAYS = ("terminal", "plain", "notebook", "silent")
 
 
@@ -37,20 +39,14 @@ class Display(Protocol):
         ...
 
 
-def choose_display(stream: TextIO | None, out: TextIO | None) -> str:
-    """The way that suits: a notebook's kernel, a terminal, or plain lines; nothing when there is no stream at all."""
-    if stream is None and out is None:
-        return "silent"
-    if _kernel():
-        return "notebook"
-    try:
-        return "terminal" if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb" else "plain"
-    except ValueError:  # closed
-        return "plain"
+def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: float) -> Display:
+    """A display of one of `WAYS`, or "auto" for what suits: a notebook's kernel, a terminal, plain lines, or nothing at all.
 
-
-def make_display(way: str, stream: TextIO | None, out: TextIO | None, every: float) -> Display:
-    """A display of one of `WAYS`; `every` : seconds between plain lines."""
+    stream, out : for states and for rows. every : seconds between plain lines. Raises IbridError for any other word.
+    """
+    if show not in ("auto", *WAYS):
+        raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
+    way = _suitable(stream, out) if show == "auto" else show
     if way == "terminal":
         return TerminalDisplay(stream, out)
     if way == "plain":
@@ -83,65 +79,76 @@ class PlainDisplay:
     width = None
 
     def __init__(self, stream: TextIO | None, out: TextIO | None, every: float) -> None:
-        self.pause, self._stream, self._out = every, stream, out
+        self.pause, self._stream, self._out = every, Quiet(stream), Quiet(out)
 
     @property
     def columns(self) -> int:
         """Those of the terminal that the rows go to."""
-        return _columns(self._out)
+        return self._out.columns
 
     def state(self, text: str, share: float | None = None) -> None:
-        _write(self._stream, f"{text}\n")
+        self._stream.write(f"{text}\n")
 
     def row(self, text: str) -> None:
-        _write(self._out, f"{text}\n")
+        self._out.write(f"{text}\n")
 
     def close(self) -> None:
         """Nothing is left to do."""
 
 
 class TerminalDisplay:
-    """The state is rewritten in place on `stream`; rows go to `out` and scroll by above it."""
+    """The state and a bar are rewritten in place on `stream`; rows scroll by above them, or go to a file that `out` is."""
 
     pause = 0.1
     kept = False
 
     def __init__(self, stream: TextIO | None, out: TextIO | None) -> None:
-        self._stream, self._out, self._shown = stream, out, ""
+        from rich.console import Console  # as for the bar: only who looks at a terminal needs it
+        from rich.live import Live
+
+        self._stream, self._out = Quiet(stream), Quiet(out)
+        self._console = Console(file=self._stream, force_terminal=True, highlight=False, markup=False, emoji=False)  # type: ignore[arg-type]
+        self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+        self._text = ""
 
     @property
     def width(self) -> int:
         """One less than the terminal has, since a full line would wrap."""
-        return max(1, _columns(self._stream) - 1)
+        return max(1, self._stream.columns - 1)
 
     @property
     def columns(self) -> int:
         """Those of the terminal that the rows go to."""
-        return _columns(self._out)
+        return self._out.columns
 
     def state(self, text: str, share: float | None = None) -> None:
-        text = text[: self.width]
-        self._rewrite(text)
-        self._shown = text
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.text import Text
+
+        self._console.width = self._stream.columns  # a window may change
+        self._text = text[: self.width]
+        bar = (
+            []
+            if share is None
+            else [ProgressBar(1.0, share, min(BAR, self.width), complete_style="cyan", finished_style="cyan")]
+        )
+        self._live.update(Group(Text(self._text, no_wrap=True), *bar))
+        if not self._live.is_started:
+            self._live.start()
+            self._console.show_cursor(True)  # whoever is killed leaves a terminal with a cursor
+        self._live.refresh()
 
     def row(self, text: str) -> None:
-        shown = self._shown
-        self._rewrite("")
-        _write(self._out, f"{text}\n")
-        if shown:
-            self.state(shown)
+        if self._live.is_started and self._out.terminal_columns:
+            self._console.print(text, soft_wrap=True)
+        else:
+            self._out.write(f"{text}\n")
 
     def close(self) -> None:
-        if self._shown:
-            _write(self._stream, "\n")
-        self._shown = ""
-
-    def _rewrite(self, text: str) -> None:
-        """Spaces wipe out what was longer; then the cursor stands behind the text."""
-        rest = min(len(self._shown), self.width) - len(text)
-        wiped = f"\r{text}{' ' * rest}\r{text}" if rest > 0 else f"\r{text}"
-        _write(self._stream, wiped)
-        self._shown = text
+        if self._live.is_started:
+            self.state(self._text)  # the bar has done its work
+            self._live.stop()
 
 
 class NotebookDisplay:
@@ -183,29 +190,48 @@ class NotebookDisplay:
             self._handle.update(bundle, raw=True)
 
 
-def _kernel() -> bool:
-    """Whether this is the kernel of a notebook; IPython is not imported to find out."""
+class Quiet:
+    """A stream to write to, whoever listens. `columns` : characters in a line of its terminal."""
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream, self.encoding = stream, getattr(stream, "encoding", None) or "utf-8"
+
+    @property
+    def terminal_columns(self) -> int:
+        """Characters in a line of a terminal; 0 for any other stream, and for one that does not say."""
+        try:
+            return 0 if self._stream is None else os.get_terminal_size(self._stream.fileno()).columns
+        except (OSError, ValueError, AttributeError):  # no terminal, closed, or no file at all
+            return 0
+
+    @property
+    def columns(self) -> int:
+        """The same, `WIDTH` where nothing says how wide it is."""
+        return self.terminal_columns or WIDTH
+
+    def write(self, text: str) -> None:
+        if self._stream is None:
+            return
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except UnicodeEncodeError:
+            self.write(text.encode("ascii", "replace").decode())
+        except (OSError, ValueError):  # the reader has gone, or the stream is closed
+            pass
+
+    def flush(self) -> None:
+        """`write` has done it."""
+
+
+def _suitable(stream: TextIO | None, out: TextIO | None) -> str:
+    """The way that suits both streams; IPython is not imported to find out whether this is a notebook's kernel."""
+    if stream is None and out is None:
+        return "silent"
     interactive = getattr(sys.modules.get("IPython"), "get_ipython", None)
-    shell = interactive() if interactive is not None else None
-    return getattr(shell, "kernel", None) is not None
-
-
-def _columns(stream: TextIO | None) -> int:
-    """Characters in a line of a terminal; `WIDTH` for any other stream, and for one that does not say."""
+    if getattr(interactive and interactive(), "kernel", None) is not None:
+        return "notebook"
     try:
-        found = 0 if stream is None else os.get_terminal_size(stream.fileno()).columns
-    except (OSError, ValueError, AttributeError):  # no terminal, closed, or no file at all
-        found = 0
-    return found or WIDTH
-
-
-def _write(stream: TextIO | None, text: str) -> None:
-    if stream is None:
-        return
-    try:
-        stream.write(text)
-        stream.flush()
-    except UnicodeEncodeError:
-        _write(stream, text.encode("ascii", "replace").decode())
-    except (OSError, ValueError):  # the reader has gone, or the stream is closed
-        pass
+        return "terminal" if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb" else "plain"
+    except ValueError:  # closed
+        return "plain"

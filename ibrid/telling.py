@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ibrid.display import WAYS, choose_display, make_display
-from ibrid.errors import IbridError
+from ibrid.display import make_display
 
 #: Told what is going on, and the share that is done.
 Tell = Callable[[str, float], None]
@@ -27,10 +26,7 @@ def telling(show: str | Tell = "auto") -> Iterator[Tell]:
     if callable(show):
         yield show
         return
-    if show not in ("auto", *WAYS):
-        raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
-    way = choose_display(sys.stderr, sys.stdout) if show == "auto" else show
-    display = make_display(way, sys.stderr, sys.stdout, EVERY)
+    display = make_display(show, sys.stderr, sys.stdout, EVERY)
     shown = -float("inf")
 
     def tell(text: str, share: float) -> None:

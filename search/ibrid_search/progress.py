@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self, TextIO
 
-from ibrid.display import WAYS, choose_display, make_display
-from ibrid.errors import IbridError
+from ibrid.display import make_display
 from ibrid.report.numbers import error
 from ibrid_search.milestone_table import milestone_head, milestone_row, printable
 from ibrid_search.tally import Tally
@@ -53,11 +52,9 @@ class Progress:
         out: TextIO | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        if show not in ("auto", *WAYS):
-            raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
         stream = sys.stderr if stream is None else stream
         out = sys.stdout if out is None else out
-        self._display = make_display(choose_display(stream, out) if show == "auto" else show, stream, out, every)
+        self._display = make_display(show, stream, out, every)
         self._clock = clock
         self._total: int | None = None
         self._seen: deque[tuple[float, int]] = deque()
