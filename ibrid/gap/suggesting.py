@@ -16,17 +16,18 @@ from ibrid.gap.result import Suggested
 from ibrid.gap.trial import Model, Workshop, significant
 from ibrid.gap.verdict import Findings, fits
 from ibrid.measurement.sweep import Sweep
-from ibrid.modules.vocabulary import Vocabulary
+from ibrid.modules.behaviour import Element
+from ibrid.modules.vocabulary import Vocabulary, usual_kind
 from ibrid.parts.edit import Edit, NotInVocabulary
 from ibrid.signals import Signal
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 
-#: Kinds of low order, by the signal they shape.
-SHAPES: Mapping[Signal, tuple[str, ...]] = {
-    Signal.SCALAR: ("Gain", "LPF1", "Notch", "Pade1"),
-    Signal.DQ_VEC: ("Gain_dq", "LPF1_dq", "Delay", "Pade1_dq"),
+#: What a block of low order may be, by the signal it shapes.
+SHAPES: Mapping[Signal, tuple[Element, ...]] = {
+    Signal.SCALAR: (Element.GAIN, Element.LOW_PASS, Element.NOTCH, Element.PADE),
+    Signal.DQ_VEC: (Element.GAIN, Element.LOW_PASS, Element.DELAY, Element.PADE),
 }
 NAME = "residual_block"
 #: Places at which blocks are tried, and random starts of every suggestion.
@@ -64,8 +65,9 @@ def low_order_blocks(question: Question) -> Iterator[Suggestion]:
     for fit in question.ports[:PLACES]:
         kinds = (*question.kinds, *PORT_KINDS)
         signal = Edit(fit.port.diagram, kinds).signal(f"{fit.port.block}.in_")
-        for kind in SHAPES.get(signal, ()):
+        for element in SHAPES.get(signal, ()):
             draft = Edit(fit.port.diagram, kinds)
+            kind = usual_kind(element, signal, question.kinds).name
             try:
                 draft.replace(fit.port.block, kind, NAME)
             except NotInVocabulary:

@@ -6,6 +6,7 @@ Kinds, ports, boxes and limits are read from their declarations, so the words fo
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
+from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.signals import Signal
@@ -49,9 +50,8 @@ def kinds_text(kinds: Vocabulary, equilibrium: str, *, short: bool = False) -> s
 
 
 def _rules(kinds: Vocabulary, equilibrium: str) -> Iterator[str]:
-    names = {kind.name for kind in kinds}
     yield "Both ends of a connection carry the same kind of signal (scalar or dq_vec), and no connection is made twice."
-    yield "Several sources of one target add up. There is no other way to add" + _negation(names) + "."
+    yield "Several sources of one target add up. There is no other way to add" + _negation(kinds) + "."
     zero = [kind.name for kind in kinds if not kind.inputs]
     yield "Every input of every module is driven" + (f"; {_listed(zero)} drives one with zero." if zero else ".")
     yield f"There is exactly one plant: {_listed([kind.name for kind in kinds if kind.family == PLANT], 'or')}."
@@ -63,10 +63,11 @@ def _rules(kinds: Vocabulary, equilibrium: str) -> Iterator[str]:
     yield f"Something drives {TERMINAL_CURRENT}, and every module has a path to it; one without changes nothing."
     yield f"The orders of all modules add up to at most {HIGHEST_ORDER}."
     yield "A loop of modules without states must have a solution: its gain must not be exactly 1."
-    if {"Rot_v", "Rot_i"} <= names:
+    inwards, outwards = ([kind.name for kind in kinds if kind.element is element] for element in ROTATIONS)
+    if inwards and outwards:
         yield (
-            "Rot_v and Rot_i come together: the first turns the terminal voltage into the controller's frame, the second "
-            "the plant's current back; the angle of both comes from the controller."
+            f"{_listed(inwards, 'or')} and {_listed(outwards, 'or')} come together: the first turns the terminal voltage "
+            "into the controller's frame, the second the plant's current back; the angle of both comes from the controller."
         )
     ports = [f"{kind.name}.{port}" for kind in kinds if kind.family != PLANT for port in kind.equilibrium_ports]
     if equilibrium == "exact" and ports:
@@ -82,8 +83,8 @@ def _rules(kinds: Vocabulary, equilibrium: str) -> Iterator[str]:
         yield f"{_listed(residual)} are corrections that no designer would draw; they count as residual modules."
 
 
-def _negation(names: set[str]) -> str:
-    found = [one for one in ("Negate", "Negate_dq") if one in names]
+def _negation(kinds: Vocabulary) -> str:
+    found = [kind.name for kind in kinds if kind.element is Element.SIGN]
     return f"; to subtract, put a {' or '.join(found)} in front of the sum" if found else ""
 
 

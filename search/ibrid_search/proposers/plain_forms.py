@@ -23,8 +23,9 @@ def plain_forms(view: View, record: Record) -> Iterator[Move]:
 def _wires(view: View, record: Record) -> Iterator[Move]:
     """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign."""
     for name in view.draft.having(Element.GAIN):
-        shared = view.draft.instances[name].bindings.get("k")
-        sign = _unit(shared if isinstance(shared, str) else f"{name}.k", record)
+        (gain,) = view.draft.kind(name).parameters
+        shared = view.draft.instances[name].bindings.get(gain)
+        sign = _unit(shared if isinstance(shared, str) else f"{name}.{gain}", record)
         if sign > 0:
             yield Move(f"{name} is 1, a wire", lambda draft, name=name: draft.bypass(name))
         elif sign < 0:
@@ -32,8 +33,7 @@ def _wires(view: View, record: Record) -> Iterator[Move]:
 
 
 def _negate(draft: Edit, name: str) -> None:
-    kind = draft.usual(Element.SIGN, draft.signal(f"{name}.in_"))
-    draft.replace(name, kind, f"minus_{name}")
+    draft.replace(name, draft.usual(Element.SIGN, draft.kind(name).signal), f"minus_{name}")
 
 
 def _unit(parameter: str, record: Record) -> int:
@@ -52,24 +52,26 @@ def _unit(parameter: str, record: Record) -> int:
 
 
 def _plls(view: View) -> Iterator[Move]:
-    """A frequency meter in the frame that it turns itself, with the integrator that makes the angle, as an SRF_PLL.
+    """A frequency meter in the frame that it turns itself, with the integrator that makes the angle, as a PLL.
 
     Both are the same where the voltage that it sees is on the d axis at rest.
     """
     draft = view.draft
-    for meter in draft.having(Element.FREQUENCY_METER) if view.known("SRF_PLL") else ():
+    for meter in draft.having(Element.FREQUENCY_METER) if view.known(draft.usual(Element.PLL)) else ():
         frequency = f"{meter}.delta_omega_pll"
         angles = [split_port(one)[0] for one in draft.targets(frequency) if draft.sources(one) == [frequency]]
-        angles = [name for name in angles if name and view.element(name) is Element.INTEGRATOR]
+        angles = [name for name in angles if name and draft.kind(name).element is Element.INTEGRATOR]
         if angles and draft.sources(f"{meter}.delta_omega") == [frequency]:
             words = f"{meter} turns its own frame, a PLL"
             yield Move(words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0]))
 
 
 def _as_pll(draft: Edit, *, plant: str, meter: str, angle: str) -> None:
-    pll = draft.add("SRF_PLL", "pll", **draft.instances[meter].bindings)
+    pll = draft.add(draft.usual(Element.PLL), "pll", **draft.instances[meter].bindings)
     for source in draft.sources(f"{meter}.v"):
-        q_axis = f"{plant}.e_q" if source == f"{plant}.e" else draft.after(source, "SliceQ", "q_axis")
+        q_axis = (
+            f"{plant}.e_q" if source == f"{plant}.e" else draft.after(source, draft.usual(Element.SLICE_Q), "q_axis")
+        )
         draft.connect(q_axis, f"{pll}.e_q")
     for target in draft.targets(f"{meter}.delta_omega_pll"):
         if split_port(target)[0] not in (meter, angle):

@@ -8,11 +8,14 @@ from itertools import chain, combinations
 import numpy as np
 
 from ibrid.evaluation.record import Record
+from ibrid.modules.behaviour import Element
+from ibrid.modules.kind import ModuleKind
 from ibrid.parts.blocks import removals, twin_removals
 from ibrid.parts.edit import Edit
 from ibrid.parts.inner_loops import loop_removals
 from ibrid.parts.view import Move, View, views_of
 from ibrid.parts.wiring import cut_wires, shared_parameters
+from ibrid.signals import Signal
 from ibrid.structure.wiring import split_port
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.edited import edited, new_structure, proposal_of
@@ -20,8 +23,6 @@ from ibrid_search.proposers.plain_forms import plain_forms
 
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
-#: Kinds that are easily put in and fit anything.
-DOUBTFUL = ("LPF1", "LPF1_dq", "Notch", "Pade1", "Pade1_dq", "Delay", "Gain", "Gain_dq", "PI_dq", "JMul")
 
 
 class Pruning:
@@ -98,4 +99,10 @@ def unrecognised_modules(view: View) -> set[str]:
     """Modules that are not of the layers an engineer expects: filters, gains and delays here and there."""
     roles = view.roles
     known = {roles.plant, roles.frequency, roles.current_loop, roles.voltage_loop, *roles.power, *roles.outer}
-    return {name for name in view.draft.instances if name not in known and view.shipped(name) in DOUBTFUL}
+    return {name for name in view.draft.instances if name not in known and _doubtful(view.draft.kind(name))}
+
+
+def _doubtful(kind: ModuleKind) -> bool:
+    """True for what is easily put in and fits anything."""
+    regulator = kind.element is Element.PI and kind.signal is Signal.DQ_VEC
+    return kind.shapes or regulator or kind.element in (Element.GAIN, Element.COUPLING)

@@ -9,6 +9,7 @@ driven and both rotations are there or none.
 
 from collections.abc import Iterator
 
+from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.check import HIGHEST_ORDER
@@ -38,7 +39,6 @@ from ibrid_policy.wires import Wires
 
 #: New modules of one edit, and words of an answer, at most.
 MOST_ADDED, LONGEST = 40, 160
-_ROTATIONS = {"Rot_v", "Rot_i"}
 _OPERATIONS = (SWAP, DELETE, ADD, AT, SAME, OWN, TIE, FREE, END)
 
 
@@ -195,15 +195,15 @@ class Grammar:
         room, left = HIGHEST_ORDER - self._order(), min(MOST_ADDED - len(self.added), MOST_MODULES - len(self.kinds))
         framed = self._rotations()
         for kind in self.vocabulary.values():
-            partner = len(framed) == 1 and kind.name in _ROTATIONS - framed  # the last place is kept for it
+            partner = len(framed) == 1 and kind.element in set(ROTATIONS) - framed  # the last place is kept for it
             if left > (0 if partner else 1) and not is_plant(kind) and not kind.shares and kind.order <= room:
                 yield kind
 
     def _order(self) -> int:
         return sum(kind.order for number, kind in enumerate(self.kinds) if number not in self.removed)
 
-    def _rotations(self) -> set[str]:
-        return _ROTATIONS & {kind.name for number, kind in enumerate(self.kinds) if number not in self.removed}
+    def _rotations(self) -> set[Element | None]:
+        return {*ROTATIONS} & {kind.element for number, kind in enumerate(self.kinds) if number not in self.removed}
 
     def _target(self) -> Port | None:
         """The input that AT names, once it is named in full."""
