@@ -89,10 +89,10 @@ def _measured_power(view: View, block: str) -> Iterator[Place]:
         return
 
     def edit(draft: Edit) -> str:
-        pair, name = draft.add("PackDQ", "port_pair"), draft.add("Unknown_dq", "port")
+        pair, name = draft.add(draft.usual(Element.PACK), "port_pair"), draft.add("Unknown_dq", "port")
         draft.connect(f"{pair}.out", f"{name}.in_")
-        for axis, kind, entry in (("p", "SliceD", "in_d"), ("q", "SliceQ", "in_q")):
-            out = draft.add(kind, f"port_{axis}")
+        for axis, element, entry in (("p", Element.SLICE_D, "in_d"), ("q", Element.SLICE_Q, "in_q")):
+            out = draft.add(draft.usual(element), f"port_{axis}")
             for target in draft.targets(used[axis]):
                 draft.disconnect(used[axis], target)
                 draft.connect(f"{out}.out", target)
@@ -153,14 +153,14 @@ def _axis_paths(view: View) -> Iterator[Place]:
         return f"{power_block(draft, view)}.q"
 
     def converter_power(draft: Edit) -> str:
-        name = draft.add("PQ_calc", "port_power")
+        name = draft.add(draft.usual(Element.POWER), "port_power")
         for source in draft.sources(roles.command):
             draft.connect(source, f"{name}.e")
         draft.connect(roles.current, f"{name}.i")
         return f"{name}.p"
 
     def size(draft: Edit) -> str:
-        return draft.after(roles.voltage, "Magnitude", "port_size")
+        return draft.after(roles.voltage, draft.usual(Element.MAGNITUDE), "port_size")
 
     power, voltage = f"power at {roles.command}", f"|{roles.voltage}|"
     quantities = {
@@ -193,14 +193,21 @@ def _added(
 
     def edit(draft: Edit) -> str:
         source = start(draft)
-        dq = "_dq" if draft.signal(source) is Signal.DQ_VEC else ""
-        name, minus = draft.add(f"Unknown{dq}", "port"), draft.add(f"Negate{dq}", "port_minus")
+        signal = draft.signal(source)
+        unknown = "Unknown_dq" if signal is Signal.DQ_VEC else "Unknown"
+        name, minus = draft.add(unknown, "port"), draft.add(draft.usual(Element.SIGN, signal), "port_minus")
         for block in (name, minus):
             draft.connect(source, f"{block}.in_")
             for target in targets:
                 draft.connect(f"{block}.out", target)
         if instead is not None:
-            draft.insert(f"{instead}.out", draft.targets(f"{instead}.out"), "Gain", "port_off", k=0.0)
+            draft.insert(
+                f"{instead}.out",
+                draft.targets(f"{instead}.out"),
+                draft.usual(Element.GAIN, Signal.SCALAR),
+                "port_off",
+                k=0.0,
+            )
         return name
 
     return edit

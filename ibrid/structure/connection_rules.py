@@ -130,7 +130,7 @@ def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal)
         for port, carried in kind.outputs.items()
         if carried is signal
     ]
-    zero = "; a ConstZero gives zero" if signal is Signal.SCALAR else ""
+    zero = f"; a {usual_kind(Element.ZERO).name} gives zero" if signal is Signal.SCALAR else ""
     if not found:
         return f"add a module with a {signal} output{zero}"
     return f"connect {'one of ' * (len(found) > 1)}{some(found)} to it{zero}"

@@ -10,6 +10,7 @@ import numpy as np
 from ibrid.evaluation.record import Record
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
+from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.parts.blocks import removals, twin_removals
 from ibrid.parts.edit import Edit
 from ibrid.parts.inner_loops import loop_removals
@@ -41,7 +42,7 @@ class Pruning:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
         views = views_of(context.parent.diagram, context.task.kinds)
         if not views:
-            return Proposal("", failure="the pruning knows diagrams with an LCL or LFilter; add one")
+            return Proposal("", failure=f"the pruning knows diagrams with an {LCL.name} or {L_FILTER.name}; add one")
         record = context.parent.record
         unseen = unseen_modules(record)
         edits = [(view, move) for view in views for move in removal_moves(view)]

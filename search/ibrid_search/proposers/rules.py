@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES
+from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
@@ -53,7 +54,9 @@ class Rules:
         """An edit of the parent that leads to a structure which the run has not met."""
         views = views_of(context.parent.diagram, context.task.kinds)
         if not views:
-            return Proposal("", failure="the rules know diagrams with an LCL or LFilter; use another proposer")
+            return Proposal(
+                "", failure=f"the rules know diagrams with an {LCL.name} or {L_FILTER.name}; use another proposer"
+            )
         record = context.parent.record
         bands, gross = residual_bands(record), _gross(record)
         moves = _Moves(views)
