@@ -5,6 +5,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ibrid.gap.result import SCHEMA, Gap
 from ibrid.structure.difference import unified
 from ibrid.writing import inside, write_whole
@@ -36,6 +38,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "candidates": [vars(one) for one in gap.candidates],
             "null_space": gap.null_space,
             "frame_angle": gap.angle,
+            "missing_transfer": _missing_transfer(gap),
             "suggested": [vars(one) for one in gap.suggested],
             **_amplitudes(gap),
             "steps": gap.steps,
@@ -61,6 +64,22 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
         inside(folder, DIFF).unlink(missing_ok=True)
     gap.repaired.write(inside(folder, RECORD))
     write_whole(inside(folder, GAP), answer)
+
+
+def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
+    """The transfer at the place where something is missing: one complex number per frequency, for all operating points."""
+    transfer = gap.missing_transfer
+    if transfer is None:
+        return []
+    return [
+        {
+            "port": transfer.fit.port.name,
+            "in_series": transfer.series,
+            "frequency_hz": transfer.fit.frequency.tolist(),
+            "value": np.stack([transfer.value.real, transfer.value.imag], axis=1).tolist(),
+            "sigma": transfer.deviation.tolist(),
+        }
+    ]
 
 
 def _amplitudes(gap: Gap) -> dict[str, Any]:

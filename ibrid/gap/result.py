@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from ibrid.showing import shown
 from ibrid.structure.program import parse_program
 
 if TYPE_CHECKING:
+    from ibrid.gap.missing_transfer import MissingTransfer
     from ibrid.structure.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
@@ -162,6 +164,13 @@ class Gap:
     def diagram(self) -> "Diagram":
         """The repaired block diagram."""
         return parse_program(self.program, "the repaired program")
+
+    @cached_property
+    def missing_transfer(self) -> "MissingTransfer | None":
+        """What the measurement says must act at the named or located place, frequency by frequency; None where none is."""
+        from ibrid.gap.missing_transfer import missing_transfer
+
+        return missing_transfer(self)
 
     def plot(self, op: str | None = None) -> Any:
         """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""

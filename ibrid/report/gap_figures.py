@@ -15,7 +15,6 @@ from ibrid.gap.result import Gap
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.gap_bode import draw_entry
 from ibrid.report.gap_curves import PointView, point_views
-from ibrid.report.gap_measured import missing
 from ibrid.report.gap_ports import draw_missing, draw_ports
 from ibrid.report.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
 
@@ -76,7 +75,7 @@ def _draw_entries(figure: "FigureBase", shown: PointView) -> None:
 
 
 def _draw_ports(figure: "FigureBase", gap: Gap) -> None:
-    found = missing(gap)
+    found = gap.missing_transfer
     grid = figure.add_gridspec(2 if found else 1, 1)
     top = figure.add_subfigure(grid[0, 0])
     draw_ports([plane := top.add_subplot()], gap.ports, PORTS)

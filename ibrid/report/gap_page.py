@@ -13,7 +13,6 @@ from ibrid.report.figure import inline_svg
 from ibrid.report.gap_bode import draw_entry
 from ibrid.report.gap_curves import PointView, comparable, point_views, repaired
 from ibrid.report.gap_errors import errors_by_part, errors_by_point
-from ibrid.report.gap_measured import missing
 from ibrid.report.gap_ports import PORTS, draw_gain, draw_missing, draw_ports, room_for_names
 from ibrid.report.gap_words import (
     HELD_OUT,
@@ -169,7 +168,7 @@ def _ports(gap: Gap) -> str:
 
 
 def _transfer(gap: Gap) -> dict[str, Any] | None:
-    found = missing(gap)
+    found = gap.missing_transfer
     if found is None or not gap.ports:
         return None
     line = "." if found.line is None else ", and the curve of the named block."

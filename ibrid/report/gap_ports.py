@@ -8,9 +8,9 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.gap.amplitude_result import PortGain
+from ibrid.gap.missing_transfer import MissingTransfer
 from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_map import PortFit
-from ibrid.report.gap_measured import Missing
 from ibrid.report.numbers import number
 from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series
 from ibrid.report.ticks import plain_decades
@@ -71,7 +71,7 @@ def limit_of(fits: Sequence[PortFit]) -> float:
     return float(chi2_law.isf(ADEQUATE, dof)) / dof
 
 
-def draw_missing(axes: Sequence["Axes"], shown: Missing) -> None:
+def draw_missing(axes: Sequence["Axes"], shown: MissingTransfer) -> None:
     """Magnitude and phase (degrees) of the measured transfer with error bars, and the named block's curve through them."""
     magnitude, phase = axes
     seen, frequency = shown.seen, shown.fit.frequency[shown.seen]

@@ -14,7 +14,10 @@ from sharing import shared
 from ibrid.errors import OperatingPointError
 from ibrid.evaluation.recording import record_at
 from ibrid.gap.convention import Convention
+from ibrid.gap.files import gap_json
+from ibrid.gap.missing_transfer import missing_transfer as missing
 from ibrid.gap.port_map import PortFit
+from ibrid.gap.port_transfer import PortCurve, port_curve
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Gap
 from ibrid.modules.vocabulary import VOCABULARY
@@ -23,10 +26,8 @@ from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
 from ibrid.report.gap_curves import point_views
 from ibrid.report.gap_errors import closed
 from ibrid.report.gap_figures import gap_figure
-from ibrid.report.gap_measured import missing
 from ibrid.report.gap_page import gap_page
 from ibrid.report.gap_text import WIDTH, gap_text
-from ibrid.report.gap_transfer import PortCurve, port_curve
 from ibrid.report.gap_words import evidence_words, headline
 from ibrid.structure.difference import difference
 from ibrid.structure.library import textbook
@@ -373,3 +374,13 @@ def test_every_family_of_kinds_has_a_colour_and_a_word():
     diagram.add("Shunt_RC", "shunt")
     svg = block_diagram_svg(diagram, VOCABULARY, framed=("shunt",))
     assert 'class="node family-physical-branch framed"' in svg
+
+
+def test_gap_json_carries_the_transfer_that_the_page_draws():
+    (told,) = gap_json(made("named"))["missing_transfer"]
+    drawn = made("named").missing_transfer
+    assert drawn is not None
+    assert told["port"] == drawn.fit.port.name
+    assert [complex(*pair) for pair in told["value"]] == pytest.approx(drawn.value.tolist())
+    assert told["sigma"] == pytest.approx(drawn.deviation.tolist())
+    assert gap_json(made("no-gap"))["missing_transfer"] == []

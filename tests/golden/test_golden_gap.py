@@ -13,7 +13,6 @@ from ibrid.fit.settings import FitSettings
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.parts.catalogue import CATALOGUE
-from ibrid.report.gap_measured import missing
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
@@ -76,7 +75,7 @@ def words_of(gap: Gap) -> dict[str, Any]:
 
 def numbers_of(gap: Gap) -> dict[str, list[float]]:
     """What must be the same but for rounding; -1 for what is not known."""
-    transfer = missing(gap)
+    transfer = gap.missing_transfer
     numbers = {
         "errors": [*gap.before.values(), *gap.after.values(), gap.noise_floor],
         "parameters": [value for one in gap.effects for value in (next(iter(one.parameters.values()), ()))],

@@ -6,15 +6,17 @@ Its dots then carry errors that they share. At given parameters each frequency t
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibrid.gap.noise import noise_of
 from ibrid.gap.open_port import Opened, OpenPort
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.result import Gap
-from ibrid.report.gap_curves import repaired
-from ibrid.report.gap_transfer import PortCurve, port_curve
+from ibrid.gap.port_transfer import PortCurve, port_curve
+
+if TYPE_CHECKING:
+    from ibrid.gap.result import Gap
 
 #: Frequencies of the named block's curve.
 DENSE = 200
@@ -27,7 +29,7 @@ PER_FREQUENCY = (1, 2, 3)
 
 
 @dataclass(frozen=True, eq=False)
-class Missing:
+class MissingTransfer:
     """The transfer at a port. `value`, `deviation` : (K,) complex, and the standard error of its real and imaginary part, at
     the parameters of the repaired model, else those of the port's fit; shown is Delta, in a signal 1 + Delta.
     `frequency` : (N,) Hz of `line`, what the named block does there, None where the repair is none at this port."""
@@ -45,13 +47,13 @@ class Missing:
         return self.deviation < USELESS * np.abs(self.value)
 
 
-def missing(gap: Gap) -> Missing | None:
+def missing_transfer(gap: "Gap") -> MissingTransfer | None:
     """The port at which the repair acts, else the best adequate one; None where no port tells anything."""
     if gap.verdict not in ("named", "located-unnamed"):
         return None
     best = None
     for fit in gap.ports:
-        if fit.adequate or repaired(gap):
+        if fit.adequate or gap.repaired is not gap.baseline:
             frequency = np.union1d(np.geomspace(fit.frequency[0], fit.frequency[-1], DENSE), fit.frequency)
             curve = port_curve(fit, gap.repaired, frequency)
             if curve.named is not None:
@@ -60,7 +62,7 @@ def missing(gap: Gap) -> Missing | None:
     return None if best is None else _missing(gap, *best)
 
 
-def _missing(gap: Gap, fit: PortFit, frequency: np.ndarray, curve: PortCurve) -> Missing:
+def _missing(gap: "Gap", fit: PortFit, frequency: np.ndarray, curve: PortCurve) -> MissingTransfer:
     offset = 1.0 if curve.series else 0.0
     line = None if curve.named is None else offset + curve.named
     values, start = dict(fit.values), 1.0 + fit.transfer
@@ -68,10 +70,10 @@ def _missing(gap: Gap, fit: PortFit, frequency: np.ndarray, curve: PortCurve) ->
         values |= next(iter(gap.repaired.parameters.values()))
         start = 1.0 + curve.named[np.isin(frequency, fit.frequency)]
     delta, deviation = measured(gap, fit, values, start)
-    return Missing(fit, curve.series, offset + delta, deviation, frequency, line)
+    return MissingTransfer(fit, curve.series, offset + delta, deviation, frequency, line)
 
 
-def measured(gap: Gap, fit: PortFit, values: Mapping[str, float], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def measured(gap: "Gap", fit: PortFit, values: Mapping[str, float], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Delta and its standard error at a port, (K,) each, from the data that were fitted, at parameter values by name.
 
     start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
