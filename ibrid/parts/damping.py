@@ -85,13 +85,9 @@ def active_damping(view: View) -> Iterator[Move]:
 
 def damped(view: View) -> bool:
     """True when a gain of the capacitor's current, or of the fast part of the voltage, acts on the command."""
-    draft, roles = view.draft, view.roles
-    for name in draft.having(Element.GAIN, signal=Signal.DQ_VEC):
-        sources = draft.sources(f"{name}.in_")
-        fast = roles.voltage in sources and len(sources) > 1
-        if (fast or f"{roles.plant}.i_C" in sources) and joins_command(view, f"{name}.out"):
-            return True
-    return False
+    gains = [name for name in view.draft.having(Element.GAIN) if joins_command(view, f"{name}.out")]
+    entering = [view.draft.sources(f"{name}.in_") for name in gains]
+    return bool(damping_gains(view)) or any(view.roles.voltage in some and len(some) > 1 for some in entering)
 
 
 FAMILIES = (

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ibrid.modules.behaviour import COUPLINGS, Element
 from ibrid.parts.edit import Edit, Strength
-from ibrid.parts.paths import decouplings, frequency_sources, join, measured_current
+from ibrid.parts.paths import decouplings, frequency_sources, join, measured_current, path
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.view import Move, View
 from ibrid.structure.wiring import split_port
@@ -125,17 +125,9 @@ def _voltage_crossings(view: View) -> list[str]:
 
 def virtual_reactances(view: View) -> list[str]:
     """Cross-couplings that act on the voltage loop's reference."""
-    draft, loop = view.draft, view.roles.voltage_loop
-    found = []
-    for name in draft.having(*COUPLINGS) if loop else ():
-        ends = draft.targets(f"{name}.out")
-        for end in list(ends):
-            owner = split_port(end)[0]
-            if owner and view.element(owner) is Element.SIGN:
-                ends += draft.targets(f"{owner}.out")
-        if f"{loop}.in_" in ends:
-            found.append(name)
-    return found
+    loop = view.roles.voltage_loop
+    crossings = view.draft.having(*COUPLINGS) if loop else []
+    return [name for name in crossings if path(view.draft, f"{name}.out", f"{loop}.in_") is not None]
 
 
 def coupling_frequency(view: View) -> Iterator[Move]:

@@ -13,6 +13,8 @@ from ibrid.structure.wiring import split_port, wire
 
 LINE = {"L_g": Strength((0.03, 0.1, 0.3), 0.0), "R_g": Strength((0.003, 0.01, 0.03), 0.0)}
 CAPACITOR = {"C_F": Strength((0.01, 0.05, 0.12), 1e-12)}
+#: What an inverter without the capacitor has, and what stays as it was.
+WITHOUT = {"LLFilter": "L_g and R_g stay", "LFilter": "the measured voltage is that of the PCC"}
 #: Blocks that take the grid current whatever the control measures: what leaves the inverter, its power, its oscillator.
 OF_THE_GRID = (Element.ROTATION_OUT, Element.POWER, Element.OSCILLATOR)
 
@@ -55,21 +57,30 @@ def _without_capacitor(draft: Edit, view: View, kind: str) -> None:
     _exchange(draft, view, kind)
 
 
-def _filter_capacitor(view: View) -> Iterator[Move]:
+def filter_capacitor(view: View) -> Iterator[Move]:
+    """The other filter; with an LCL the controller measures the converter's or the grid's current."""
     kind, plant = view.kind(view.roles.plant), view.roles.plant
-    if not view.roles.lcl:
-        line = {} if has_line(view) else {key: Strength(one.bank, 1e-12) for key, one in LINE.items()}
-        for converter, words in ((True, "the converter's"), (False, "the grid")):
-
-            def draw(draft: Edit, converter: bool = converter) -> dict[str, Strength]:
-                return _with_capacitor(draft, view, {**CAPACITOR, **line}, converter=converter)
-
-            yield Move.at("replace", f"LCL in place of {kind} {plant}, control of {words} current", draw)
+    if view.roles.lcl:
+        for other, kept in WITHOUT.items():
+            yield Move(
+                "L filter instead of the LCL filter" if other == "LFilter" else "",
+                lambda draft, other=other: _without_capacitor(draft, view, other),
+                change="remove",
+                where=f"{other} in place of {kind} {plant}, {kept}",
+            )
         return
-    words = {"LLFilter": "L_g and R_g stay", "LFilter": "the measured voltage is that of the PCC"}
-    for other, kept in words.items():
-        where = f"{other} in place of {kind} {plant}, {kept}"
-        yield Move.at("remove", where, lambda draft, other=other: _without_capacitor(draft, view, other))
+    line = {} if has_line(view) else {key: Strength(one.bank, 1e-12) for key, one in LINE.items()}
+    for converter, words in ((True, "converter"), (False, "grid")) if view.known("LCL") else ():
+
+        def draw(draft: Edit, converter: bool = converter) -> dict[str, Strength]:
+            return _with_capacitor(draft, view, {**CAPACITOR, **line}, converter=converter)
+
+        whose = "the converter's" if converter else "the grid"
+        yield Move(
+            f"LCL filter instead of the L filter, control of the {words} current",
+            draw,
+            where=f"LCL in place of {kind} {plant}, control of {whose} current",
+        )
 
 
 FILTER_CAPACITOR = Effect(
@@ -79,7 +90,7 @@ FILTER_CAPACITOR = Effect(
     signature="a resonance, usually 0.5 to 3 kHz, and the fall above it; all entries alike, the same at every operating point",
     confused_with=("series_impedance", "shunt_capacitance"),
     told_apart_by="points up to twice the resonance",
-    moves=_filter_capacitor,
+    moves=filter_capacitor,
 )
 
 SERIES_R = {"R_C": Strength((0.02, 0.1, 0.5), 0.0)}
@@ -151,19 +162,6 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-def plants(view: View) -> Iterator[Move]:
-    """The other filter; with an LCL the controller measures the converter's or the grid's current."""
-    if not view.roles.lcl and view.known("LCL"):
-        for converter, words in ((True, "converter"), (False, "grid")):
-
-            def draw(draft: Edit, converter: bool = converter) -> None:
-                _with_capacitor(draft, view, {}, converter=converter)
-
-            yield Move(f"LCL filter instead of the L filter, control of the {words} current", draw)
-    if view.roles.lcl and view.known("LFilter"):
-        yield Move("L filter instead of the LCL filter", lambda draft: _without_capacitor(draft, view, "LFilter"))
-
-
 def _lcl(view: View) -> bool:
     return view.roles.lcl
 
@@ -180,7 +178,9 @@ _BANDS = (0.2, 0.4, 1.0, 1.0)
 
 #: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop.
 FAMILIES = (
-    Family("filter", "structural", _BANDS, 9.0, where_missing(plants, _forming_or_lcl), any_time=True),
-    Family("capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(plants, _following_or_lcl), True),
-    Family("other filter", "structural", _BANDS, 0.5, where_present(plants, _lcl)),
+    Family("filter", "structural", _BANDS, 9.0, where_missing(filter_capacitor, _forming_or_lcl), any_time=True),
+    Family(
+        "capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(filter_capacitor, _following_or_lcl), True
+    ),
+    Family("other filter", "structural", _BANDS, 0.5, where_present(filter_capacitor, _lcl)),
 )

@@ -83,7 +83,7 @@ class Effect:
 class Family:
     """An engineering idea as a search tries it. `scale` : local, module or structural. `bands` : how much it usually
     matters in each frequency band, 0 to 1, in the order of the record. `weight` : how readily an engineer tries it.
-    `moves` : the edits that apply to a diagram; those with a `note` count. `first` : it puts in a part that every controller
+    `moves` : the edits that apply to a diagram, each with a `note`. `first` : it puts in a part that every controller
     has, so it comes before the rest. `any_time` : it need not wait for those. `if_gross` : its weight while the error is
     gross; None: the same. Another structure is tried then, and details later.
     """
@@ -108,9 +108,14 @@ class Family:
 
 def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:
     """The moves where the diagram has no such part yet; what an engineer expects is tried readily."""
-    return lambda view: () if present(view) else moves(view)
+    return lambda view: () if present(view) else tried(moves(view))
 
 
 def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
     """The moves where the diagram has such a part already."""
-    return lambda view: moves(view) if present(view) else ()
+    return lambda view: tried(moves(view)) if present(view) else ()
+
+
+def tried(moves: Iterable[Move]) -> Iterator[Move]:
+    """Those that a search tries, of moves that are an effect's too."""
+    return (move for move in moves if move.note)
