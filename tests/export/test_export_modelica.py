@@ -1,5 +1,7 @@
 """The exported Modelica block is read by independent tools as the same state space."""
 
+# pyright: reportOptionalIterable=false
+
 import re
 import shutil
 import subprocess

@@ -1,5 +1,7 @@
 """evaluate: errors by part against direct formulas, the reward, outcomes, and a limit that really stops."""
 
+# pyright: reportArgumentType=false, reportCallIssue=false, reportOptionalOperand=false
+
 import contextlib
 import itertools
 import math

@@ -1,5 +1,7 @@
 """Predictions of operating points nobody measured: values, bands, warnings, the written file and wrong inputs."""
 
+# pyright: reportAttributeAccessIssue=false
+
 from dataclasses import replace
 
 import numpy as np

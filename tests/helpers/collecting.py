@@ -51,13 +51,13 @@ def collecting() -> Iterator[Failures]:
 
 
 def each_of(
-    names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | Sequence[str] | None = None
+    names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | Iterable[object] | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """As pytest.mark.parametrize, in a single item; several may stand above one another."""
     of_case = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     rows = [_row(case, len(of_case)) for case in cases]
     if ids is not None and not callable(ids):
-        rows = [(row, name) for (row, _), name in zip(rows, ids, strict=True)]
+        rows = [(row, str(name)) for (row, _), name in zip(rows, ids, strict=True)]
     words = ids if callable(ids) else str
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:

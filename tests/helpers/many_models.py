@@ -29,8 +29,8 @@ KINDS: dict[str, tuple[str, dict[str, Any], bool]] = {
 
 def made(name: str) -> Any:
     """The model of a name, float32, two layers of 16 numbers; its answers depend on every token before."""
-    import torch
-    import transformers
+    import torch  # pyright: ignore[reportMissingImports]
+    import transformers  # pyright: ignore[reportMissingImports]
 
     config, own, _ = KINDS[name]
     sizes = {

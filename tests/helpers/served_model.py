@@ -27,9 +27,9 @@ END = 1
 
 def write_model(folder: Path) -> None:
     """A Llama that says one of `EDITS` and then the end, nearly always, and its tokenizer of bytes and lines of the prompt."""
-    import torch
-    from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers
-    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
+    import torch  # pyright: ignore[reportMissingImports]
+    from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
+    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
 
     pieces = ["<s>", "</s>", *sorted(pre_tokenizers.ByteLevel.alphabet())]
     tokenizer = Tokenizer(models.BPE({piece: number for number, piece in enumerate(pieces)}, []))
@@ -67,14 +67,14 @@ class Served:
     one_by_one: threading.Lock = field(default_factory=threading.Lock)
 
     def load(self, folder: str) -> None:
-        from transformers import AutoModelForCausalLM
+        from transformers import AutoModelForCausalLM  # pyright: ignore[reportMissingImports]
 
         self.model = AutoModelForCausalLM.from_pretrained(folder).eval()
         self.loaded.append(folder)
 
     def answer(self, asked: dict[str, Any]) -> dict[str, Any]:
         """A chat completion, drawn token by token with the log-probabilities of the whole distribution."""
-        import torch
+        import torch  # pyright: ignore[reportMissingImports]
 
         tokens = self.tokenizer(prompt_text(asked["messages"]) + "\n\nassistant:", return_tensors="pt")["input_ids"]
         random, said, cache = torch.Generator().manual_seed(asked["seed"]), [], None
@@ -104,7 +104,7 @@ class Served:
 @contextmanager
 def serving(folder: Path) -> Iterator[Served]:
     """A server of the model in a folder on a free port of 127.0.0.1."""
-    from transformers import AutoModelForCausalLM, AutoTokenizer
+    from transformers import AutoModelForCausalLM, AutoTokenizer  # pyright: ignore[reportMissingImports]
 
     served = Served(AutoModelForCausalLM.from_pretrained(folder).eval(), AutoTokenizer.from_pretrained(folder))
     with scripted(served.turn) as script:

@@ -15,8 +15,8 @@ END, ASK, FIRST = 0, 1, 2
 
 def tiny_model(vocabulary: int, seed: int = 0, layers: int = 1) -> Any:
     """A causal model with 8 numbers per token and random weights."""
-    import torch
-    from transformers import LlamaConfig, LlamaForCausalLM
+    import torch  # pyright: ignore[reportMissingImports]
+    from transformers import LlamaConfig, LlamaForCausalLM  # pyright: ignore[reportMissingImports]
 
     config = LlamaConfig(
         vocab_size=vocabulary, hidden_size=8, intermediate_size=16, num_hidden_layers=layers, num_attention_heads=2,

@@ -1,5 +1,7 @@
 """A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run ends as it would have."""
 
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 import copy
 import importlib.util
 import math
@@ -17,7 +19,7 @@ import pytest
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
     pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
 
-import torch
+import torch  # pyright: ignore[reportMissingImports]
 from ibrid_policy.interface import Policy
 from ibrid_policy.learning.advantages import entropic_advantages
 from ibrid_policy.learning.learner import Learner

@@ -8,8 +8,8 @@ import pytest
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
     pytest.skip("learning needs torch and transformers; make setup-llm", allow_module_level=True)
 
-import torch
-import transformers
+import torch  # pyright: ignore[reportMissingImports]
+import transformers  # pyright: ignore[reportMissingImports]
 from ibrid_policy.backend import threads
 from ibrid_policy.learning.adapters import merged
 from ibrid_policy.learning.advantages import mean_advantages

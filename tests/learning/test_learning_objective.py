@@ -1,5 +1,7 @@
 """The objective of learning against closed forms: advantages, ratios, clips, importance weights, gradients of a toy policy."""
 
+# pyright: reportArgumentType=false
+
 import importlib.util
 import math
 
@@ -162,7 +164,7 @@ def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
 
 @needs_torch
 def test_the_surrogate_is_flat_where_the_clip_holds_and_linear_elsewhere():
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import surrogate
 
     ratio = torch.tensor([[0.5, 0.9, 1.2, 1.5], [0.5, 0.9, 1.2, 1.5]], dtype=torch.float64, requires_grad=True)
@@ -177,7 +179,7 @@ def test_the_surrogate_is_flat_where_the_clip_holds_and_linear_elsewhere():
 
 @needs_torch
 def test_importance_weights_are_truncated_and_have_no_gradient():
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import importance_weights
 
     train = torch.log(torch.tensor([[0.1, 0.4, 0.9]], dtype=torch.float64)).requires_grad_()
@@ -189,7 +191,7 @@ def test_importance_weights_are_truncated_and_have_no_gradient():
 
 @needs_torch
 def test_each_answer_counts_alike_however_long_it_is():
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import over_answers
 
     tokens = torch.tensor([[1.0, 2.0, 3.0], [8.0, 99.0, 99.0]])
@@ -199,7 +201,7 @@ def test_each_answer_counts_alike_however_long_it_is():
 
 @needs_torch
 def test_the_divergence_is_zero_for_equal_policies_and_the_textbooks_in_the_mean():
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import divergence
 
     new = torch.tensor([0.5, 0.3, 0.2], dtype=torch.float64)
@@ -218,7 +220,7 @@ def of_two(
     x: float, answers: list[int], served: list[float], rewards: list[float], old: float | None = None, **options
 ):
     """Objective and its derivative by x. served : log-probabilities. old : logit of the policy before."""
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import group_objective
 
     logit = torch.tensor(x, dtype=torch.float64, requires_grad=True)

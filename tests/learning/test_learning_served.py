@@ -11,7 +11,7 @@ if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers"
     pytest.skip("learning with a server needs torch, transformers and openai; make setup-llm", allow_module_level=True)
 
 import scripted_server
-import torch
+import torch  # pyright: ignore[reportMissingImports]
 from ibrid_policy.learning.adapters import add_adapters
 from ibrid_policy.learning.reported_tokens import ReportedTokens
 from ibrid_policy.learning.served_policy import TOGETHER, ServedPolicy, Server
@@ -21,7 +21,7 @@ from ibrid_search.proposers.chat import ChatError
 from ibrid_search.store import Store
 from scripted_search import context_of
 from served_model import EDITS, END, serving, write_model
-from transformers import AutoModelForCausalLM, AutoTokenizer
+from transformers import AutoModelForCausalLM, AutoTokenizer  # pyright: ignore[reportMissingImports]
 
 import ibrid
 from ibrid import cli

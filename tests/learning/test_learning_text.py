@@ -116,9 +116,9 @@ def folder(tmp_path_factory) -> Path:
     """A model of random weights with a tokenizer of single characters and some longer pieces."""
     if not TORCH:
         pytest.skip("language models need torch and transformers; make setup-llm")
-    import torch
-    from tokenizers import Tokenizer, decoders, models, pre_tokenizers
-    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
+    import torch  # pyright: ignore[reportMissingImports]
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
+    from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
 
     letters = pre_tokenizers.ByteLevel.alphabet()
     pieces = ["<s>", "</s>", *sorted(letters)]
@@ -243,10 +243,10 @@ def test_a_server_that_is_of_no_use_is_one_sentence(folder, tmp_path, turn, sent
 
 @needs_torch
 def test_weights_are_handed_to_the_server_as_a_folder_it_can_load(folder, tmp_path):
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.served_policy import ServedPolicy, Server
     from ibrid_policy.learning.state import Publishes
-    from transformers import AutoModelForCausalLM
+    from transformers import AutoModelForCausalLM  # pyright: ignore[reportMissingImports]
 
     told: list[Path] = []
     policy = ServedPolicy(folder, Server("letters", "http://127.0.0.1:9/v1", reload=told.append), tmp_path / "now")
@@ -326,7 +326,7 @@ def test_the_room_that_is_asked_for_is_that_of_the_shortest_question(folder, mon
 
 @needs_torch
 def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_path):
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.text_policy import TextPolicy
 
     policy = TextPolicy(folder, longest=1500, prompt_tokens=30_000, constrained=True)

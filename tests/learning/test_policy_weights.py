@@ -13,7 +13,7 @@ import pytest
 if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers")):
     pytest.skip("the policy needs torch and transformers; make setup-llm", allow_module_level=True)
 
-import torch
+import torch  # pyright: ignore[reportMissingImports]
 from ibrid_policy import small_policy
 from ibrid_policy.learning.choose import learning
 from ibrid_policy.learning.settings import LearningSettings
@@ -21,7 +21,7 @@ from ibrid_policy.proposer import PolicyProposer
 from ibrid_policy.small_policy import SmallPolicy
 from ibrid_policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
 from ibrid_search.evaluation.local import LocalEvaluator
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save_file  # pyright: ignore[reportMissingImports]
 from scripted_search import NAIVE, context_of, task
 
 import ibrid

@@ -82,7 +82,7 @@ def test_the_seed_decides_what_a_local_model_says(local):
 
 
 def test_a_local_model_leaves_the_random_state_and_the_threads_as_they_were(local):
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
     before, threads = torch.get_rng_state(), torch.get_num_threads()
     local.complete(HELLO)

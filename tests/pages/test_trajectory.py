@@ -1,5 +1,7 @@
 """The course of a search: best so far, milestones with the band that got better, line of descent, and their figures."""
 
+# pyright: reportOptionalMemberAccess=false, reportReturnType=false
+
 import csv
 import io
 from dataclasses import replace

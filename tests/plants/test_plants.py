@@ -1,5 +1,7 @@
 """The nonlinear reference inverters and the two ways to sweep them."""
 
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 from collecting import each_of

@@ -1,5 +1,7 @@
 """The baseline: edits by chance, legal and new, without any idea of an inverter."""
 
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 from collecting import each_of
