@@ -1,5 +1,8 @@
 """The language of the policy says every diagram and every edit exactly, and its grammar lets nothing else through."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import random_diagrams
@@ -9,11 +12,13 @@ from ibrid_policy.edit import Edit, difference, made
 from ibrid_policy.edit_words import edit_words, read_edit
 from ibrid_policy.grammar import LONGEST, Grammar
 from ibrid_policy.numbering import numbered
-from ibrid_policy.tokens import END, TOKENS, LanguageError
+from ibrid_policy.tokens import END, TOKENS, UNKNOWN, LanguageError
+from ibrid_policy.weights_folder import shipped_folder
 from ibrid_search.edits import apply_edit, edit_between
 from random_diagrams import random_legal_diagram, renamed_and_reordered
 
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
+from ibrid.signals import Signal
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
@@ -59,6 +64,31 @@ def there(parent: Diagram, child: Diagram) -> list[str]:
 
 def test_no_word_stands_for_two_things():
     assert len(set(TOKENS.words)) == len(TOKENS)
+
+
+def test_the_tokens_are_those_of_the_shipped_weights_whatever_the_vocabulary_has_become():
+    frozen = (shipped_folder() / "vocabulary.json").read_text(encoding="utf-8")
+    assert list(TOKENS.words) == json.loads(frozen)
+
+
+def test_a_kind_without_a_word_is_read_as_unknown_and_its_words_are_never_offered():
+    known = next(kind for kind in VOCABULARY if kind.name == "PQ_calc")
+    mine = replace(
+        known, name="MyPower", outputs={"active": Signal.SCALAR, "reactive": Signal.SCALAR}, large_signal=None
+    )
+    kinds = (*VOCABULARY, mine)
+    text = program_text(textbook("gfl_exact")).replace('"PQ_calc"', '"MyPower"')
+    view = numbered(parse_program(text.replace("power.p", "power.active").replace("power.q", "power.reactive")), kinds)
+    words = diagram_words(view)
+    strange = [word for word in words if word not in TOKENS.ids]
+    assert set(strange) == {"K:MyPower", ".active", ".reactive"}
+    assert TOKENS.read(words).count(TOKENS.ids[UNKNOWN]) == len(strange)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        grammar = Grammar(view, VOCABULARY)
+        while not grammar.ended and len(grammar.words) < 40:
+            assert not {UNKNOWN, *strange} & set(grammar.allowed)
+            grammar.take(str(rng.choice(grammar.allowed)))
 
 
 @each_of("name", [*SINGLE, "parallel_gfl_gfm"])

@@ -30,6 +30,7 @@ from ibrid_policy.tokens import (
     SAME,
     SWAP,
     TIE,
+    TOKENS,
     WIRE,
     LanguageError,
     kind_word,
@@ -76,7 +77,7 @@ class Grammar:
     def allowed(self) -> list[str]:
         """Words that may come next; where nothing helps any more, the end."""
         if self._allowed is None:
-            self._allowed = list(dict.fromkeys(self._next())) or [END]
+            self._allowed = [word for word in dict.fromkeys(self._next()) if word in TOKENS.ids] or [END]
         return self._allowed
 
     def take(self, word: str) -> None:

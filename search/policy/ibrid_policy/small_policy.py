@@ -47,11 +47,11 @@ class SmallPolicy:
         return self._model
 
     def prompt(self, context: Context) -> list[int]:
-        """Tokens of a question; LanguageError (an IbridError) for a diagram with kinds of one's own or too many modules."""
+        """Tokens of a question; LanguageError (an IbridError) for a diagram with too many modules."""
         task, parent = context.task, context.parent
         setting = (vocabulary_word(task.kinds), task.equilibrium, task.parameters)
         residual = residual_of(parent.record, task.sweep)
-        return TOKENS.encode(question_words(_view(context), residual, context.scale, setting))
+        return TOKENS.read(question_words(_view(context), residual, context.scale, setting))
 
     def sample(
         self, prompts: Sequence[Sequence[int]], contexts: Sequence[Context], number: int, seed: int
