@@ -19,10 +19,10 @@ PARTS = {
     "ibrid.export": "Export",
     "ibrid.report": "Pages",
     "ibrid_search": "Search",
+    "ibrid.testing": "Tests of one's own declarations",
 }
 #: Public though no package lists them: what a declaration or a proposer of one's own is written with.
 FURTHER = {
-    "ibrid.modules": ("ibrid.modules.contract.check_kind",),
     "ibrid.gap": (
         "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect",
     ),

@@ -19,29 +19,28 @@ IDLE = 1e-9
 OMEGA = np.geomspace(1.0, 1e5, 11)
 
 
-def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> None:
-    """Check that a kind works as those that ship do.
+def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> tuple[str, ...]:
+    """Sentences about what a kind does otherwise than those that ship; `ibrid.testing.check_kind` raises them.
 
-    At random parameters and operating points its law gives the same matrices for floats and CasADi symbols, every
-    argument of `state_space` changes the response, every state is moved by the inputs and seen by the outputs, and a
-    large-signal law linearises to the state space.
-
-    Parameters
-    ----------
     kind : one's own. rng : for the draws; by default the same ones every time. points : number of draws.
-
-    Raises
-    ------
-    ModuleError : one sentence with what was found.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    symbolic = _symbolic(kind)
+    try:
+        symbolic = _symbolic(kind)
+    except ModuleError as complaint:
+        return (str(complaint),)
+    found: dict[str, None] = {}
+    checks = (lambda given, values: _check_symbols(given, symbolic, values), _check_effects, _check_states)
     for _ in range(points):
         arguments = _draw(kind, rng)
-        _check_symbols(kind, symbolic, arguments)
-        _check_effects(kind, arguments)
-        _check_states(kind, arguments)
-        check_linearisation(kind, arguments)
+        for check in (*checks, check_linearisation):
+            try:
+                check(kind, arguments)
+            except ModuleError as complaint:
+                found[str(complaint)] = None
+        if found:  # another draw would say the same with other numbers
+            break
+    return tuple(found)
 
 
 def _draw(kind: ModuleKind, rng: np.random.Generator) -> dict[str, Any]:

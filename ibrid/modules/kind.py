@@ -88,7 +88,7 @@ class ModuleKind(Behaviour):
     branches : of a plant, the parameters (resistance, capacitance) of each series branch at the node of the measured voltage
         e, None for no resistor; with them its operating point is known in closed form from p, q and v.
 
-    Raises ModuleError where the declaration contradicts itself; `ibrid.modules.contract.check_kind` asks more.
+    Raises ModuleError where the declaration contradicts itself; `ibrid.testing.check_kind` asks more.
     """
 
     name: str

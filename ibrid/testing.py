@@ -1,0 +1,261 @@
+"""Contract tests for authors of kinds, effects and proposers; what ships is held to the same.
+
+    def test_my_kind():
+        ibrid.testing.check_kind(MINE)
+
+Each raises one AssertionError that lists everything to mend.
+"""
+
+import copy
+import math
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.recording import record_at
+from ibrid.gap.devices import models_of
+from ibrid.gap.effect import Effect, Insertion
+from ibrid.measurement.read import read_sweep
+from ibrid.modules.contract import complaints_about
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.plants.benchmarks import benchmarks
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import violations
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook, textbook_names
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.wiring import wire
+
+if TYPE_CHECKING:
+    from ibrid_search.proposal import Context
+
+__all__ = ["check_effect", "check_kind", "check_proposer"]
+
+#: An edit with all new parameters at their `nothing` is the given model to this, relative to the largest entry.
+SAME = 1e-6
+#: A proposer is asked on this many seeds.
+SEEDS = range(5)
+
+
+def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> None:
+    """Check that a kind works as those that ship do.
+
+    At random parameters and operating points its law gives the same matrices for floats and CasADi symbols, every
+    argument of `state_space` changes the response, every state is moved by the inputs and seen by the outputs, and a
+    large-signal law linearises to the state space. It travels to another process.
+
+    Parameters
+    ----------
+    kind : one's own. rng : for the draws; by default the same ones every time. points : number of draws.
+
+    Raises
+    ------
+    AssertionError : a list of what to mend.
+    """
+    _raise(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
+
+
+def check_effect(
+    effect: Effect,
+    diagrams: Sequence[Diagram] = (),
+    vocabulary: Vocabulary = VOCABULARY,
+    *,
+    measured: str = "paper_like",
+) -> None:
+    """Check that an effect edits diagrams as those of the catalogue do.
+
+    Of given diagrams, by default the textbook ones, at least one has an insertion. Each insertion is legal and another
+    structure than the given one, names its new free parameters with a bank of strengths within their boxes, and is the
+    given model when they are at their `nothing`. Asked again the effect answers the same. It travels to another process.
+
+    Parameters
+    ----------
+    effect : one's own. diagrams : legal, with a plant. vocabulary : kinds that edits may use. measured : the shipped
+        sweep at whose operating points models are compared.
+
+    Raises
+    ------
+    AssertionError : a list of what to mend.
+    """
+    given = tuple(diagrams) or tuple(textbook(name) for name in textbook_names())
+    complaints = [
+        f"{word} must say what it is in words, found {value!r}; results and pages show it"
+        for word in ("id", "law", "places", "signature", "told_apart_by")
+        if not (isinstance(value := getattr(effect, word), str) and value.strip())
+    ]
+    if effect.id in effect.confused_with:
+        complaints.append(f"confused_with must name other effects, found {effect.id} itself")
+    complaints += _travels(effect)
+    number = 0
+    for diagram in given:
+        try:
+            first, again = (_edits(effect, diagram, vocabulary) for _ in range(2))
+        except Exception as error:  # other people's code: anything may go wrong in it
+            complaints.append(f"insertions must not raise, found {type(error).__name__} ({error}) for {diagram.name}")
+            continue
+        if first != again:
+            complaints.append(
+                f"insertions must be the same when asked again, found others for {diagram.name}; use no chance"
+            )
+        number += len(first)
+        for insertion in first:
+            complaints += _of_insertion(effect, diagram, insertion, vocabulary, measured)
+    if (number == 0) != effect.measurement:
+        complaints.append(
+            "insertions must change at least one of the diagrams, found none; give `diagrams` that it applies to"
+            if number == 0
+            else f"an effect of the measurement edits no diagram, found {number} insertions; leave measurement False"
+        )
+    _raise(f"the effect {effect.id}", complaints)
+
+
+def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) -> None:
+    """Check that a proposer answers as a search needs it.
+
+    Asked about given parents, by default the naive and a textbook diagram fitted to the benchmark, also with failures and
+    a complaint behind it, it answers a `Proposal` and raises nothing; the same `rng` gets the same answer; an edit
+    applies to the parent's program and gives one that reads; no edit says why.
+
+    Parameters
+    ----------
+    make : makes the proposer anew, such as its class. diagrams : parents that it is asked about.
+
+    Raises
+    ------
+    AssertionError : a list of what to mend.
+    """
+    from ibrid_search.proposal import Proposer
+
+    proposer = make()
+    name = getattr(proposer, "name", type(proposer).__name__)
+    if not isinstance(proposer, Proposer):
+        _raise(f"the proposer {name}", ["it must have name, attempts, window and propose(context, rng)"])
+    complaints = []
+    if not (isinstance(proposer.name, str) and proposer.name.strip()):
+        complaints.append(f"name must be a word, found {proposer.name!r}; runs and pages show it")
+    if not (isinstance(proposer.attempts, int) and proposer.attempts >= 1):
+        complaints.append(f"attempts must be 1 or more, found {proposer.attempts!r}")
+    if not (proposer.window is None or (isinstance(proposer.window, int) and proposer.window >= 1)):
+        complaints.append(f"window must be None or 1 or more, found {proposer.window!r}")
+    for context in _contexts(tuple(diagrams) or (textbook("naive"), textbook("gfl"))):
+        for seed in SEEDS:
+            complaints += _of_answer(make, context, seed)
+    _raise(f"the proposer {name}", complaints)
+
+
+def _raise(subject: str, complaints: Sequence[str]) -> None:
+    if different := list(dict.fromkeys(complaints)):
+        raise AssertionError(
+            f"{subject} breaks its contract:\n" + "\n".join(f"- {complaint}" for complaint in different)
+        )
+
+
+def _travels(value: ModuleKind | Effect) -> tuple[str, ...]:
+    law = value.state_space if isinstance(value, ModuleKind) else value.insertions
+    if law.__module__ == "__main__":  # written in a notebook, whose functions Ray carries along
+        return ()
+    try:
+        same = pickle.loads(pickle.dumps(value)) == value
+    except Exception as error:  # whatever pickle meets in other people's values
+        return (
+            f"it must travel to another process, found {error}; name its functions at the top of a module, no lambda",
+        )
+    return () if same else ("it must be the same after a trip to another process; use frozen values alone",)
+
+
+def _edits(effect: Effect, diagram: Diagram, kinds: Vocabulary) -> list[Insertion]:
+    """Insertions that a search for the gap would take: legal, and not the given structure."""
+    edits = [insertion for model in models_of(diagram, kinds) for insertion in effect.insertions(model)]
+    given = structure_hash(diagram, kinds)
+    return [
+        edit for edit in edits if not violations(edit.diagram, kinds) and structure_hash(edit.diagram, kinds) != given
+    ]
+
+
+def _of_insertion(
+    effect: Effect, given: Diagram, insertion: Insertion, kinds: Vocabulary, measured: str
+) -> Iterator[str]:
+    where = f"{insertion.change} {insertion.where} of {given.name}"
+    if insertion.effect != effect.id:
+        yield f"{where}: an insertion carries the id of its effect, found {insertion.effect}"
+    if insertion.change not in ("add", "remove", "replace"):
+        yield f"{where}: change must be add, remove or replace, found {insertion.change}"
+    if not insertion.where.strip():
+        yield f"{where}: where must name the place in the program, found nothing"
+    before = {entry.name for entry in parameter_table(wire(given, kinds), "exact").free}
+    free = {entry.name: entry for entry in parameter_table(wire(insertion.diagram, kinds), "exact").free}
+    if undeclared := free.keys() - before - insertion.parameters.keys():
+        yield f"{where}: every new free parameter needs a Strength, found none for {', '.join(sorted(undeclared))}"
+    if unknown := insertion.parameters.keys() - free.keys():
+        yield f"{where}: strengths belong to free parameters of the edited program, it has no {', '.join(sorted(unknown))}"
+        return
+    if len({len(bank) for bank in insertion.parameters.values()}) > 1:
+        yield f"{where}: the banks of one insertion have one length, their j-th numbers belong together"
+    for name, bank in insertion.parameters.items():
+        box = free[name]
+        if not bank or not all(math.isfinite(value) and box.low <= value <= box.high for value in bank):
+            yield f"{where}: the bank of {name} must have values within [{box.low:g}, {box.high:g}], found {bank}"
+    if unknown := insertion.nothing.keys() - insertion.parameters.keys():
+        yield f"{where}: `nothing` gives values of new parameters, {', '.join(sorted(unknown))} is none"
+    elif insertion.nothing and (far := _distance(given, insertion, kinds, measured)) > SAME:
+        yield f"{where}: with the parameters at `nothing` the model must be the given one, it differs by {far:.1e}"
+
+
+def _distance(given: Diagram, insertion: Insertion, kinds: Vocabulary, measured: str) -> float:
+    """Largest difference of the responses, relative to the given one's largest entry, at typical values."""
+    sweep = read_sweep(benchmarks()[measured])
+    op, frequency = sweep.names[0], sweep.points[0].frequency
+    strengths = {name: bank[0] for name, bank in insertion.parameters.items()} | dict(insertion.nothing)
+    typical = {entry.name: entry.typical for entry in parameter_table(wire(given, kinds), "exact").free}
+    values = {entry.name: entry.typical for entry in parameter_table(wire(insertion.diagram, kinds), "exact").free}
+    values |= {name: value for name, value in (typical | strengths).items() if name in values}
+    before = record_at(given, sweep, typical, vocabulary=kinds).response(op, frequency)
+    edited = record_at(insertion.diagram, sweep, values, vocabulary=kinds)
+    known = {name: {**given_there, **strengths} for name, given_there in edited.parameters.items()}
+    after = replace(edited, parameters=known).response(op, frequency)  # `nothing` may lie outside the box
+    return float(np.abs(after - before).max() / np.abs(before).max())
+
+
+def _contexts(diagrams: Sequence[Diagram]) -> "Iterator[Context]":
+    from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Task
+    from ibrid_search.step import Status, Step
+
+    task = Task(read_sweep(benchmarks()["paper_like"]), VOCABULARY)
+    for diagram in diagrams:
+        parent = Evaluated(0, diagram, evaluate(diagram, task.sweep, restarts=0))
+        failed = Step(1, 0, status=Status.FAILED, reason="no fit exists", program=program_text(diagram))
+        yield from (Context(task, parent, scale) for scale in SCALES)
+        yield Context(task, parent, best=(parent,), failures=(failed,), last=failed)
+        yield Context(task, parent, complaint=Complaint("", "no edit found"))
+
+
+def _of_answer(make: Callable[[], Any], context: "Context", seed: int) -> Iterator[str]:
+    from ibrid_search.edits import apply_edit
+    from ibrid_search.proposal import Proposal
+
+    where = f"asked for a {context.scale} edit of {context.parent.diagram.name}"
+    try:
+        answer, again = (make().propose(copy.copy(context), np.random.default_rng(seed)) for _ in range(2))
+    except Exception as error:  # other people's code: anything may go wrong in it
+        yield f"{where}: propose must not raise, found {type(error).__name__} ({error}); say it in Proposal.failure"
+        return
+    if not isinstance(answer, Proposal):
+        yield f"{where}: propose must return a Proposal, found {type(answer).__name__}"
+        return
+    if answer.edit != again.edit:
+        yield f"{where}: the same rng must give the same edit, found another; draw from `rng` alone"
+    if not answer.edit:
+        if not (answer.failure or answer.note or answer.reply).strip():
+            yield f"{where}: a proposal without an edit must say why in `failure`, or in `note`, found nothing"
+        return
+    try:
+        parse_program(apply_edit(answer.edit, program_text(context.parent.diagram)))
+    except IbridError as error:
+        yield f"{where}: the edit must apply to the parent's program and give one that reads; {error}"
