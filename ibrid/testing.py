@@ -18,15 +18,13 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.recording import record_at
-from ibrid.gap.devices import models_of
-from ibrid.gap.effect import Effect, Insertion
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.contract import complaints_about
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.parts.catalogue import insertions
+from ibrid.parts.practice import Effect, Insertion
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook, textbook_names
 from ibrid.structure.parameters import parameter_table
@@ -96,20 +94,20 @@ def check_effect(
     number = 0
     for diagram in given:
         try:
-            first, again = (_edits(effect, diagram, vocabulary) for _ in range(2))
+            first, again = (insertions(diagram, vocabulary, (effect,)) for _ in range(2))
         except Exception as error:  # other people's code: anything may go wrong in it
-            complaints.append(f"insertions must not raise, found {type(error).__name__} ({error}) for {diagram.name}")
+            complaints.append(f"moves must not raise, found {type(error).__name__} ({error}) for {diagram.name}")
             continue
         if first != again:
             complaints.append(
-                f"insertions must be the same when asked again, found others for {diagram.name}; use no chance"
+                f"moves must be the same when asked again, found others for {diagram.name}; use no chance"
             )
         number += len(first)
         for insertion in first:
-            complaints += _of_insertion(effect, diagram, insertion, vocabulary, measured)
+            complaints += _of_insertion(diagram, insertion, vocabulary, measured)
     if (number == 0) != effect.measurement:
         complaints.append(
-            "insertions must change at least one of the diagrams, found none; give `diagrams` that it applies to"
+            "moves must change at least one of the diagrams, found none; give `diagrams` that it applies to"
             if number == 0
             else f"an effect of the measurement edits no diagram, found {number} insertions; leave measurement False"
         )
@@ -158,7 +156,7 @@ def _raise(subject: str, complaints: Sequence[str]) -> None:
 
 
 def _travels(value: ModuleKind | Effect) -> tuple[str, ...]:
-    law = value.state_space if isinstance(value, ModuleKind) else value.insertions
+    law = value.state_space if isinstance(value, ModuleKind) else value.moves
     if law.__module__ == "__main__":  # written in a notebook, whose functions Ray carries along
         return ()
     try:
@@ -170,25 +168,10 @@ def _travels(value: ModuleKind | Effect) -> tuple[str, ...]:
     return () if same else ("it must be the same after a trip to another process; use frozen values alone",)
 
 
-def _edits(effect: Effect, diagram: Diagram, kinds: Vocabulary) -> list[Insertion]:
-    """Insertions that a search for the gap would take: legal, and not the given structure."""
-    edits = [insertion for model in models_of(diagram, kinds) for insertion in effect.insertions(model)]
-    given = structure_hash(diagram, kinds)
-    return [
-        edit for edit in edits if not violations(edit.diagram, kinds) and structure_hash(edit.diagram, kinds) != given
-    ]
-
-
-def _of_insertion(
-    effect: Effect, given: Diagram, insertion: Insertion, kinds: Vocabulary, measured: str
-) -> Iterator[str]:
+def _of_insertion(given: Diagram, insertion: Insertion, kinds: Vocabulary, measured: str) -> Iterator[str]:
     where = f"{insertion.change} {insertion.where} of {given.name}"
-    if insertion.effect != effect.id:
-        yield f"{where}: an insertion carries the id of its effect, found {insertion.effect}"
     if insertion.change not in ("add", "remove", "replace"):
         yield f"{where}: change must be add, remove or replace, found {insertion.change}"
-    if not insertion.where.strip():
-        yield f"{where}: where must name the place in the program, found nothing"
     before = {entry.name for entry in parameter_table(wire(given, kinds), "exact").free}
     free = {entry.name: entry for entry in parameter_table(wire(insertion.diagram, kinds), "exact").free}
     if undeclared := free.keys() - before - insertion.parameters.keys():

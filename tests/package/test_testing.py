@@ -1,5 +1,6 @@
 """The contract tests for authors: what ships passes them, and what breaks them is told everything at once."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,10 @@ from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
 
 import ibrid
-from ibrid.gap.catalogue import CATALOGUE
 from ibrid.modules import VOCABULARY, find_kind
+from ibrid.parts.catalogue import CATALOGUE
+from ibrid.parts.practice import Effect
+from ibrid.parts.view import Strength
 from ibrid.structure import textbook
 from ibrid.testing import check_effect, check_kind, check_proposer
 
@@ -44,26 +47,32 @@ def test_a_kind_that_breaks_the_contract_is_told_everything_at_once():
     assert str(told.value).count("\n- ") == 2
 
 
+def with_strengths(effect: Effect, change: Callable[[Strength], Strength]) -> Effect:
+    """An effect whose moves have other strengths, by functions that no other process knows."""
+
+    def moves(view):
+        for move in effect.moves(view):
+
+            def draw(draft, move=move):
+                return {name: change(strength) for name, strength in (move.draw(draft) or {}).items()}
+
+            yield replace(move, draw=draw)
+
+    return replace(effect, moves=moves)
+
+
 def test_an_effect_that_breaks_the_contract_is_told_everything_at_once():
-    delay = CATALOGUE[0]
-
-    def renamed(model):
-        return (replace(edit, effect="other", nothing={"nowhere": 0.0}) for edit in delay.insertions(model))
-
+    delay = with_strengths(CATALOGUE[0], lambda strength: replace(strength, bank=(1.0, 2.0)))
     with pytest.raises(AssertionError) as told:
-        check_effect(replace(delay, law=" ", insertions=renamed, confused_with=(delay.id,)), FEW[:1])
-    for words in ("law must say", "found control_delay itself", "carries the id", "nowhere is none", "no lambda"):
+        check_effect(replace(delay, law=" ", confused_with=(delay.id,)), FEW[:1])
+    for words in ("law must say", "found control_delay itself", "must have values within [1e-06, 0.0005]", "no lambda"):
         assert words in str(told.value)
 
 
 def test_an_effect_that_is_not_nothing_at_nothing_is_told_how_far_it_is():
-    delay = CATALOGUE[0]
-
-    def strong(model):
-        return (replace(edit, nothing=dict.fromkeys(edit.nothing, 1e-4)) for edit in delay.insertions(model))
-
+    delay = with_strengths(CATALOGUE[0], lambda strength: replace(strength, nothing=1e-4))
     with pytest.raises(AssertionError, match="at `nothing` the model must be the given one, it differs by"):
-        check_effect(replace(delay, insertions=strong), FEW[:1])
+        check_effect(delay, FEW[:1])
 
 
 class Careless:
