@@ -76,7 +76,7 @@ def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
             "port": transfer.fit.port.name,
             "in_series": transfer.series,
             "frequency_hz": transfer.fit.frequency.tolist(),
-            "value": np.stack([transfer.value.real, transfer.value.imag], axis=1).tolist(),
+            "value": np.stack([np.real(transfer.value), np.imag(transfer.value)], axis=1).tolist(),
             "sigma": transfer.deviation.tolist(),
         }
     ]

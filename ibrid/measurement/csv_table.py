@@ -1,9 +1,10 @@
 """The rows of a sweep CSV as arrays: read in blocks, and row by row where one of a block is unusual, for its sentence."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -101,7 +102,9 @@ def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:
     """Many rows at once, by column name; None where one might be refused."""
     if not all(map(_plainly_quoted, lines)):
         return None
-    empty = {columns.place[name]: _or_nan for name in (*OPTIONAL, *columns.sigma) if name in columns.place}
+    empty: dict[int | str, Callable[[str], Any]] = {
+        columns.place[name]: _or_nan for name in (*OPTIONAL, *columns.sigma) if name in columns.place
+    }
     for converters in (None, empty):  # a function for each cell takes its time
         try:
             rows = np.loadtxt(

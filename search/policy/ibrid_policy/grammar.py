@@ -203,8 +203,9 @@ class Grammar:
     def _order(self) -> int:
         return sum(kind.order for number, kind in enumerate(self.kinds) if number not in self.removed)
 
-    def _rotations(self) -> set[Element | None]:
-        return {*ROTATIONS} & {kind.element for number, kind in enumerate(self.kinds) if number not in self.removed}
+    def _rotations(self) -> set[Element]:
+        there = {kind.element for number, kind in enumerate(self.kinds) if number not in self.removed}
+        return {element for element in ROTATIONS if element in there}
 
     def _target(self) -> Port | None:
         """The input that AT names, once it is named in full."""
