@@ -30,6 +30,7 @@ from ibrid.structure.library import textbook, textbook_names
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program, program_text
 from ibrid.structure.wiring import wire
+from ibrid.study import Study
 
 if TYPE_CHECKING:
     from ibrid_search.proposal import Context
@@ -207,16 +208,16 @@ def _distance(given: Diagram, insertion: Insertion, kinds: Vocabulary, measured:
 
 
 def _contexts(diagrams: Sequence[Diagram]) -> "Iterator[Context]":
-    from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Task
+    from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated
     from ibrid_search.step import Status, Step
 
-    task = Task(read_sweep(benchmarks()["paper_like"]), VOCABULARY)
+    study = Study(read_sweep(benchmarks()["paper_like"]))
     for diagram in diagrams:
-        parent = Evaluated(0, diagram, evaluate(diagram, task.sweep, restarts=0))
+        parent = Evaluated(0, diagram, evaluate(diagram, study, restarts=0))
         failed = Step(1, 0, status=Status.FAILED, reason="no fit exists", program=program_text(diagram))
-        yield from (Context(task, parent, scale) for scale in SCALES)
-        yield Context(task, parent, best=(parent,), failures=(failed,), last=failed)
-        yield Context(task, parent, complaint=Complaint("", "no edit found"))
+        yield from (Context(study, parent, scale) for scale in SCALES)
+        yield Context(study, parent, best=(parent,), failures=(failed,), last=failed)
+        yield Context(study, parent, complaint=Complaint("", "no edit found"))
 
 
 def _of_answer(make: Callable[[], Any], context: "Context", seed: int) -> Iterator[str]:

@@ -287,15 +287,18 @@ def run_mcp(arguments: Namespace) -> int:
 
     from pathlib import Path
 
-    from ibrid_search.logbook import Effort
-    from ibrid_search.mcp_server import Options, serve
+    from ibrid_search.mcp_server import serve
 
-    options = Options(
+    from ibrid.fit.settings import FitSettings
+    from ibrid.study import Study
+
+    study = Study(
+        sweep,
         parameters=arguments.parameters,
         equilibrium=arguments.equilibrium,
         vocabulary=inputs.vocabulary(arguments.vocabulary),
-        out=None if arguments.out is None else Path(arguments.out),
-        start=start,
-        effort=Effort(seconds=arguments.seconds, seed=arguments.seed, holdout_op=tuple(arguments.holdout_op)),
+        holdout_op=arguments.holdout_op,
+        seed=arguments.seed,
     )
-    return serve(sweep, options)
+    out = None if arguments.out is None else Path(arguments.out)
+    return serve(study, out=out, start=start, fit=FitSettings(seconds=arguments.seconds))

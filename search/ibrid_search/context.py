@@ -11,10 +11,11 @@ from itertools import zip_longest
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
+from ibrid.study import Study
 from ibrid_search.blocks import write_block
 from ibrid_search.language import api_text, kinds_text, rules_text
 from ibrid_search.priors import PRIORS, SCALE_TEXTS
-from ibrid_search.proposal import Context, Evaluated, Task
+from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import FENCE, fenced, quoted
 from ibrid_search.record_text import record_text, score_text
@@ -32,7 +33,7 @@ def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] =
     Raises IbridError when even the shortest form is longer.
     """
     for short in (False, True):
-        system, question = system_text(context.task, short=short), "\n\n".join(_question(context, short))
+        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short))
         used = count(system) + count(question)
         if used <= limit_tokens:
             history = _history(context, limit_tokens - used, count)
@@ -43,16 +44,16 @@ def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] =
     )
 
 
-def system_text(task: Task, *, short: bool = False) -> str:
+def system_text(study: Study, *, short: bool = False) -> str:
     """What does not change in a run: role and objective, language and grammar, priors, form of an answer."""
     return "\n\n".join(
         (
-            _objective(task),
+            _objective(study),
             f"# Programs\n{api_text()}",
-            f"# Modules\n{kinds_text(task.kinds, task.equilibrium, short=short)}",
-            f"# When a diagram is legal\n{rules_text(task.kinds, task.equilibrium)}",
+            f"# Modules\n{kinds_text(study.kinds, study.equilibrium, short=short)}",
+            f"# When a diagram is legal\n{rules_text(study.kinds, study.equilibrium)}",
             f"# What engineers know\n{PRIORS}",
-            f"# Form of your answer\n{answer_form(task.kinds)}",
+            f"# Form of your answer\n{answer_form(study.kinds)}",
         )
     )
 
@@ -71,13 +72,13 @@ def answer_form(kinds: Vocabulary) -> str:
     )
 
 
-def _objective(task: Task) -> str:
+def _objective(study: Study) -> str:
     points = "; ".join(
         f"{quoted(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
         f"frequencies from {one.frequency[0]:.4g} to {one.frequency[-1]:.4g} Hz"
-        for one in task.sweep.points
+        for one in study.sweep.points
     )
-    shared = "one value at all operating points" if task.parameters == "shared" else "values of its own at every point"
+    shared = "one value at all operating points" if study.parameters == "shared" else "values of its own at every point"
     return f"""\
 # Task
 You identify the hidden controller of a power inverter as a block diagram of textbook modules. All that is known is its

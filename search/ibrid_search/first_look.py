@@ -55,16 +55,16 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
 
     Whatever the code of a user's own kind raises makes the edit look worthless; its evaluation would say why.
     """
-    task = context.task
+    study = context.study
     kernel.load()
     try:
         with time_limit(LIMIT):
-            wiring = wire(diagram, task.kinds)
+            wiring = wire(diagram, study.kinds)
             model = symbolic_model(
-                wiring, equilibrium=task.equilibrium, power_node=task.sweep.power_node, omega_0=task.sweep.omega_0
+                wiring, equilibrium=study.equilibrium, power_node=study.sweep.power_node, omega_0=study.sweep.omega_0
             )
-            points = task.sweep.points
-            groups = [points] if task.parameters == "shared" else [(point,) for point in points]
+            points = study.sweep.points
+            groups = study.groups
             problems = [Problem(model, group) for group in groups]
             error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
     except (Exception, SystemExit):
@@ -79,7 +79,7 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:
     """Root of the mean squared error over the operating points of a problem."""
     objective, before = objective_for(problem.points), context.parent.record.parameters
-    drawer = StartDrawer(problem, wiring, context.task.sweep.omega_0)
+    drawer = StartDrawer(problem, wiring, context.study.sweep.omega_0)
     starts = drawer.completed(rng, [before.get(point.op.name, {}) for point in problem.points], DRAWS)
     model = Misfit(problem, objective)
     cost = LEVENBERG.go(model, LEVENBERG.begin(model, starts).best(KEPT), STEPS).cost.min()

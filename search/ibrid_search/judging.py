@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ibrid.errors import ProgramError
-from ibrid.structure.canonical import structure_hash
 from ibrid.structure.program import program_text
+from ibrid.study import Study
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.gates import implausible
 from ibrid_search.parsed import parsed
-from ibrid_search.proposal import Context, Proposal, Task
+from ibrid_search.proposal import Context, Proposal
 from ibrid_search.step import Status
 
 
@@ -25,7 +25,9 @@ class Verdict:
     same_as: int | None = None
 
 
-def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: Callable[[str], int | None]) -> Verdict:
+def judge(
+    proposal: Proposal, parent: str, parent_hash: str, study: Study, known: Callable[[str], int | None]
+) -> Verdict:
     """Apply the edit, parse, hash, ask the grammar, compare with what is known, ask the gates, in this order.
 
     parent, parent_hash : program and structure of the parent. known : structure hash -> step that has it, or None.
@@ -36,18 +38,18 @@ def judge(proposal: Proposal, parent: str, parent_hash: str, task: Task, known: 
         text = apply_edit(proposal.edit, parent)
     except EditError as error:
         return Verdict(error.status, error.reason)
-    return judge_program(text, task, known, parent_hash)
+    return judge_program(text, study, known, parent_hash)
 
 
 def verdict_of(proposal: Proposal, context: Context) -> Verdict:
     """What a proposal would end as if it were handed in now."""
-    task, parent = context.task, context.parent.diagram
-    own = structure_hash(parent, task.kinds, equilibrium=task.equilibrium)
-    return judge(proposal, program_text(parent), own, task, lambda digest: 0 if context.seen(digest) else None)
+    study, parent = context.study, context.parent.diagram
+    own = study.hash_of(parent)
+    return judge(proposal, program_text(parent), own, study, lambda digest: 0 if context.seen(digest) else None)
 
 
 def judge_program(
-    text: str, task: Task, known: Callable[[str], int | None] = lambda _: None, parent_hash: str = ""
+    text: str, study: Study, known: Callable[[str], int | None] = lambda _: None, parent_hash: str = ""
 ) -> Verdict:
     """The same questions about a whole program: parse, hash, grammar, compare with what is known, gates.
 
@@ -59,7 +61,7 @@ def judge_program(
     except ProgramError as error:
         return Verdict(Status.UNREADABLE, str(error), text)
     text = program_text(diagram)
-    found = task.examined(diagram, text)
+    found = study.examined(diagram, text)
     digest = found.hash
     if found.violations:
         return Verdict(Status.ILLEGAL, "; ".join(map(str, found.violations)), text, digest)

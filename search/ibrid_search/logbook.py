@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,12 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.settings import FitSettings
-from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
 from ibrid_search.blocks import shown
-from ibrid_search.proposal import Evaluated, Task
+from ibrid_search.proposal import Evaluated
 from ibrid_search.run_folder import write_best
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
@@ -32,36 +31,28 @@ _STATUS = {
 }
 
 
-@dataclass(frozen=True)
-class Effort:
-    """`restarts` : further waves of starts at most, None: the default. `seed` : of the starts. `seconds` : limit of one
-    evaluation. `holdout_op` : operating points kept out of the fit and predicted."""
-
-    restarts: int | None = None
-    seed: int = 0
-    seconds: float = 30.0
-    holdout_op: tuple[str, ...] = ()
+#: Of an evaluation that asks for nothing else.
+USUAL = FitSettings(seconds=30.0)
 
 
 class Logbook:
-    """Evaluates programs under one task and remembers them.
+    """Evaluates programs under one study and remembers them.
 
-    `effort` : of an evaluation that asks for nothing else. `store`, `folder` : where steps and the best program go too.
+    `fit` : effort of an evaluation that asks for nothing else. `store`, `folder` : where steps and the best program go too.
     `steps` : of an earlier sitting, whose records are in the store.
     """
 
     def __init__(
         self,
-        task: Task,
+        study: Study,
         *,
-        effort: Effort | None = None,
+        fit: FitSettings = USUAL,
         store: Store | None = None,
         folder: Path | None = None,
         steps: Sequence[Step] = (),
     ) -> None:
-        self.task = task
-        self.effort = effort or Effort()
-        self._require(self.effort)
+        self.study = study
+        self.fit = fit
         self._store, self._folder = store, folder
         self._steps = list(steps)
         self._records: dict[int, Record] = {}
@@ -74,34 +65,41 @@ class Logbook:
 
     def known(self, diagram: Diagram) -> int | None:
         """Step of the same structure under the usual effort; None when it was not evaluated. The diagram is legal."""
-        return self._known.get(_key(self._hash(diagram), {}))
+        return self._known.get(_key(self.study.hash_of(diagram), {}))
 
     def met(self, diagram: Diagram) -> str | None:
         """The same in words."""
         number = self.known(diagram)
         return None if number is None else f"step {number}"
 
-    def submit(self, program: str, *, note: str = "", parent: int | None = None, effort: Effort | None = None) -> Step:
+    def submit(
+        self,
+        program: str,
+        *,
+        note: str = "",
+        parent: int | None = None,
+        study: Study | None = None,
+        fit: FitSettings | None = None,
+    ) -> Step:
         """Check and evaluate a program; the step says how it ended, whatever the text is.
 
         `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage.
-        Raises IbridError for an effort that makes no sense, such as a held-out point that the data lack, and for a
-        parent that has no fit.
+        `study`, `fit` : with another seed or other held-out points, and another effort than usual.
+        Raises IbridError for a parent that has no fit.
         """
-        effort = effort or self.effort
-        self._require(effort)
+        study, fit = study or self.study, fit or self.fit
         if parent is not None:
             self.record(parent)
-        step = Step(len(self._steps), parent, proposer="tools", note=shown(note), usage=_unusual(effort, self.effort))
+        step = Step(len(self._steps), parent, proposer="tools", note=shown(note), usage=self._unusual(study, fit))
         try:
             diagram = parse_program(program)
         except ProgramError as error:
             return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
         step = replace(step, program=program_text(diagram))
         try:
-            with time_limit(effort.seconds):
-                found = violations(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
-                structure = "" if found else self._hash(diagram)
+            with time_limit(fit.seconds):
+                found = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
+                structure = "" if found else self.study.hash_of(diagram)
         except TimeoutError as error:
             return self._keep(
                 replace(step, status=Status.TIMEOUT, reason=f"the check was {error}; simplify the diagram")
@@ -114,7 +112,7 @@ class Logbook:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
             return self._keep(replace(step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse))
-        return self._evaluate(step, diagram, effort)
+        return self._evaluate(step, diagram, study, fit)
 
     def record(self, number: int) -> Record:
         """The record of a fitted step, or of the one that it repeats; IbridError when there is none."""
@@ -130,7 +128,7 @@ class Logbook:
                 raise IbridError(
                     f"step {number} has no fit ({step.status}: {step.reason[:200]}); list_best names those that have"
                 )
-            return self._store.record(number, self.task.kinds)
+            return self._store.record(number, self.study.kinds)
         return self._records[number]
 
     def best(self, count: int) -> tuple[Evaluated, ...]:
@@ -139,40 +137,27 @@ class Logbook:
         ranked = sorted(fitted, key=lambda one: (not one.stable, one.nrmse, one.free, one.order, one.number))
         return tuple(self._evaluated(one.number) for one in ranked[:count])
 
-    def _require(self, effort: Effort) -> None:
-        task = self.task
-        study = Study(
-            task.sweep,
-            parameters=task.parameters,
-            equilibrium=task.equilibrium,
-            vocabulary=task.kinds,
-            holdout_op=effort.holdout_op,
-            seed=effort.seed,
-        )
-        study.effort(FitSettings(seconds=effort.seconds), restarts=effort.restarts)
-
     def _evaluated(self, number: int) -> Evaluated:
         record = self.record(number)
         return Evaluated(number, record.diagram, record)
 
-    def _hash(self, diagram: Diagram) -> str:
-        return structure_hash(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
+    def _unusual(self, study: Study, fit: FitSettings) -> dict[str, Any]:
+        """What is asked for beyond the usual."""
+        asked = {"restarts": fit.restarts, "seed": study.seed, "seconds": fit.seconds, "holdout_op": list(study.held)}
+        usual, of_fit = self.study, self.fit
+        before = {
+            "restarts": of_fit.restarts,
+            "seed": usual.seed,
+            "seconds": of_fit.seconds,
+            "holdout_op": list(usual.held),
+        }
+        return {name: value for name, value in asked.items() if value != before[name]}
 
-    def _evaluate(self, step: Step, diagram: Diagram, effort: Effort) -> Step:
+    def _evaluate(self, step: Step, diagram: Diagram, study: Study, fit: FitSettings) -> Step:
         if self._store is not None:
             self._store.propose(step)
         try:
-            record = evaluate(
-                diagram,
-                self.task.sweep,
-                parameters=self.task.parameters,
-                equilibrium=self.task.equilibrium,
-                vocabulary=self.task.kinds,
-                restarts=effort.restarts,
-                seed=effort.seed,
-                holdout_op=effort.holdout_op,
-                settings=FitSettings(seconds=effort.seconds),
-            )
+            record = evaluate(diagram, study, settings=fit)
         except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
             reason = f"{type(error).__name__}: {error}"
             self._conclude(replace(step, status=Status.LOST, reason=reason), None)
@@ -222,16 +207,6 @@ class Logbook:
 def _final(step: Step) -> bool:
     """True when the same question would get the same answer again."""
     return step.status in (Status.OK, Status.FAILED)
-
-
-def _unusual(effort: Effort, usual: Effort) -> dict[str, Any]:
-    """What an effort asks for beyond the usual."""
-    asked = {name: getattr(effort, name) for name in ("restarts", "seed", "seconds", "holdout_op")}
-    return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in asked.items()
-        if value != getattr(usual, name)
-    }
 
 
 def _key(structure: str, unusual: Mapping[str, Any]) -> tuple[str, str]:

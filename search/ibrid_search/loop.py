@@ -14,13 +14,14 @@ from ibrid_policy.learning.learner import Learner
 
 from ibrid.errors import IbridError
 from ibrid.structure.program import parse_program
+from ibrid.study import Study
 from ibrid_search.appraisal import Appraisal
 from ibrid_search.archive import Archive, Entry
 from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.judging import Verdict, judge, judge_program
-from ibrid_search.merit import Criterion
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.merit import criterion
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.spending import Spender, added
 from ibrid_search.requirements import Requirements
@@ -49,21 +50,19 @@ class Loop:
 
     def __init__(
         self,
-        task: Task,
+        study: Study,
         store: Store,
         evaluator: Evaluator,
         proposers: Sequence[tuple[Proposer, float]],
         settings: SearchSettings,
         goal: Goal,
         *,
-        seed: int,
-        criterion: Criterion,
         requirements: Requirements,
         watch: Callable[["Loop", Step], None] = lambda loop, step: None,
     ) -> None:
-        self.task, self.store, self.evaluator = task, store, evaluator
-        self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, seed
-        self.appraisal = Appraisal(store, criterion, task.kinds)
+        self.study, self.store, self.evaluator = study, store, evaluator
+        self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, study.seed
+        self.appraisal = Appraisal(store, criterion(study, settings), study.kinds)
         self.requirements, self.watch = requirements, watch
         self.pruning, self.tidying = Pruning(), Pruning(thorough=True)
         self.learner = next((one for one, _ in self.proposers if isinstance(one, Learner)), None)
@@ -208,7 +207,7 @@ class Loop:
     # --- proposing ---------------------------------------------------------------------------------------------------
 
     def _first(self, start: str) -> Step:
-        verdict = judge_program(start, self.task)
+        verdict = judge_program(start, self.study)
         if verdict.status is not Status.PENDING:
             raise IbridError(f"the start must be a legal diagram: {verdict.reason}")
         return Step(number=0, note="the start", hash=verdict.hash, program=verdict.program)
@@ -276,7 +275,7 @@ class Loop:
         for _ in range(max(proposer.attempts, 1)):
             proposal = proposer.propose(context, rng)
             usage = added(usage, proposal.usage)
-            verdict = judge(proposal, parent.program, parent.hash, self.task, self.known.get)
+            verdict = judge(proposal, parent.program, parent.hash, self.study, self.known.get)
             if verdict.status not in _WORTH_ANOTHER_TRY:
                 break
             context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
@@ -286,7 +285,7 @@ class Loop:
         history = self.settings.history
         best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][:history]
         return Context(
-            task=self.task,
+            study=self.study,
             parent=self._evaluated(parent),
             scale=scale,
             best=tuple(self._evaluated(one) for one in best),
@@ -301,7 +300,7 @@ class Loop:
 
     def _asked_again(self, step: Step) -> Context:
         """The question that led to a step, without what was known of other candidates."""
-        return Context(self.task, self._evaluated(self._parent(step)), step.scale)
+        return Context(self.study, self._evaluated(self._parent(step)), step.scale)
 
     def _failures(self, number: int) -> tuple[Step, ...]:
         refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)

@@ -12,7 +12,6 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event, Thread
@@ -21,16 +20,14 @@ from typing import TYPE_CHECKING, Any
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
-from ibrid.measurement.sweep import Sweep
-from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import choose_vocabulary
+from ibrid.fit.settings import FitSettings
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook
 from ibrid.structure.program import program_text
-from ibrid_search.logbook import Effort
+from ibrid.study import Study
+from ibrid_search.logbook import USUAL
 from ibrid_search.priors import PRIORS
-from ibrid_search.proposal import Task
 from ibrid_search.sitting import open_logbook
 from ibrid_search.tool import Tool, call_by_name, failed
 from ibrid_search.workbench import Workbench
@@ -60,33 +57,21 @@ Data: {points}; {frequencies} frequencies from {low:g} to {high:g} Hz. Parameter
 _Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
 
 
-@dataclass(frozen=True)
-class Options:
-    """`parameters`, `equilibrium`, `vocabulary` : as of `ibrid.evaluate`. `out` : folder that keeps what was evaluated.
-    `start` : the program of step 0. `effort` : of an evaluation, with its time limit and held-out points."""
-
-    parameters: str = "shared"
-    equilibrium: str = "exact"
-    vocabulary: str | Sequence[ModuleKind] = "extended"
-    out: Path | None = None
-    start: Diagram | None = None
-    effort: Effort = field(default_factory=Effort)
-
-
-def serve(sweep: Sweep, options: Options) -> int:
+def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None, fit: FitSettings = USUAL) -> int:
     """Answer on standard input and output until the input ends; returns the exit status 0.
 
+    out : folder that keeps what was evaluated. start : the program of step 0, the naive one when not given. fit : effort
+    of an evaluation, with its time limit.
     Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
     """
     _require_sdk()
-    task = Task(sweep, choose_vocabulary(options.vocabulary), options.equilibrium, options.parameters)
-    start = options.start or textbook("naive")
-    require_legal(start, task.kinds, equilibrium=task.equilibrium)
-    with open_logbook(task, options.effort, options.out, program_text(start)) as logbook:
+    start = start or textbook("naive")
+    require_legal(start, study.kinds, equilibrium=study.equilibrium)
+    with open_logbook(study, fit, out, program_text(start)) as logbook:
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
         tools = Workbench(logbook).all
-        Thread(target=_listen, args=(tools, _instructions(task), calls, listening), daemon=True).start()
+        Thread(target=_listen, args=(tools, _instructions(study), calls, listening), daemon=True).start()
         listening.wait()  # from here on standard output is out of reach
         kernel.load()
         if not logbook.steps:
@@ -163,16 +148,16 @@ def _in_words(error: Exception) -> str:
     return f"{type(error).__name__}: {error}; start the server with IBRID_DEBUG=1 for more"
 
 
-def _instructions(task: Task) -> str:
-    points = task.sweep.points
+def _instructions(study: Study) -> str:
+    points = study.sweep.points
     return INSTRUCTIONS.format(
         priors=PRIORS,
-        points=f"operating point{'' if len(points) == 1 else 's'} {', '.join(task.sweep.names)}",
+        points=f"operating point{'' if len(points) == 1 else 's'} {', '.join(study.sweep.names)}",
         frequencies=len(points[0].frequency),
         low=min(float(one.frequency[0]) for one in points),
         high=max(float(one.frequency[-1]) for one in points),
-        parameters=task.parameters,
-        equilibrium=task.equilibrium,
+        parameters=study.parameters,
+        equilibrium=study.equilibrium,
     )
 
 

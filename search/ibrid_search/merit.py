@@ -9,6 +9,7 @@ from ibrid.evaluation.record import Record
 from ibrid.evaluation.reward import reward
 from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.sweep import Sweep, measured_numbers
+from ibrid.study import Study
 from ibrid_search.oddities import SOUND, Oddities
 from ibrid_search.settings import SearchSettings
 
@@ -114,9 +115,9 @@ def information_price(numbers: int, alone: int) -> float:
 TIE = 1e-3
 
 
-def criterion(sweep: Sweep, parameters: str, settings: SearchSettings) -> Criterion:
+def criterion(study: Study, settings: SearchSettings) -> Criterion:
     """The criterion for the operating points that are fitted."""
-    floor = noise_floor(sweep)
-    alone = len(sweep.points) if parameters == "per-op" else 1
+    floor = noise_floor(study.fitted)
+    alone = len(study.groups)
     price = information_price(floor.numbers, alone) if floor.known else TIE
     return Criterion(floor, price, alone, settings)

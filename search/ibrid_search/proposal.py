@@ -2,35 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
-from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.examination import Examination
+from ibrid.study import Study
 from ibrid_search.step import Step
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
 SCALES = ("local", "module", "structural")
-
-
-@dataclass(frozen=True)
-class Task:
-    """What stays the same in a run: the data, the physics and the words a program may use."""
-
-    sweep: Sweep
-    kinds: Vocabulary
-    equilibrium: str = "exact"
-    parameters: str = "shared"
-
-    @cached_property
-    def examined(self) -> Examination:
-        """The grammar of the run."""
-        return Examination(self.kinds, self.equilibrium)
 
 
 @dataclass(frozen=True)
@@ -54,13 +36,14 @@ class Complaint:
 class Context:
     """What a proposer sees.
 
+    `study` : data, physics and words, without what is held out.
     `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
     refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
     for agents. `remark` : what else is known of the device, for language models. `seen` : structure hash -> True when the
     run has met it. `complaint` : why the first attempt failed.
     """
 
-    task: Task
+    study: Study
     parent: Evaluated
     scale: str = "module"
     best: tuple[Evaluated, ...] = ()
@@ -69,6 +52,11 @@ class Context:
     remark: str = ""
     seen: Callable[[str], bool] = field(default=lambda _: False)
     complaint: Complaint | None = None
+
+    @property
+    def task(self) -> Study:
+        """The study, under its earlier name."""
+        return self.study
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
-from ibrid.measurement.noise_estimate import with_sigma
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.check import require_legal
@@ -25,15 +24,14 @@ from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
 from ibrid.writing import inside, write_whole
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Goal, Loop
-from ibrid_search.merit import criterion
 from ibrid_search.page import write_run_page
 from ibrid_search.progress import Progress
-from ibrid_search.proposal import Proposer, Task
+from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.choose import choose_proposers
 from ibrid_search.proposers.spending import Limits, Prices, Spender
@@ -150,7 +148,6 @@ def search(
     )
     first = _program(start)
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=equilibrium)
-    task = Task(study.fitted, study.kinds, equilibrium, parameters)
     proposers = choose_proposers(proposer, models, limits, prices, policy)
     if any(isinstance(one, Agent) for one, _ in proposers):
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
@@ -162,7 +159,7 @@ def search(
 
         lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
         proposers = learning(
-            proposers, lesson, seed=seed, window=settings.window, task=task, start=first, folder=folder
+            proposers, lesson, seed=seed, window=settings.window, study=study.blind, start=first, folder=folder
         )
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         lessons["learning"] = vars(lesson)
@@ -171,7 +168,7 @@ def search(
     held = study.held
     if choose == "op" and not held:
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
-    texts = {"data": sweep_csv(sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
+    texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     options = {
         "seed": seed, "budget": budget, "target": target, "proposer": _names(proposers), "models": list(models),
         "prices": [list(one) for one in prices], "parameters": parameters, "equilibrium": equilibrium,
@@ -184,19 +181,18 @@ def search(
             store.set_meta("truth", texts["truth"])
         store.set_meta("ending", "")
         shown = Progress(progress) if isinstance(progress, str) else progress
-        judged = criterion(study.fitted, parameters, settings)
-        subject = Subject(with_sigma(sweep), parameters, equilibrium, study.kinds, held, seed=seed, floor=judged.floor)
+        assessor = Assessor(study)
         watcher = Watcher(store, folder, shown, budget)
-        with _evaluator(subject, workers, ray, settings) as evaluator, shown:
+        with _evaluator(assessor, workers, ray, settings) as evaluator, shown:
             loop = Loop(
-                task, store, evaluator, proposers, settings, Goal(budget, target), seed=seed, criterion=judged,
+                study.blind, store, evaluator, proposers, settings, Goal(budget, target),
                 requirements=requirements, watch=watcher,
             )  # fmt: skip
             _remember(proposers, store, folder)
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
-            answer, selection = _concluded(loop, store, subject, choose, folder, ending)
+            answer, selection = _concluded(loop, store, assessor, choose, folder, ending)
             write_run_page(store, inside(folder, PAGE), vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
@@ -241,12 +237,12 @@ def _names(proposers: Sequence[tuple[Proposer, float]]) -> str:
     return ",".join(f"{one.name}:{weight:g}" for one, weight in proposers)
 
 
-def _evaluator(subject: Subject, workers: int, ray: str | None, settings: SearchSettings) -> Evaluator:
+def _evaluator(assessor: Assessor, workers: int, ray: str | None, settings: SearchSettings) -> Evaluator:
     if workers == 1 and ray is None:
-        return LocalEvaluator(subject, wall=settings.wall)
+        return LocalEvaluator(assessor, wall=settings.wall)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
-    return RayEvaluator(subject, workers, address=ray, wall=settings.wall, lost=settings.lost)
+    return RayEvaluator(assessor, workers, address=ray, wall=settings.wall, lost=settings.lost)
 
 
 def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store, folder: Path) -> None:
@@ -264,7 +260,7 @@ def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store, folder:
 
 
 def _concluded(
-    loop: Loop, store: Store, subject: Subject, choose: str, folder: Path, ending: str
+    loop: Loop, store: Store, assessor: Assessor, choose: str, folder: Path, ending: str
 ) -> tuple[Record | None, Mapping[str, Any]]:
     """Fit the answer with full effort and write the files that sum the run up."""
     worth = loop.appraisal
@@ -275,15 +271,15 @@ def _concluded(
         return None, {}
     if ending == STOPPED:
         return worth.record(loop.best.number), {}
-    selection = select(loop.steps, loop.best, worth.record, subject, worth.criterion.floor, worth.error, choose)
+    selection = select(loop.steps, loop.best, worth.record, assessor, assessor.floor, worth.error, choose)
     seconds = selection.pop("seconds")  # the file is the same for the same seed
     write_whole(inside(folder, SELECTION), selection_json(selection))
     found = worth.record(selection["answer"])
-    again = subject.record_of(found.program, FitSettings(), found.parameters)
+    again = assessor.record_of(found.program, FitSettings(), found.parameters)
     store.set_meta("refits", str(seconds + again.seconds))
     if (
         again.outcome == Outcome.OK
-        and subject.error(again) <= subject.error(found)
+        and assessor.floor.error(again) <= assessor.floor.error(found)
         and all(again.stable.values())
         and not loop.requirements.unmet(again)
     ):

@@ -10,9 +10,8 @@ import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.thinning import can_be_thinned, thinned
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor
 from ibrid_search.report.selection import plain_selection
 from ibrid_search.requirements import passivity_index
@@ -49,7 +48,7 @@ def select(
     steps: Sequence[Step],
     best: Step,
     record_of: Callable[[int], Record],
-    subject: Subject,
+    assessor: Assessor,
     floor: Floor,
     error: Callable[[int], float],
     way: str,
@@ -64,8 +63,8 @@ def select(
     numbers = sorted({one.step for one in front} | {best.number})
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
-    refits = {number: _refit(record, subject) for number, record in records.items()}
-    found = [_candidate(by_number[number], record, subject, refits[number]) for number, record in records.items()]
+    refits = {number: _refit(record, assessor) for number, record in records.items()}
+    found = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
     answer, why = _chosen(found, best, way)
     alike = _alike(steps, best, error, floor)
     record = record_of(answer)
@@ -74,7 +73,7 @@ def select(
         "equally_good": alike,
         "answer": answer,
         "why": why,
-        "residual_modules": [one.name for one in record.diagram.instances if _kinds(subject)[one.kind].residual],
+        "residual_modules": [one.name for one in record.diagram.instances if _kinds(assessor)[one.kind].residual],
         "seconds": sum(one.seconds for one in refits.values() if one is not None),
     }
 
@@ -91,8 +90,8 @@ def selection_json(found: dict[str, Any]) -> str:
     return json.dumps(found, indent=1, allow_nan=False) + "\n"
 
 
-def _kinds(subject: Subject) -> dict[str, Any]:
-    return {kind.name: kind for kind in subject.kinds}
+def _kinds(assessor: Assessor) -> dict[str, Any]:
+    return {kind.name: kind for kind in assessor.study.kinds}
 
 
 def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]:
@@ -109,7 +108,7 @@ def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]
     return best.number, "it is the simplest of those with the least error, and stable at every operating point"
 
 
-def _candidate(step: Step, record: Record, subject: Subject, refit: Record | None) -> Candidate:
+def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Candidate:
     low, high = record.settings["frequency_hz"]
     return Candidate(
         step=step.number,
@@ -118,7 +117,7 @@ def _candidate(step: Step, record: Record, subject: Subject, refit: Record | Non
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
         holdout=_mean_or_none(record.holdout.values()),
-        frequencies=_at_held_out_frequencies(refit, subject),
+        frequencies=_at_held_out_frequencies(refit, assessor),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=_least_damping(record),
         note=step.note,
@@ -139,22 +138,18 @@ def _least_damping(record: Record) -> float | None:
     return min(ratios, default=None)
 
 
-def _refit(record: Record, subject: Subject) -> Record | None:
+def _refit(record: Record, assessor: Assessor) -> Record | None:
     """A fit without every fourth frequency, from the found values; None where too few are left."""
-    fitted = _fitted(subject)
-    if not can_be_thinned(fitted):
+    study = assessor.study
+    if not can_be_thinned(study.fitted):
         return None
-    fewer = replace(subject, sweep=thinned(fitted, hold=False), holdout_op=())
-    return fewer.record_of(record.program, subject.fit, record.parameters)
+    fewer = replace(assessor, study=replace(study, sweep=thinned(study.fitted, hold=False), holdout_op=()))
+    return fewer.record_of(record.program, assessor.quick, record.parameters)
 
 
-def _at_held_out_frequencies(refit: Record | None, subject: Subject) -> float | None:
+def _at_held_out_frequencies(refit: Record | None, assessor: Assessor) -> float | None:
     """Error of a refit at the frequencies that it did not see."""
     if refit is None or refit.nrmse is None:
         return None
-    held = thinned(_fitted(subject), hold=True).points
+    held = thinned(assessor.study.fitted, hold=True).points
     return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in held]))
-
-
-def _fitted(subject: Subject) -> Sweep:
-    return subject.sweep.without(subject.holdout_op) if subject.holdout_op else subject.sweep

@@ -9,8 +9,9 @@ from ibrid.errors import IbridError
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.suggesting import Question, Suggest, Suggestion
 from ibrid.structure.program import parse_program, program_text
+from ibrid.study import Study
 from ibrid_search.edits import EditError, apply_edit
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposer, Task
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposer
 from ibrid_search.settings import SearchSettings
 
 #: Suggestions that a language model is asked for, and whoever answers at once.
@@ -26,12 +27,12 @@ def suggestions_of(proposer: Proposer, number: int = FEW, seed: int = 0) -> Sugg
     def suggest(question: Question) -> Iterator[Suggestion]:
         rng = np.random.default_rng(seed)
         scales = SearchSettings().scales
-        task = Task(question.sweep, question.kinds)
+        study = Study(question.sweep, vocabulary=question.kinds)
         parent = Evaluated(0, question.diagram, question.record)
         remark = "\n".join(told(one) for one in question.ports[:3])
         for _ in range(number):
             scale = str(rng.choice(SCALES, p=[scales[one] for one in SCALES]))
-            found = _answer(proposer, Context(task, parent, scale=scale, remark=remark), rng)
+            found = _answer(proposer, Context(study, parent, scale=scale, remark=remark), rng)
             if found is not None:
                 yield found
 

@@ -14,8 +14,9 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program
 from ibrid.structure.wiring import wire
+from ibrid.study import Study
 from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.proposal import Evaluated, Task
+from ibrid_search.proposal import Evaluated
 from ibrid_search.record_view import Part, record_view, summary
 from ibrid_search.tool import Tool
 
@@ -55,10 +56,10 @@ class Steps(Protocol):
 
 
 class Tools:
-    """The tools over what was evaluated so far under one task; `ibrid_search.workbench` adds the one that evaluates."""
+    """The tools over what was evaluated so far under one study; `ibrid_search.workbench` adds the one that evaluates."""
 
-    def __init__(self, task: Task, steps: Steps) -> None:
-        self.task, self.steps = task, steps
+    def __init__(self, study: Study, steps: Steps) -> None:
+        self.study, self.steps = study, steps
 
     @property
     def reading(self) -> tuple[Tool, ...]:
@@ -122,7 +123,7 @@ class Tools:
     ) -> dict[str, Any]:
         """`ibrid_search.record_view` of a step, with its program."""
         record = self.steps.record(step)
-        return {"step": step, **record_view(record, self.task.sweep, Part(op, band, entry)), "program": record.program}
+        return {"step": step, **record_view(record, self.study.sweep, Part(op, band, entry)), "program": record.program}
 
     def list_best(self, count: int = LISTED) -> dict[str, Any]:
         """The best steps with their programs."""
@@ -136,23 +137,23 @@ class Tools:
         except ProgramError as error:
             return {"legal": False, "violations": [{"line": None, "message": str(error)}]}
         with time_limit(LOOKING):
-            found, habits = examine(diagram, self.task.kinds, equilibrium=self.task.equilibrium)
+            found, habits = examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
             if found:
                 return {"legal": False, "violations": sentences(found)}
-            wiring = wire(diagram, self.task.kinds)
+            wiring = wire(diagram, self.study.kinds)
             met = self.steps.met(diagram)
         return {
             "legal": True,
             "warnings": sentences(habits),
             "modules": len(diagram.instances),
             "order": sum(kind.order for kind in wiring.kinds.values()),
-            "free_parameters": len(parameter_table(wiring, self.task.equilibrium).free),
+            "free_parameters": len(parameter_table(wiring, self.study.equilibrium).free),
             "met_before": met,
         }
 
     def describe_vocabulary(self, kind: str | None = None) -> dict[str, Any]:
         """All kinds in a line each, or one in full."""
-        kinds, equilibrium = self.task.kinds, self.task.equilibrium
+        kinds, equilibrium = self.study.kinds, self.study.equilibrium
         if kind is not None:
             return {"kind": kind, "lines": kind_in_full(find_kind(kind, kinds)).splitlines()}
         return {
@@ -164,13 +165,13 @@ class Tools:
     def compare_programs(self, a: str | int, b: str | int) -> dict[str, Any]:
         """`ibrid compare` of two legal programs."""
         with time_limit(LOOKING):
-            return compare(self._legal(a, "a"), self._legal(b, "b"), self.task.kinds).to_json()
+            return compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds).to_json()
 
     def _legal(self, program: str | int, name: str) -> Diagram:
         if isinstance(program, int):
             return self.steps.record(program).diagram
         diagram = parse_program(program, name)
-        if found := examine(diagram, self.task.kinds, equilibrium=self.task.equilibrium)[0]:
+        if found := examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)[0]:
             raise IbridError(f"{name} is not legal: {found[0]}; check_grammar tells all of it")
         return diagram
 

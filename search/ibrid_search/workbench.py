@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ibrid_search.logbook import Effort, Logbook
+from ibrid.fit.settings import FitSettings
+from ibrid.study import Study
+from ibrid_search.logbook import Logbook
 from ibrid_search.record_view import record_view
 from ibrid_search.step import Status
 from ibrid_search.tool import Tool
@@ -15,13 +17,13 @@ class Workbench(Tools):
     """The tools with evaluate_program: programs are evaluated and kept in a logbook."""
 
     def __init__(self, logbook: Logbook) -> None:
-        super().__init__(logbook.task, logbook)
+        super().__init__(logbook.study, logbook)
         self.logbook = logbook
 
     @property
     def all(self) -> tuple[Tool, ...]:
         """evaluate_program and the reading tools."""
-        most = self.logbook.effort.seconds
+        most = self.logbook.fit.seconds
         settings = {
             "type": "object",
             "description": "effort; the default is right unless a fit looks stuck or a prediction is wanted",
@@ -63,7 +65,8 @@ class Workbench(Tools):
     ) -> dict[str, Any]:
         """How the step ended, and its record."""
         best = self.logbook.best(1)
-        step = self.logbook.submit(program, note=note, parent=parent, effort=self._effort(settings or {}))
+        study, fit = self._asked(settings or {})
+        step = self.logbook.submit(program, note=note, parent=parent, study=study, fit=fit)
         answer: dict[str, Any] = {"step": step.number, "status": step.status}
         if best:
             answer["best_before"] = {"step": best[0].step, "nrmse": best[0].record.nrmse}
@@ -72,10 +75,10 @@ class Workbench(Tools):
         if step.status not in (Status.OK, Status.DUPLICATE):
             return answer | {"reason": step.reason}
         same = {} if step.same_as is None else {"same_as": step.same_as, "reason": step.reason}
-        return answer | same | record_view(self.steps.record(step.number), self.task.sweep)
+        return answer | same | record_view(self.steps.record(step.number), self.study.sweep)
 
-    def _effort(self, settings: Mapping[str, Any]) -> Effort:
-        given = dict(settings)
-        if "holdout_op" in given:
-            given["holdout_op"] = tuple(given["holdout_op"])
-        return replace(self.logbook.effort, **given)
+    def _asked(self, settings: Mapping[str, Any]) -> tuple[Study, FitSettings]:
+        """The study and the effort with what a call changes; IbridError for what makes no sense."""
+        of_fit = {name: value for name, value in settings.items() if name in ("restarts", "seconds")}
+        of_study = {name: value for name, value in settings.items() if name not in of_fit}
+        return replace(self.study, **of_study), replace(self.logbook.fit, **of_fit)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ibrid_search.judging import judge
-from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.agent_calls import diagnosis_in, read_wish
 from ibrid_search.proposers.agent_memory import remembered
@@ -26,6 +26,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.program import parse_program
+from ibrid.study import Study
 
 Said = str | Answer | ChatError | Callable[[Sequence[Message]], Answer]
 
@@ -86,14 +87,14 @@ class Run:
     """A small loop with one parent, the naive program; what the real one does for an agent, on the same words."""
 
     def __init__(self, sweep: Sweep) -> None:
-        self.task = Task(sweep, VOCABULARY)
+        self.study = Study(sweep)
         self.start = Evaluated(0, ibrid.textbook("naive"), self.evaluate(ibrid.textbook("naive")))
         self.records = {0: self.start.record}
         self.known = {structure_hash(self.start.diagram, VOCABULARY): 0}
         self.log = [self.step(0, Status.OK, self.start.record)]
 
     def evaluate(self, diagram: ibrid.Diagram) -> Record:
-        return ibrid.evaluate(diagram, self.task.sweep, restarts=0)
+        return ibrid.evaluate(diagram, self.study.sweep, restarts=0)
 
     @staticmethod
     def step(number: int, status: Status, record: Record | None, **given: Any) -> Step:
@@ -106,12 +107,12 @@ class Run:
         failures = tuple(one for one in reversed(self.log) if one.status is not Status.OK)
         last = self.log[-1] if len(self.log) > 1 else None
         seen = {"best": (self.start,), "failures": failures[:3], "last": last, "seen": self.known.__contains__}
-        return Context(self.task, self.start, **{**seen, **given})
+        return Context(self.study, self.start, **{**seen, **given})
 
     def take(self, proposal: Proposal) -> Step:
         """Judge and evaluate a proposal, and log its step."""
         own = structure_hash(self.start.diagram, VOCABULARY)
-        found = judge(proposal, self.start.record.program, own, self.task, self.known.get)
+        found = judge(proposal, self.start.record.program, own, self.study, self.known.get)
         number, record = len(self.log), None
         status = found.status
         if status is Status.PENDING:

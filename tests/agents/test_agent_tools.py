@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
-from ibrid_search.logbook import Effort, Logbook
-from ibrid_search.mcp_server import Options, serve
-from ibrid_search.proposal import Task
+from ibrid_search.logbook import Logbook
+from ibrid_search.mcp_server import serve
 from ibrid_search.sitting import open_logbook
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
@@ -19,13 +18,15 @@ from ibrid_search.workbench import Workbench
 
 import ibrid
 from ibrid.errors import IbridError
+from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.static import GAIN_DQ
-from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
+from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook_text
+from ibrid.study import Study
 
 NAIVE = textbook_text("naive")
-EFFORT = Effort(restarts=0)
+BRIEF = FitSettings(restarts=0, seconds=30)
 L_FILTER_WITH_PI = """\
 def build(g):
     g.add("LFilter", "plant")
@@ -63,7 +64,7 @@ def sweep() -> Sweep:
 @pytest.fixture(scope="module")
 def bench(sweep: Sweep) -> Workbench:
     """Step 0: naive, step 1: a current loop, step 2: illegal."""
-    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     for program in (NAIVE, L_FILTER_WITH_PI, UNWIRED):
         ask(bench, "evaluate_program", program=program)
     return bench
@@ -77,7 +78,7 @@ def ask(bench: Workbench, tool: str, **arguments: object) -> dict:
 
 
 def test_an_evaluated_program_answers_with_its_error_and_where_it_lies(sweep: Sweep):
-    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     answer = ask(bench, "evaluate_program", program=NAIVE)
     record = ibrid.evaluate(ibrid.parse_program(NAIVE), sweep, restarts=0)
     assert (answer["step"], answer["status"]) == (0, "ok")
@@ -136,7 +137,7 @@ def test_a_structure_met_before_is_not_evaluated_again(bench: Workbench):
 
 
 def test_the_step_that_a_program_was_made_from_is_kept_for_the_lineage(sweep: Sweep):
-    bench = Workbench(Logbook(Task(sweep, VOCABULARY), effort=EFFORT))
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
     ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, parent=0, note="a current\nloop")
     assert [(one.parent, one.note) for one in bench.logbook.steps] == [(None, ""), (0, "a current loop")]
@@ -155,7 +156,7 @@ def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(sweep: Swe
 
 
 def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
-    logbook = Logbook(Task(sweep, VOCABULARY), effort=EFFORT)
+    logbook = Logbook(Study(sweep), fit=BRIEF)
     for program in (NAIVE, L_FILTER_WITH_PI):
         logbook.submit(program)
     errors = [one.record.nrmse or 0.0 for one in logbook.best(2)]
@@ -176,12 +177,12 @@ def test_a_time_limit_stops_what_hangs_and_the_structure_may_be_tried_again(swee
     kinds = (*VOCABULARY, replace(GAIN_DQ, name="Hang", state_space=hang))
     declared.append(True)
     program = NAIVE.replace('g.add("Gain_dq"', 'g.add("Hang"')
-    logbook = Logbook(Task(sweep, kinds), effort=Effort(seconds=0.2))
+    logbook = Logbook(Study(sweep, vocabulary=kinds), fit=FitSettings(seconds=0.2))
     assert [logbook.submit(program).status for _ in range(2)] == [Status.TIMEOUT, Status.TIMEOUT]
 
 
 def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
-    bench = Workbench(Logbook(Task(sweep, PAPER_VOCABULARY, "paper", "per-op"), effort=EFFORT))
+    bench = Workbench(Logbook(Study(sweep, vocabulary="paper", equilibrium="paper", parameters="per-op"), fit=BRIEF))
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("Delay", "gain")')
     answer = ask(bench, "check_grammar", program=program)
     assert not answer["legal"]
@@ -279,7 +280,7 @@ def test_a_tool_that_takes_too_long_answers_so():
 
 def test_an_unknown_option_is_refused_before_any_work(sweep: Sweep):
     with pytest.raises(IbridError, match="parameters must be one of"):
-        Logbook(Task(sweep, VOCABULARY, parameters="split"))
+        Study(sweep, parameters="split")
 
 
 @pytest.mark.parametrize(
@@ -291,9 +292,9 @@ def test_what_a_schema_excludes_is_complained_of(value: object, schema: dict):
 
 
 def test_a_sitting_in_a_folder_goes_on_where_the_last_one_ended(sweep: Sweep, tmp_path: Path):
-    task = Task(sweep, VOCABULARY)
+    study = Study(sweep)
     for number, status in enumerate((Status.OK, Status.DUPLICATE)):
-        with open_logbook(task, EFFORT, tmp_path / "run", NAIVE) as logbook:
+        with open_logbook(study, BRIEF, tmp_path / "run", NAIVE) as logbook:
             assert len(logbook.steps) == number
             assert logbook.submit(NAIVE).status is status
             best = logbook.best(1)[0].record.nrmse
@@ -303,12 +304,12 @@ def test_a_sitting_in_a_folder_goes_on_where_the_last_one_ended(sweep: Sweep, tm
 
 
 def test_an_evaluation_that_was_cut_off_is_lost_and_may_be_asked_for_again(sweep: Sweep, tmp_path: Path):
-    task = Task(sweep, VOCABULARY)
-    with open_logbook(task, EFFORT, tmp_path, NAIVE) as logbook:
+    study = Study(sweep)
+    with open_logbook(study, BRIEF, tmp_path, NAIVE) as logbook:
         logbook.submit(UNWIRED)
     with Store.open(tmp_path / "archive.sqlite") as store:
         store.propose(Step(1, program=NAIVE, hash=ibrid.structure_hash(ibrid.parse_program(NAIVE))))
-    with open_logbook(task, EFFORT, tmp_path, NAIVE) as logbook:
+    with open_logbook(study, BRIEF, tmp_path, NAIVE) as logbook:
         assert [one.status for one in logbook.steps] == [Status.ILLEGAL, Status.LOST]
         assert logbook.submit(NAIVE).status is Status.OK
 
@@ -316,7 +317,7 @@ def test_an_evaluation_that_was_cut_off_is_lost_and_may_be_asked_for_again(sweep
 def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
     sweep: Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    with open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path, NAIVE) as logbook:
+    with open_logbook(Study(sweep), BRIEF, tmp_path, NAIVE) as logbook:
         with monkeypatch.context() as patch:
             patch.setattr("ibrid_search.logbook.evaluate", lambda *_, **__: 1 / 0)
             with pytest.raises(ZeroDivisionError):
@@ -330,12 +331,12 @@ def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
     [({"equilibrium": "paper"}, "made with equilibrium = exact"), ({"sweep": None}, "made with data of other content")],
 )
 def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change: dict, words: str):
-    task = Task(sweep, VOCABULARY)
-    with open_logbook(task, EFFORT, tmp_path, NAIVE):
+    study = Study(sweep)
+    with open_logbook(study, BRIEF, tmp_path, NAIVE):
         pass
     if "sweep" in change:
         change = {"sweep": sweep.only(sweep.names[:1])}
-    with pytest.raises(IbridError, match=words), open_logbook(replace(task, **change), EFFORT, tmp_path, NAIVE):
+    with pytest.raises(IbridError, match=words), open_logbook(replace(study, **change), BRIEF, tmp_path, NAIVE):
         pass
 
 
@@ -343,7 +344,7 @@ def test_a_place_that_is_no_folder_is_refused(sweep: Sweep, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with (
         pytest.raises(IbridError, match="is not a folder"),
-        open_logbook(Task(sweep, VOCABULARY), EFFORT, tmp_path / "file", NAIVE),
+        open_logbook(Study(sweep), BRIEF, tmp_path / "file", NAIVE),
     ):
         pass
 
@@ -351,4 +352,4 @@ def test_a_place_that_is_no_folder_is_refused(sweep: Sweep, tmp_path: Path):
 def test_without_the_sdk_the_server_says_what_to_install(sweep: Sweep, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[mcp\]'"):
-        serve(sweep, Options())
+        serve(Study(sweep))

@@ -7,7 +7,7 @@ import pytest
 from collecting import each_of
 from fitted import benchmark, evaluated
 from ibrid_search.edits import EditError, apply_edit
-from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.chat import Answer
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel, read_answer
@@ -18,8 +18,8 @@ from scripted_server import closes, hangs, refuses, says, scripted, sends
 
 import ibrid
 from ibrid.errors import IbridError, ProgramError
-from ibrid.modules import VOCABULARY
 from ibrid.structure import program_text, violations
+from ibrid.study import Study
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 
@@ -46,7 +46,7 @@ def _environment(monkeypatch):
 
 @pytest.fixture
 def context() -> Context:
-    return Context(Task(benchmark(), VOCABULARY), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0)))
+    return Context(Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0)))
 
 
 def model(script, limits: Limits | None = None, **settings) -> LanguageModel:
@@ -78,7 +78,7 @@ def test_a_good_answer_is_an_edit_that_applies(context):
 
 
 def test_the_question_holds_the_program_and_the_second_one_the_complaint(context):
-    second = Context(context.task, context.parent, complaint=Complaint("half an edit", "the answer ends there"))
+    second = Context(context.study, context.parent, complaint=Complaint("half an edit", "the answer ends there"))
     with scripted(says(GOOD)) as script:
         proposer = model(script)
         for one in (context, second):

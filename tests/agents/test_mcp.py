@@ -24,10 +24,11 @@ CODE = """\
 import sys
 from pathlib import Path
 import ibrid
-from ibrid_search.logbook import Effort
-from ibrid_search.mcp_server import Options, serve
+from ibrid.fit.settings import FitSettings
+from ibrid.study import Study
+from ibrid_search.mcp_server import serve
 sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-sys.exit(serve(sweep, Options(out=Path(sys.argv[1]) if sys.argv[1:] else None, effort=Effort(restarts=0, seconds=20))))
+sys.exit(serve(Study(sweep), out=Path(sys.argv[1]) if sys.argv[1:] else None, fit=FitSettings(restarts=0, seconds=20)))
 """
 CALLS: dict[str, tuple[str, Any]] = {
     "naive": ("evaluate_program", {"program": NAIVE}),

@@ -62,8 +62,8 @@ class Talker:
 def question() -> Question:
     """The naive start, with `SOFTER` known."""
     context = context_of(ibrid.textbook("naive"))
-    task = context.task
-    known = {task.examined(ibrid.parse_program(SOFTER), SOFTER).hash}
+    study = context.study
+    known = {study.examined(ibrid.parse_program(SOFTER), SOFTER).hash}
     return Question("paper_like", 1, replace(context, seen=known.__contains__))
 
 
@@ -74,8 +74,8 @@ def test_questions_are_those_of_a_search_with_what_it_had_met_by_then():
     first, third = questions("paper_like", short, (1, 3))
     assert first.context.parent.step == 0
     assert (first.place, third.place) == (1, 3)
-    task, parent = first.context.task, first.context.parent.diagram
-    start = task.examined(parent, ibrid.program_text(parent)).hash
+    study, parent = first.context.study, first.context.parent.diagram
+    start = study.examined(parent, ibrid.program_text(parent)).hash
     assert first.context.seen(start)
     assert third.context.seen(start)
     assert not first.context.seen("another")

@@ -11,7 +11,7 @@ from ibrid_search.edits import apply_edit
 from ibrid_search.first_look import LOOKED_AT, PRICE, first_look
 from ibrid_search.proposal import Context
 from ibrid_search.proposers.rules import GROSS, Rules
-from scripted_search import context_of, task
+from scripted_search import context_of, study
 
 import ibrid
 from ibrid.measurement.noise import add_noise
@@ -25,8 +25,8 @@ TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 def one_edit_away(request) -> Context:
     """The question about the benchmark's structure without its PLL filter, fitted to the benchmark."""
     parent = ibrid.textbook("gfl_exact")
-    record = ibrid.evaluate(parent, task().sweep, parameters=request.param)
-    return context_of(parent, record=record, task=replace(task(), parameters=request.param))
+    record = ibrid.evaluate(parent, study().sweep, parameters=request.param)
+    return context_of(parent, record=record, study=replace(study(), parameters=request.param))
 
 
 def look(diagram: ibrid.Diagram, context: Context, seed: int = 0) -> float:
@@ -34,9 +34,9 @@ def look(diagram: ibrid.Diagram, context: Context, seed: int = 0) -> float:
 
 
 def test_the_missing_block_stands_out(one_edit_away):
-    parent, kinds = one_edit_away.parent, one_edit_away.task.kinds
+    parent, kinds = one_edit_away.parent, one_edit_away.study.kinds
     free = parent.record.free_parameters // len(
-        parent.record.parameters if one_edit_away.task.parameters == "per-op" else [1]
+        parent.record.parameters if one_edit_away.study.parameters == "per-op" else [1]
     )
     before = log(parent.record.nrmse) + PRICE * free
     idle = Draft(parent.diagram, kinds)
@@ -93,10 +93,10 @@ def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
 
 
 def test_with_known_noise_a_free_number_must_gain_what_information_asks():
-    exact = task().sweep
+    exact = study().sweep
     noisy = add_noise(exact, 40.0, rng=np.random.default_rng(0))
-    invisible = Draft(TRUTH, task().kinds)
+    invisible = Draft(TRUTH, study().kinds)
     invisible.bind("plant", L_F=0.15)  # with the scale of the inner loop
     for sweep, price in ((exact, PRICE), (noisy, log(8 * 32) / (2 * 8 * 32))):
-        context = context_of(TRUTH, record=ibrid.evaluate(TRUTH, sweep), task=replace(task(), sweep=sweep))
+        context = context_of(TRUTH, record=ibrid.evaluate(TRUTH, sweep), study=replace(study(), sweep=sweep))
         assert look(TRUTH, context) - look(invisible.diagram(), context) == pytest.approx(price, rel=0.02)

@@ -8,13 +8,14 @@ import pytest
 from ibrid_search.merit import EXACT, Criterion, criterion, noise_floor
 from ibrid_search.oddities import Oddities
 from ibrid_search.settings import SearchSettings
-from scripted_search import task
+from scripted_search import study
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.study import Study
 
-CLEAN = task().sweep
+CLEAN = study().sweep
 SETTINGS = SearchSettings(parsimony=0.1, layer=2.0, bound=0.5, residual=0.7)
 
 
@@ -83,7 +84,7 @@ def test_no_floor_lies_below_exact():
 
 
 def judged(sweep: Sweep = CLEAN, parameters: str = "shared") -> Criterion:
-    return criterion(sweep, parameters, SETTINGS)
+    return criterion(Study(sweep, parameters=parameters), SETTINGS)
 
 
 def numbers(sweep: Sweep) -> int:

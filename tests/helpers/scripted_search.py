@@ -12,8 +12,7 @@ import numpy as np
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.job import Job, Result
 from ibrid_search.loop import Goal, Loop
-from ibrid_search.merit import criterion
-from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer, Task
+from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.requirements import Requirements
 from ibrid_search.settings import SearchSettings
@@ -27,8 +26,9 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
-from ibrid.modules.vocabulary import VOCABULARY, find_kind
+from ibrid.modules.vocabulary import find_kind
 from ibrid.structure.canonical import structure_hash
+from ibrid.study import Study
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about the search, not about the fit.
@@ -41,25 +41,25 @@ Law = Callable[[str], Verdict]
 
 
 @shared
-def task(vocabulary: tuple = VOCABULARY) -> Task:
+def study() -> Study:
     """The benchmark in its default setting."""
-    return Task(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), vocabulary)
+    return Study(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]))
 
 
 def noisy() -> Sweep:
     """The benchmark with noise of 1 % that it tells."""
-    return add_noise(task().sweep, 40, rng=np.random.default_rng(0))
+    return add_noise(study().sweep, 40, rng=np.random.default_rng(0))
 
 
 @shared
 def naive_record() -> Record:
     """The naive diagram fitted."""
-    return ibrid.evaluate(ibrid.textbook("naive"), task().sweep, settings=QUICK)
+    return ibrid.evaluate(ibrid.textbook("naive"), study().sweep, settings=QUICK)
 
 
 def record_of(program: str, **changes: Any) -> Record:
     """A record of a program with the naive one's numbers, but for changes; enough for proposers to read."""
-    kinds = [find_kind(one.kind, task().kinds) for one in ibrid.parse_program(program).instances]
+    kinds = [find_kind(one.kind, study().kinds) for one in ibrid.parse_program(program).instances]
     size = {"order": sum(kind.order for kind in kinds), "free_parameters": sum(len(kind.parameters) for kind in kinds)}
     made = replace(naive_record(), program=program, modules=len(kinds), **size)
     return replace(made, **changes)
@@ -68,13 +68,13 @@ def record_of(program: str, **changes: Any) -> Record:
 def context_of(diagram: ibrid.Diagram, *, record: Record | None = None, **changes: Any) -> Context:
     """The question about how to edit a diagram."""
     found = record or record_of(ibrid.program_text(diagram))
-    asked = {"task": task(), "parent": Evaluated(0, diagram, found), **changes}
+    asked = {"study": study(), "parent": Evaluated(0, diagram, found), **changes}
     return Context(**asked)
 
 
 def luck(program: str) -> float:
     """A number from 0 to 1 that belongs to the structure."""
-    found = structure_hash(ibrid.parse_program(program), task().kinds)
+    found = structure_hash(ibrid.parse_program(program), study().kinds)
     return int(hashlib.sha256(found.encode()).hexdigest()[:8], 16) / 16**8
 
 
@@ -181,18 +181,16 @@ def scripted(
     watch: Callable[[Loop, Step], None] = lambda loop, step: None,
 ) -> Iterator[Loop]:
     """A loop over the store at `path`, new or that of an earlier sitting; `sweep` : in place of the clean benchmark."""
-    settings, data = settings or SearchSettings(), sweep or task().sweep
+    settings, data = settings or SearchSettings(), sweep or study().sweep
     store = Store.open(path) if path.exists() else Store.create(path, {"start": NAIVE})
     with store:
         yield Loop(
-            replace(task(), sweep=data),
+            replace(study(), sweep=data, seed=seed),
             store,
             evaluator or ScriptedEvaluator(),
             proposers or ((Rules(looks=1), 1.0),),
             settings,
             Goal(budget, target),
-            seed=seed,
-            criterion=criterion(data, "shared", settings),
             requirements=requirements or Requirements(),
             watch=watch,
         )

@@ -11,7 +11,7 @@ from typing import Any
 
 from ibrid_search.context import system_text
 from ibrid_search.proposers.chat import prompt_text
-from scripted_search import task
+from scripted_search import study
 from scripted_server import Handler, scripted
 
 KINDS = ("PI_dq", "LPF1_dq", "Gain_dq", "Pade1_dq")
@@ -35,7 +35,7 @@ def write_model(folder: Path) -> None:
     tokenizer = Tokenizer(models.BPE({piece: number for number, piece in enumerate(pieces)}, []))
     tokenizer.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
     tokenizer.decoder = decoders.ByteLevel()
-    lines = {line for line in system_text(task()).splitlines() if len(line) > 20}
+    lines = {line for line in system_text(study()).splitlines() if len(line) > 20}
     tokenizer.add_tokens([AddedToken(one, normalized=False) for one in (*EDITS, *sorted(lines))])
     PreTrainedTokenizerFast(
         tokenizer_object=tokenizer, bos_token="<s>", eos_token="</s>", pad_token="</s>"

@@ -20,7 +20,7 @@ from ibrid_search.judging import judge, judge_program
 from ibrid_search.proposal import Proposal
 from ibrid_search.step import Status
 from ibrid_search.store import Store
-from scripted_search import NAIVE, context_of, task
+from scripted_search import NAIVE, context_of, study
 
 import ibrid
 from ibrid.errors import IbridError
@@ -52,10 +52,10 @@ def drawn(automaton: EditAutomaton, rng: np.random.Generator) -> str:
 def test_every_edit_of_the_grammar_applies_and_names_only_what_exists(name):
     context, rng = context_of(ibrid.textbook(name)), np.random.default_rng(0)
     automaton, parent = EditAutomaton(context), ibrid.program_text(context.parent.diagram)
-    known = judge_program(parent, context.task).hash
+    known = judge_program(parent, context.study).hash
     ends = []
     for _ in range(60):
-        verdict = judge(Proposal(drawn(automaton, rng)), parent, known, context.task, lambda _: None)
+        verdict = judge(Proposal(drawn(automaton, rng)), parent, known, context.study, lambda _: None)
         assert verdict.status not in (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE)
         for wrong in ("no kind", "no port", "no module", "nothing drives"):
             assert wrong not in verdict.reason
@@ -150,7 +150,7 @@ def test_constrained_answers_are_edits_and_their_probabilities_those_of_the_mask
     answers = policy.sample([asked], [context], 4, 0)[0]
     parent = ibrid.program_text(context.parent.diagram)
     for one in answers:
-        verdict = judge(policy.proposal(one, context), parent, "", context.task, lambda _: None)
+        verdict = judge(policy.proposal(one, context), parent, "", context.study, lambda _: None)
         assert verdict.status not in (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE)
         assert one.tokens[-1] == policy.end
     masks = [policy.masks(asked, one.tokens, context) for one in answers]
@@ -272,7 +272,7 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
 
     settings = LearningSettings(contexts=2, group=3)
     both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
-    of_run: dict[str, Any] = {"seed": 0, "window": 8, "task": task(), "start": NAIVE, "folder": tmp_path}
+    of_run: dict[str, Any] = {"seed": 0, "window": 8, "study": study(), "start": NAIVE, "folder": tmp_path}
     (mine, weight), (other, _) = learning(both, settings, **of_run)
     assert isinstance(mine, Learner)
     assert isinstance(mine, Proposer)
@@ -318,10 +318,10 @@ def test_the_room_that_is_asked_for_is_that_of_the_shortest_question(folder, mon
         policy.chat.question(context, 64)
     needed = int(re.findall(r"\d+", str(told.value))[0]) + 64 + policy.longest
     monkeypatch.setattr(TrainableModel, "room", needed)
-    policy.require_room(context.task, NAIVE)
+    policy.require_room(context.study, NAIVE)
     monkeypatch.setattr(TrainableModel, "room", needed - 1_000)  # letters of a short record, which here are its tokens
     with pytest.raises(IbridError, match="positions"):
-        policy.require_room(context.task, NAIVE)
+        policy.require_room(context.study, NAIVE)
 
 
 @needs_torch

@@ -11,7 +11,7 @@ from ibrid_policy.interface import Policy
 from ibrid_search.edits import apply_edit
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, Look
 from ibrid_search.judging import judge, verdict_of
-from ibrid_search.proposal import Context, Evaluated, Proposer, Task
+from ibrid_search.proposal import Context, Evaluated, Proposer
 from ibrid_search.step import Status
 
 from ibrid.cli import main
@@ -22,6 +22,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program, program_text
+from ibrid.study import Study
 
 torch = pytest.importorskip("torch", reason="needs torch: make setup-llm")
 pytest.importorskip("transformers", reason="needs transformers: make setup-llm")
@@ -44,7 +45,7 @@ def context() -> Context:
     sweep = read_sweep(benchmarks()["paper_like"])
     diagram = textbook("naive")
     record = evaluate(diagram, sweep, settings=BRIEF)
-    return Context(Task(sweep, VOCABULARY), Evaluated(0, diagram, record))
+    return Context(Study(sweep), Evaluated(0, diagram, record))
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def test_answers_of_a_policy_that_knows_nothing_are_edits_all_the_same(policy, c
     parent = program_text(context.parent.diagram)
     prompt = policy.prompt(context)
     ends = [
-        judge(policy.proposal(one, context), parent, "", context.task, lambda _: None).status
+        judge(policy.proposal(one, context), parent, "", context.study, lambda _: None).status
         for one in policy.sample([prompt], [context], 20, 1)[0]
         if one.tokens[-1] == policy.end
     ]
@@ -116,7 +117,7 @@ def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
     from ibrid.structure.canonical import structure_hash
 
     own = structure_hash(context.parent.diagram)
-    verdict = judge(proposal, program_text(context.parent.diagram), own, context.task, lambda _: None)
+    verdict = judge(proposal, program_text(context.parent.diagram), own, context.study, lambda _: None)
     assert verdict.status is Status.UNCHANGED
 
 
@@ -124,12 +125,12 @@ def test_kinds_of_one_s_own_are_left_alone_and_a_parent_with_one_is_edited(polic
     from dataclasses import replace
 
     mine = replace(next(kind for kind in VOCABULARY if kind.name == "LPF1"), name="MyFilter")
-    task = replace(context.task, kinds=(*VOCABULARY, mine))
+    study = replace(context.study, vocabulary=(*VOCABULARY, mine))
     proposer = PolicyProposer(policy=policy)
-    assert not proposer.propose(replace(context, task=task), np.random.default_rng(0)).failure
+    assert not proposer.propose(replace(context, study=study), np.random.default_rng(0)).failure
     diagram = parse_program(program_text(textbook("gfl_pll_filter_exact")).replace('"LPF1"', '"MyFilter"'))
-    record = evaluate(diagram, task.sweep, settings=BRIEF, vocabulary=task.kinds)
-    with_mine = replace(context, task=task, parent=Evaluated(1, diagram, record))
+    record = evaluate(diagram, study.sweep, settings=BRIEF, vocabulary=study.kinds)
+    with_mine = replace(context, study=study, parent=Evaluated(1, diagram, record))
     assert not proposer.propose(with_mine, np.random.default_rng(0)).failure
 
 
@@ -288,7 +289,7 @@ def test_the_shipped_weights_speak_this_version_s_language_and_are_small(context
     prompt = policy.prompt(context)
     parent = program_text(context.parent.diagram)
     answers = policy.sample([prompt], [context], 40, 0)[0]
-    ends = [judge(policy.proposal(one, context), parent, "", context.task, lambda _: None).status for one in answers]
+    ends = [judge(policy.proposal(one, context), parent, "", context.study, lambda _: None).status for one in answers]
     assert ends.count(Status.PENDING) >= 0.8 * len(ends)
 
 

@@ -22,7 +22,7 @@ from ibrid_policy.small_policy import SmallPolicy
 from ibrid_policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
 from ibrid_search.evaluation.local import LocalEvaluator
 from safetensors.torch import load_file, save_file  # pyright: ignore[reportMissingImports]
-from scripted_search import NAIVE, context_of, task
+from scripted_search import NAIVE, context_of, study
 
 import ibrid
 from ibrid import cli
@@ -161,7 +161,7 @@ def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path,
 def test_the_small_policy_draws_its_answers_with_the_threads_of_learning(tmp_path, monkeypatch, number):
     given = SmallPolicy()
     settings = LearningSettings(contexts=1, group=2, threads=number)
-    ((mine, _),) = learning([(PolicyProposer(policy=given), 1.0)], settings, seed=0, window=8, task=task(), start=NAIVE,
+    ((mine, _),) = learning([(PolicyProposer(policy=given), 1.0)], settings, seed=0, window=8, study=study(), start=NAIVE,
                             folder=tmp_path)  # fmt: skip
     used: list[int] = []
     draw = small_policy.draw_answers
@@ -176,4 +176,4 @@ def test_adapters_without_peft_are_told_at_once_with_the_extra_that_has_it(monke
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     proposers = [(PolicyProposer(policy=Absent("the model was asked for")), 1.0)]  # type: ignore[arg-type]
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[lora\]'"):
-        learning(proposers, LearningSettings(lora=4), seed=0, window=8, task=task(), start=NAIVE, folder=tmp_path)
+        learning(proposers, LearningSettings(lora=4), seed=0, window=8, study=study(), start=NAIVE, folder=tmp_path)

@@ -18,7 +18,7 @@ from fitted import benchmark, evaluated
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.smollm2 import missing, smollm2
 from ibrid_search.context import prompt
-from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Task
+from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal
 from ibrid_search.proposers.chat import ChatError, estimated_tokens
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
@@ -26,7 +26,7 @@ from ibrid_search.store import Store
 
 import ibrid
 from ibrid import cli
-from ibrid.modules import VOCABULARY
+from ibrid.study import Study
 
 pytestmark = [
     pytest.mark.skipif(bool(missing()), reason=missing()),
@@ -49,7 +49,7 @@ def local(folder) -> LocalModel:
 @pytest.fixture
 def context() -> Context:
     parent = Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0))
-    return Context(Task(benchmark(), VOCABULARY), parent, complaint=Complaint("", "no block"))
+    return Context(Study(benchmark()), parent, complaint=Complaint("", "no block"))
 
 
 def check(proposal: Proposal) -> None:

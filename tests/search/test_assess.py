@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ibrid_search.evaluation.assess import QUICK, THOROUGH, Subject, assess
+from ibrid_search.evaluation.assess import QUICK, THOROUGH, Assessor
 from ibrid_search.evaluation.job import Job
 from ibrid_search.merit import noise_floor
-from scripted_search import NAIVE, task
+from scripted_search import NAIVE, study
 
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.noise import add_noise
+from ibrid.study import Study
 
 #: Noise of 1 %, so that a misfit of 1 is an error of 0.01.
-NOISY = add_noise(task().sweep, 40, rng=np.random.default_rng(0))
+NOISY = add_noise(study().sweep, 40, rng=np.random.default_rng(0))
 
 FOUND: dict[FitSettings, Record] = {}
 
@@ -24,11 +25,11 @@ def efforts(monkeypatch: pytest.MonkeyPatch) -> list[FitSettings]:
     """The efforts that were made, in place of fits; `FOUND` says what each finds."""
     made: list[FitSettings] = []
 
-    def record_of(self: Subject, program: str, settings: FitSettings, warm=None) -> Record:
+    def record_of(self: Assessor, program: str, settings: FitSettings, warm=None) -> Record:
         made.append(settings)
         return FOUND[settings]
 
-    monkeypatch.setattr(Subject, "record_of", record_of)
+    monkeypatch.setattr(Assessor, "record_of", record_of)
     return made
 
 
@@ -38,8 +39,8 @@ def record(nrmse: float, misfit: float | None = None, seconds: float = 1.0) -> R
 
 def assessed(quick: Record, thorough: Record, promising: float | None, *, noisy: bool = False) -> Record:
     FOUND.update({QUICK: quick, THOROUGH: thorough})
-    sweep = NOISY if noisy else task().sweep
-    return assess(Job(1, NAIVE, {}, promising), Subject(sweep, floor=noise_floor(sweep)))
+    sweep = NOISY if noisy else study().sweep
+    return Assessor(Study(sweep)).assess(Job(1, NAIVE, {}, promising))
 
 
 def test_what_promises_nothing_gets_a_quick_fit(efforts):
@@ -60,7 +61,7 @@ def test_an_edit_that_adds_something_and_ends_at_its_parents_error_gets_a_thorou
 ):
     """The parent has six free numbers and an error of 0.505; below 0.5 anything promises something."""
     FOUND.update({QUICK: replace(record(error), free_parameters=free), THOROUGH: record(0.1)})
-    found = assess(Job(1, NAIVE, {}, 0.5, free_before=6), Subject(task().sweep))
+    found = Assessor(study()).assess(Job(1, NAIVE, {}, 0.5, free_before=6))
     assert efforts == ([QUICK, THOROUGH] if thorough else [QUICK])
     assert found.nrmse == (0.1 if thorough else error)
 

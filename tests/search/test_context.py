@@ -9,7 +9,7 @@ from ibrid_search.context import prompt, system_text
 from ibrid_search.edits import apply_edit
 from ibrid_search.language import kinds_text
 from ibrid_search.priors import SCALE_TEXTS
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Task
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated
 from ibrid_search.proposers.chat import estimated_tokens
 from ibrid_search.quoting import fenced
 from ibrid_search.step import Status, Step
@@ -20,6 +20,7 @@ from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.signals import Signal
 from ibrid.structure import program_text, textbook_names, violations
+from ibrid.study import Study
 
 ROOM = 100_000
 
@@ -29,7 +30,7 @@ def candidate(name: str, step: int) -> Evaluated:
 
 
 def context(**changes) -> Context:
-    return Context(Task(benchmark(), VOCABULARY), candidate("naive", 0), **changes)
+    return Context(Study(benchmark()), candidate("naive", 0), **changes)
 
 
 def said(found: Context, limit_tokens: int = ROOM, **options) -> str:
@@ -52,7 +53,7 @@ def test_the_prompt_is_a_system_turn_that_stays_and_a_question():
 
 @pytest.mark.parametrize("kinds", [PAPER_VOCABULARY, VOCABULARY])
 def test_every_kind_port_and_parameter_is_declared_with_its_box(kinds):
-    text = said(replace(context(), task=Task(benchmark(), kinds)))
+    text = said(replace(context(), study=Study(benchmark(), vocabulary=kinds)))
     for kind in kinds:
         line = next(line for line in text.splitlines() if line.startswith(f"  {kind.name}: "))
         assert kind.law in line
@@ -122,7 +123,7 @@ def test_a_kind_of_ones_own_is_explained_as_any_other():
 
 
 def test_fitted_numbers_of_the_operating_point_are_explained_in_paper_mode_alone():
-    exact, paper = (system_text(Task(benchmark(), VOCABULARY, mode)) for mode in ("exact", "paper"))
+    exact, paper = (system_text(Study(benchmark(), equilibrium=mode)) for mode in ("exact", "paper"))
     assert "delta_eq" not in exact
     assert "delta_eq angle of the controller frame" in paper
     assert "must follow from the plant" in exact

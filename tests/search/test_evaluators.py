@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from ibrid_search.evaluation import ray_session
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.evaluation.ray_actors import RayEvaluator
@@ -29,6 +29,7 @@ from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
 from ibrid.modules.control import LPF1_DQ
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.study import Study
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about who evaluates, not about the fit.
@@ -115,9 +116,14 @@ def program_with(law: str) -> str:
     )
 
 
-def subject(folder: Path, fit: FitSettings = QUICK) -> Subject:
+def assessor(folder: Path, fit: FitSettings = QUICK) -> Assessor:
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    return Subject(sweep, kinds=(*VOCABULARY, *own_kinds(folder)), fit=fit, thorough=fit)
+    return Assessor(Study(sweep, vocabulary=(*VOCABULARY, *own_kinds(folder))), quick=fit, thorough=fit)
+
+
+def with_kind(folder: Path, kind: ibrid.ModuleKind) -> Assessor:
+    known = assessor(folder)
+    return replace(known, study=replace(known.study, vocabulary=(*VOCABULARY, kind)))
 
 
 def results(evaluator: Evaluator, programs: list[str]) -> list[Result]:
@@ -148,7 +154,7 @@ PROGRAMS = [
 
 
 def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
-    with LocalEvaluator(subject(tmp_path)) as local:
+    with LocalEvaluator(assessor(tmp_path)) as local:
         found = results(local, PROGRAMS)
     assert [one.outcome for one in found] == [Status.OK] * 5 + [Status.FAILED] * 2 + [Status.ILLEGAL, Status.FAILED]
     assert found[0].record is not None
@@ -163,7 +169,7 @@ def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
 
 
 def test_results_are_collected_by_number_in_any_order(tmp_path: Path):
-    with LocalEvaluator(subject(tmp_path)) as local:
+    with LocalEvaluator(assessor(tmp_path)) as local:
         for number in (7, 3, 5):
             local.submit(Job(number, NAIVE))
         assert local.collect(3).number == 3
@@ -171,7 +177,7 @@ def test_results_are_collected_by_number_in_any_order(tmp_path: Path):
 
 
 def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
-    local = LocalEvaluator(subject(tmp_path))
+    local = LocalEvaluator(assessor(tmp_path))
     local.submit(Job(1, NAIVE))
     with pytest.raises(IbridError, match="two jobs must not have the number 1"):
         local.submit(Job(1, NAIVE))
@@ -188,7 +194,7 @@ def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
 def test_a_kind_that_sleeps_is_stopped_twice_in_process(tmp_path: Path):
     wall = 0.3
     started = time.monotonic()
-    with LocalEvaluator(subject(tmp_path, replace(QUICK, seconds=wall)), wall=wall) as local:
+    with LocalEvaluator(assessor(tmp_path, replace(QUICK, seconds=wall)), wall=wall) as local:
         slow, quick = results(local, [program_with("asleep"), NAIVE])
     assert (slow.outcome, slow.attempts, slow.record) == (Status.TIMEOUT, 2, None)
     assert "within the limit of 0.3 s" in slow.reason
@@ -312,16 +318,16 @@ def session() -> Iterator[RaySession]:
 @pytest.fixture(scope="module")
 def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
     """Two workers; a job is lost after two of them."""
-    with RayEvaluator(subject(tmp_path_factory.mktemp("crew")), 2, wall=WALL, lost=2) as evaluator:
+    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, wall=WALL, lost=2) as evaluator:
         yield evaluator
 
 
 def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, crew: RayEvaluator, tmp_path: Path):
-    with LocalEvaluator(subject(tmp_path)) as local:
+    with LocalEvaluator(assessor(tmp_path)) as local:
         expected = answers(results(local, PROGRAMS))
     assert answers(results(crew, PROGRAMS)) == expected
     for workers in (1, 4):
-        with RayEvaluator(subject(tmp_path), workers) as evaluator:
+        with RayEvaluator(assessor(tmp_path), workers) as evaluator:
             assert evaluator.capacity == workers
             assert answers(results(evaluator, PROGRAMS)) == expected
 
@@ -329,8 +335,8 @@ def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, crew: R
 def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEvaluator):
     (found,) = results(crew, [program_with("law")])
     assert found.record is not None
-    assert found.record.vocabulary == crew.subject.kinds
-    op = crew.subject.sweep.names[0]
+    assert found.record.vocabulary == crew.assessor.study.kinds
+    op = crew.assessor.study.sweep.names[0]
     assert any(label.startswith("filter.") for label in found.record.state_space(op).state_labels)
 
 
@@ -344,7 +350,7 @@ def test_code_that_never_ends_is_stopped_and_tried_alone_before_it_is_a_timeout(
 
 
 def test_a_killed_worker_does_not_count_against_its_candidate(crew: RayEvaluator):
-    note = Path(crew.subject.kinds[-1].state_space.__globals__["FOLDER"]) / "late"
+    note = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"]) / "late"
     crew.submit(Job(0, program_with("late")))
     until(lambda: note.exists() and note.read_text() != "")
     os.kill(int(note.read_text()), signal.SIGKILL)
@@ -360,7 +366,7 @@ def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: Ray
 
 
 def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
-    folder = Path(crew.subject.kinds[-1].state_space.__globals__["FOLDER"])
+    folder = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"])
     until(lambda: len(crew.workers) == crew.capacity)  # one may have died in another test
     results(crew, [program_with("logged")] * 8)
     intervals = []
@@ -380,7 +386,9 @@ def test_kinds_that_cannot_travel_are_refused_in_a_sentence(session: RaySession,
 
     kind = replace(LPF1_DQ, name="Locked", state_space=law)
     with pytest.raises(IbridError, match=r"must be picklable to travel to workers, found TypeError.*lock"):
-        RayEvaluator(replace(subject(tmp_path), kinds=(*VOCABULARY, kind)), 1)
+        RayEvaluator(
+            replace(assessor(tmp_path), study=Study(assessor(tmp_path).study.sweep, vocabulary=(*VOCABULARY, kind))), 1
+        )
 
 
 def test_kinds_that_workers_cannot_import_end_the_search_in_a_sentence(
@@ -390,24 +398,26 @@ def test_kinds_that_workers_cannot_import_end_the_search_in_a_sentence(
     monkeypatch.setitem(sys.modules, "only_here", module)
     exec(CELLS, module.__dict__)
     kind = replace(LPF1_DQ, name="Elsewhere", state_space=module.__dict__["law"])
-    with RayEvaluator(replace(subject(tmp_path), kinds=(*VOCABULARY, kind)), 1) as evaluator:
+    with RayEvaluator(
+        replace(assessor(tmp_path), study=Study(assessor(tmp_path).study.sweep, vocabulary=(*VOCABULARY, kind))), 1
+    ) as evaluator:
         evaluator.submit(Job(0, NAIVE))
         with pytest.raises(IbridError, match=r"could not load the data and the kinds.*only_here"):
             evaluator.collect(0)
 
 
 def test_without_a_free_core_the_search_ends_in_a_sentence(session: RaySession, crew: RayEvaluator, tmp_path: Path):
-    with RayEvaluator(subject(tmp_path), 2) as second:  # with the crew, all four cores are taken
+    with RayEvaluator(assessor(tmp_path), 2) as second:  # with the crew, all four cores are taken
         results(second, [NAIVE] * 4)
         until(lambda: len(second.workers) == 2)
-        with RayEvaluator(subject(tmp_path), 1, patience=0.5) as third:
+        with RayEvaluator(assessor(tmp_path), 1, patience=0.5) as third:
             third.submit(Job(0, NAIVE))
             with pytest.raises(IbridError, match=r"no worker was ready for 0\.5 s"):
                 third.collect(0)
 
 
 def test_a_closed_evaluator_leaves_the_ray_that_it_found(session: RaySession, tmp_path: Path):
-    evaluator = RayEvaluator(subject(tmp_path), 1)
+    evaluator = RayEvaluator(assessor(tmp_path), 1)
     evaluator.submit(Job(0, program_with("asleep")))
     evaluator.close()
     evaluator.close()
@@ -442,7 +452,7 @@ asked = []
 signal.signal(signal.SIGINT, lambda *_: asked.append(True))
 signal.signal(signal.SIGTERM, lambda *_: asked.append(False))
 mine = signal.getsignal(signal.SIGTERM)
-with RayEvaluator(cases.subject(Path(sys.argv[2])), 1, lost=1) as evaluator:
+with RayEvaluator(cases.assessor(Path(sys.argv[2])), 1, lost=1) as evaluator:
     assert signal.getsignal(signal.SIGTERM) is mine
     evaluator.submit(Job(0, cases.program_with("logged")))
     while not evaluator.running:

@@ -11,7 +11,7 @@ from ibrid_search.gates import implausible
 from ibrid_search.judging import Verdict, judge, judge_program
 from ibrid_search.proposal import Proposal
 from ibrid_search.step import Status
-from scripted_search import NAIVE, task
+from scripted_search import NAIVE, study
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
@@ -25,7 +25,7 @@ def hash_of(text: str) -> str:
 
 
 def judged(edit: str, parent: str = NAIVE, known=lambda _: None, **changes) -> Verdict:
-    return judge(Proposal(edit), parent, hash_of(parent), replace(task(), **changes), known)
+    return judge(Proposal(edit), parent, hash_of(parent), replace(study(), **changes), known)
 
 
 def block(search: str, put: str) -> str:
@@ -47,7 +47,7 @@ def test_a_candidate_that_passes_waits_for_its_fit():
 
 
 def test_no_answer_says_what_the_proposer_says():
-    verdict = judge(Proposal("", failure="the server is silent"), NAIVE, "", task(), lambda _: None)
+    verdict = judge(Proposal("", failure="the server is silent"), NAIVE, "", study(), lambda _: None)
     assert (verdict.status, verdict.reason) == (Status.NO_ANSWER, "the server is silent")
 
 
@@ -64,7 +64,7 @@ def test_a_block_that_does_not_match_names_the_nearest_line():
 
 def test_a_block_that_matches_twice_names_the_lines():
     twice = NAIVE + '    g.add("Gain_dq", "other")\n' + WIRE + "\n"
-    verdict = judge(Proposal(block(WIRE, "")), twice, "", task(), lambda _: None)
+    verdict = judge(Proposal(block(WIRE, "")), twice, "", study(), lambda _: None)
     assert verdict.status is Status.AMBIGUOUS
     assert "lines" in verdict.reason
 
@@ -116,7 +116,7 @@ def test_half_a_frame_is_implausible():
         '    g.connect("pll.delta", "park.delta")\n    g.connect("plant.i_g", "park.i_dq")\n'
         '    g.connect("park.i_DQ", "i_DQ")',
     )
-    verdict = judge_program(text, task())
+    verdict = judge_program(text, study())
     assert verdict.status is Status.IMPLAUSIBLE
     assert "Rot_v" in verdict.reason
 
@@ -132,14 +132,14 @@ def test_half_a_frame_is_implausible():
 )
 def test_a_slip_that_a_fit_would_hide_is_refused(old, new, word):
     text = GFL if "JMul" in old else NAIVE
-    verdict = judge_program(text.replace(old, new), task())
+    verdict = judge_program(text.replace(old, new), study())
     assert verdict.status in (Status.IMPLAUSIBLE, Status.ILLEGAL)
     assert verdict.status is Status.ILLEGAL or word in verdict.reason
 
 
 def test_a_module_without_a_way_out_is_implausible():
     idle = NAIVE + '    g.add("Gain_dq", "idle")\n    g.connect("plant.i_g", "idle.in_")\n'
-    verdict = judge_program(idle, task())
+    verdict = judge_program(idle, study())
     assert verdict.status is Status.IMPLAUSIBLE
     assert "idle" in verdict.reason
 
@@ -150,7 +150,7 @@ def test_other_warnings_are_no_refusals():
     warnings = ibrid.structure.check.warnings(diagram, VOCABULARY)
     assert warnings != ()
     assert implausible(warnings) == ""
-    assert judge_program(bound, task()).status is Status.PENDING
+    assert judge_program(bound, study()).status is Status.PENDING
 
 
 # the order of the questions
@@ -171,7 +171,7 @@ def test_unchanged_comes_before_duplicate():
 def test_the_vocabulary_and_the_equilibrium_of_the_run_count():
     extended = edit_between(GFL, ibrid.program_text(ibrid.textbook("gfl_exact")))
     assert judged(extended, GFL).status is Status.PENDING
-    verdict = judged(extended, GFL, kinds=PAPER_VOCABULARY, equilibrium="paper")
+    verdict = judged(extended, GFL, vocabulary=PAPER_VOCABULARY, equilibrium="paper")
     assert verdict.status is Status.ILLEGAL
     assert "JMul_omega" in verdict.reason
 
@@ -234,11 +234,11 @@ NO_PROGRAM = [
 
 @each_of("text", NO_PROGRAM, ids=range(len(NO_PROGRAM)))
 def test_a_whole_program_that_is_none_is_refused(text):
-    verdict = judge_program(text, task())
+    verdict = judge_program(text, study())
     assert verdict.status in (Status.UNREADABLE, Status.ILLEGAL)
     assert verdict.reason
 
 
 def test_a_thousand_connections_are_refused_before_anything_slow():
     text = NAIVE + '    g.connect("v_DQ", "gain.in_")\n' * 5_000
-    assert judge_program(text, task()).status in (Status.UNREADABLE, Status.ILLEGAL)
+    assert judge_program(text, study()).status in (Status.UNREADABLE, Status.ILLEGAL)

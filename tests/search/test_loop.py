@@ -33,7 +33,7 @@ from scripted_search import (
     numbered,
     scripted,
     steps_of,
-    task,
+    study,
 )
 
 from ibrid.errors import IbridError
@@ -362,4 +362,4 @@ def test_the_rules_improve_on_the_start(path):
     assert loop.best is not None
     assert loop.best.nrmse is not None
     assert loop.best.nrmse < (steps_of(path)[0].nrmse or 0.0)
-    assert task().parameters == "shared"
+    assert study().parameters == "shared"

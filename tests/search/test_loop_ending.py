@@ -15,7 +15,7 @@ from ibrid_search.proposers.rules import Rules
 from ibrid_search.proposers.spending import Limits, Spending
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, Status, Step
-from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, task
+from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, study
 
 import ibrid
 from ibrid.structure.roles import roles
@@ -45,7 +45,7 @@ def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
     jump = ScriptedProposer(lambda context, _: Proposal(edit_between(context.parent.record.program, gfl)))
 
     def law(program: str) -> float:
-        found = roles(ibrid.parse_program(program), task().kinds)
+        found = roles(ibrid.parse_program(program), study().kinds)
         assert found is not None
         return 1e-9 if found.missing_layers == 0 else 0.5
 
@@ -64,7 +64,7 @@ def settling(path: Path, wait: int, *, clean: bool = False, later: int | None = 
     """A run that reaches the floor with its first proposal, and another structure, a little better, with proposal `later`;
     nothing else is any good."""
     found = {ibrid.structure_hash(ibrid.parse_program(text)): error for text, error in ((GFL, 0.5), (BETTER, 0.4))}
-    data = task().sweep if clean else noisy()
+    data = study().sweep if clean else noisy()
     level = noise_floor(data).level
 
     def law(program: str) -> float:

@@ -8,7 +8,7 @@ from collecting import each_of
 from ibrid_search.edits import apply_edit
 from ibrid_search.proposal import Proposal
 from ibrid_search.proposers.pruning import Pruning, removal_moves, unseen_modules
-from scripted_search import QUICK, context_of, record_of, task
+from scripted_search import QUICK, context_of, record_of, study
 
 import ibrid
 from ibrid.evaluation.record import Record
@@ -128,7 +128,7 @@ def test_bounds_are_read_as_an_evaluation_writes_them():
     program = ibrid.parse_program(
         ibrid.program_text(ibrid.textbook("naive")).replace('"gain")', '"gain", k=(0.1, 0.2))')
     )
-    record = ibrid.evaluate(program, task().sweep, settings=QUICK)
+    record = ibrid.evaluate(program, study().sweep, settings=QUICK)
     assert record.at_bound != ()
     assert "gain" in unseen_modules(record)
 
@@ -248,7 +248,7 @@ def roundabout() -> ibrid.Diagram:
 
 
 def test_a_frequency_meter_that_turns_its_own_frame_is_a_pll():
-    diagram, sweep = roundabout(), task().sweep
+    diagram, sweep = roundabout(), study().sweep
     assert not compare(diagram, ibrid.textbook("gfl_pll_filter_exact")).same
     assert ibrid.evaluate(diagram, sweep).nrmse == pytest.approx(0.0, abs=1e-9)  # of data that have the PLL
     proposal = pruned(diagram, 0, record_of(ibrid.program_text(diagram)), thorough=True)

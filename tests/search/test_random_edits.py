@@ -2,6 +2,8 @@
 
 # pyright: reportAttributeAccessIssue=false
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from collecting import each_of
@@ -9,7 +11,7 @@ from ibrid_search.edits import apply_edit
 from ibrid_search.gates import implausible
 from ibrid_search.proposal import SCALES, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
-from scripted_search import NAIVE, context_of, task
+from scripted_search import NAIVE, context_of, study
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
@@ -79,9 +81,9 @@ def test_a_local_edit_neither_brings_nor_exchanges_a_kind():
 
 
 def test_under_the_papers_vocabulary_chance_knows_no_other_kind():
-    asked = type(task())(task().sweep, PAPER_VOCABULARY)
+    asked = replace(study(), vocabulary=PAPER_VOCABULARY)
     for seed in range(20):
-        proposal = proposed(NAIVE, seed, scale="structural", task=asked)
+        proposal = proposed(NAIVE, seed, scale="structural", study=asked)
         names = {one.kind for one in ibrid.parse_program(apply_edit(proposal.edit, NAIVE)).instances}
         assert names <= {kind.name for kind in PAPER_VOCABULARY}
 

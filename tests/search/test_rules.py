@@ -17,7 +17,7 @@ from ibrid_search.gates import implausible
 from ibrid_search.proposal import SCALES, Proposal
 from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
-from scripted_search import context_of, record_of, task
+from scripted_search import context_of, record_of, study
 from sharing import shared
 
 import ibrid
@@ -460,9 +460,9 @@ def test_under_the_papers_vocabulary_no_extended_kind_is_proposed(name):
 
 
 def test_under_the_papers_equilibrium_the_proposals_are_legal():
-    asked = replace(task(), kinds=PAPER_VOCABULARY, equilibrium="paper", parameters="per-op")
+    asked = replace(study(), vocabulary=PAPER_VOCABULARY, equilibrium="paper", parameters="per-op")
     for seed in range(10):
-        found = after(proposed(TEXTBOOK["gfl"], seed, task=asked), TEXTBOOK["gfl"])
+        found = after(proposed(TEXTBOOK["gfl"], seed, study=asked), TEXTBOOK["gfl"])
         assert ibrid.violations(found, PAPER_VOCABULARY, equilibrium="paper") == ()
 
 
@@ -495,9 +495,9 @@ def test_a_users_own_block_is_offered_where_its_signal_fits():
 
 
 def test_a_users_own_block_is_proposed():
-    asked = replace(task(), kinds=(*VOCABULARY, LAG))
+    asked = replace(study(), vocabulary=(*VOCABULARY, LAG))
     parent = TEXTBOOK["gfl"]
-    edits = [proposed(parent, seed, task=asked, scale="module").edit for seed in range(60)]
+    edits = [proposed(parent, seed, study=asked, scale="module").edit for seed in range(60)]
     assert any('g.add("Lag"' in edit for edit in edits)
 
 

@@ -16,7 +16,7 @@ import ibrid_search
 import numpy as np
 import pytest
 from ibrid_search.edits import edit_between
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.report.selection import read_selection
@@ -26,14 +26,14 @@ from ibrid_search.running import Run
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, Status
 from ibrid_search.store import Store
-from scripted_search import NAIVE, PLAIN, QUICK, steps_of, task
+from scripted_search import NAIVE, PLAIN, QUICK, steps_of, study
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.settings import FitSettings
 
-SWEEP = task().sweep
+SWEEP = study().sweep
 FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv", "selection.json", "report.html"}
 
 
@@ -41,14 +41,14 @@ FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv",
 def _quick(monkeypatch: pytest.MonkeyPatch):
     """Pages take seconds and have their own tests; these are about the run, not about the fits."""
     monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    monkeypatch.setattr("ibrid_search.running.Subject", partial(Subject, fit=QUICK, thorough=QUICK))
+    monkeypatch.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
     monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
 
 
 @pytest.fixture
 def real_fits(monkeypatch: pytest.MonkeyPatch):
     """The fits that a user gets."""
-    monkeypatch.setattr("ibrid_search.running.Subject", Subject)
+    monkeypatch.setattr("ibrid_search.running.Assessor", Assessor)
     monkeypatch.setattr("ibrid_search.running.FitSettings", FitSettings)
 
 
@@ -208,7 +208,7 @@ def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
 
     def look(context: Context) -> None:
         known = replace(context, seen=bool)  # a method of the loop's dictionary cannot be pickled
-        seen.append(pickle.dumps(replace(known, task=replace(known.task, kinds=()))))
+        seen.append(pickle.dumps(replace(known, study=replace(known.study, vocabulary=()))))
         assert not any(context.seen(one) for one in (ibrid.structure_hash(ibrid.parse_program(text)),))
 
     ran(tmp_path / "with", truth=ibrid.parse_program(text), proposer=Observer(look), settings=PLAIN)
@@ -223,7 +223,7 @@ def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
 def test_a_held_out_point_reaches_neither_the_proposer_nor_the_fit(tmp_path):
     held = SWEEP.names[1]
     points: set[tuple[str, ...]] = set()
-    ran(tmp_path / "run", holdout_op=held, proposer=Observer(lambda context: points.add(context.task.sweep.names)))
+    ran(tmp_path / "run", holdout_op=held, proposer=Observer(lambda context: points.add(context.study.sweep.names)))
     assert points == {(SWEEP.names[0],)}
     record = read_record(tmp_path / "run" / "best.json")
     assert set(record.holdout) == {held}

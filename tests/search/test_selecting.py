@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import measured
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor, noise_floor
 from ibrid_search.report.selection import read_selection
 from ibrid_search.selecting import MOST, select, selection_json
@@ -18,10 +18,11 @@ import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.thinning import EVERY
+from ibrid.study import Study
 
 HELD = "p=0.5,q=0"
 SWEEP = measured(["p=1,q=0.3", "p=1,q=-0.3", HELD])
-SUBJECT = Subject(SWEEP, holdout_op=(HELD,), fit=QUICK)
+SUBJECT = Assessor(Study(SWEEP, holdout_op=(HELD,)), quick=QUICK)
 NAMES = ("naive", "gfl_exact", "gfl_pll_filter_exact")
 NAIVE, NEARLY, TRUE = range(3)
 
@@ -149,7 +150,7 @@ def test_the_error_at_held_out_frequencies_is_that_of_a_refit_without_them():
         held.append(replace(point, frequency=point.frequency[out], admittance=point.admittance[out]))
     assert held[0].frequency[0] > 5
     assert held[0].frequency[-1] < 5000
-    again = replace(SUBJECT, sweep=replace(SWEEP, points=tuple(thin)), holdout_op=()).record_of(
+    again = replace(SUBJECT, study=Study(replace(SWEEP, points=tuple(thin)))).record_of(
         record(NEARLY).program, QUICK, record(NEARLY).parameters
     )
     wanted = np.mean([nrmse(again.response(point.op.name, point.frequency), point) for point in held])
@@ -158,7 +159,7 @@ def test_the_error_at_held_out_frequencies_is_that_of_a_refit_without_them():
 
 def test_too_few_frequencies_are_not_divided():
     points = tuple(replace(one, frequency=one.frequency[::3], admittance=one.admittance[::3]) for one in SWEEP.points)
-    few = replace(SUBJECT, sweep=replace(SWEEP, points=points))
+    few = replace(SUBJECT, study=Study(replace(SWEEP, points=points)))
     found = select(steps(), steps()[TRUE], record, few, FLOOR, errors_of(steps()), "frequencies")
     assert all(one["frequencies"] is None for one in found["front"])
     assert found["answer"] == TRUE
@@ -180,7 +181,7 @@ def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
     number = MOST + 4
     given = [step_of(k, record(NAIVE), nrmse=0.9 - 0.05 * k, order=k, free=k) for k in range(number)]
     found = select(
-        given, given[0], lambda _: record(NAIVE), replace(SUBJECT, holdout_op=()), FLOOR, errors_of(given), "error"
+        given, given[0], lambda _: record(NAIVE), replace(SUBJECT, study=Study(SWEEP)), FLOOR, errors_of(given), "error"
     )
     assert {one["step"] for one in found["front"]} == {0, *range(number - MOST, number)}
 

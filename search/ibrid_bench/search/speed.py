@@ -14,7 +14,7 @@ from ibrid_bench.search.trials import EXACT_MODE
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_search.archive import Archive
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.first_look import LOOKING
@@ -25,6 +25,7 @@ from ibrid_search.store import Store
 
 from ibrid.errors import IbridError
 from ibrid.structure.library import textbook_text
+from ibrid.study import Study
 
 #: Noise of the data of a search whose pace is measured.
 NOISE_DB = 60.0
@@ -98,14 +99,14 @@ def policy_step(search: Search, folder: Path, *, answers: int) -> dict[str, floa
 
 def local() -> Evaluator:
     """One worker: this process."""
-    return LocalEvaluator(Subject(inverter("paper_like").sweep))
+    return LocalEvaluator(Assessor(Study(inverter("paper_like").sweep)))
 
 
 def on_ray(workers: int) -> Evaluator:
     """Workers on a local Ray; IbridError where Ray is not installed."""
     from ibrid_search.evaluation.ray_actors import RayEvaluator
 
-    return RayEvaluator(Subject(inverter("paper_like").sweep), workers)
+    return RayEvaluator(Assessor(Study(inverter("paper_like").sweep)), workers)
 
 
 def fits_a_second(make: Callable[[], Evaluator], programs: Sequence[str]) -> float:

@@ -1,6 +1,6 @@
 """Evaluates jobs in this process, one after the other, when their results are asked for."""
 
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Job, Result
 from ibrid_search.evaluation.open_jobs import OpenJobs
 from ibrid_search.evaluation.verdict import judge
@@ -16,8 +16,8 @@ class LocalEvaluator:
 
     capacity = 1
 
-    def __init__(self, subject: Subject, *, wall: float = 60.0):
-        self.subject = subject
+    def __init__(self, assessor: Assessor, *, wall: float = 60.0):
+        self.assessor = assessor
         self.wall = wall
         self._jobs = OpenJobs()
 
@@ -51,9 +51,9 @@ class LocalEvaluator:
         self.close()
 
     def _evaluate(self, job: Job) -> Result:
-        attempts, verdict = 1, judge(job, self.subject, self.wall)
+        attempts, verdict = 1, judge(job, self.assessor, self.wall)
         seconds = verdict.seconds
         if verdict.outcome is Status.TIMEOUT:
-            attempts, verdict = 2, judge(job, self.subject, self.wall)
+            attempts, verdict = 2, judge(job, self.assessor, self.wall)
             seconds += verdict.seconds
         return Result(job.number, verdict.outcome, verdict.record, verdict.reason, seconds, attempts)

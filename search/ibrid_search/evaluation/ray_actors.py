@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import choose_vocabulary
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Job, Result
 from ibrid_search.evaluation.open_jobs import OpenJobs
 from ibrid_search.evaluation.ray_session import open_session
@@ -32,12 +32,12 @@ class RayEvaluator:
     else running before it counts as TIMEOUT. `lost` : workers that may die on a job before it counts as LOST.
     `patience` : seconds without any worker after which `collect` gives up.
 
-    Raises IbridError when Ray is missing, does not start or does not answer, or the subject cannot travel.
+    Raises IbridError when Ray is missing, does not start or does not answer, or the assessor cannot travel.
     """
 
     def __init__(
         self,
-        subject: Subject,
+        assessor: Assessor,
         workers: int,
         *,
         address: str | None = None,
@@ -49,14 +49,14 @@ class RayEvaluator:
             raise IbridError(
                 f"workers and lost must be 1 or more and wall above 0 s, found {workers}, {lost} and {wall:g} s"
             )
-        self.subject = subject
+        self.assessor = assessor
         self.capacity = workers
         self.wall = wall
         self.lost = lost
         self._patience = patience
         self._session = open_session(workers, address)
         try:
-            self._hiring = Hiring(self._session.ray, subject, wall)
+            self._hiring = Hiring(self._session.ray, assessor, wall)
         except BaseException:
             self._session.close()
             raise
@@ -231,7 +231,7 @@ class RayEvaluator:
     def _result(self, attempts: int, after: Attempt, verdict: Verdict) -> Result:
         record = verdict.record
         if record is not None:
-            record = replace(record, vocabulary=choose_vocabulary(self.subject.kinds))
+            record = replace(record, vocabulary=choose_vocabulary(self.assessor.study.kinds))
         return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts)
 
     def _dismiss(self, worker: RemoteWorker) -> None:

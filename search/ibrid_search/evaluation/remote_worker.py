@@ -5,7 +5,7 @@ from contextlib import suppress
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid_search.evaluation.assess import Subject
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.verdict import Verdict, stopped
 from ibrid_search.evaluation.worker import ONE_THREAD, Worker
@@ -33,9 +33,9 @@ class RemoteWorker:
         self._wall = wall
 
     def prepare(self) -> None:
-        """Wait until the actor runs and has loaded the subject.
+        """Wait until the actor runs and has loaded the assessor.
 
-        Raises IbridError when the subject cannot be loaded there, WorkerLost when the actor dies before.
+        Raises IbridError when the assessor cannot be loaded there, WorkerLost when the actor dies before.
         """
         errors = self._ray.exceptions
         try:
@@ -70,12 +70,12 @@ class RemoteWorker:
 
 
 class Hiring:
-    """Starts actors that all have the same subject, which is stored in the cluster once."""
+    """Starts actors that all have the same assessor, which is stored in the cluster once."""
 
-    def __init__(self, ray: Any, subject: Subject, wall: float):
+    def __init__(self, ray: Any, assessor: Assessor, wall: float):
         self._ray = ray
         self._wall = wall
-        self._cargo = ray.put(_pickled(ray, subject))
+        self._cargo = ray.put(_pickled(ray, assessor))
         self._kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(
             Worker
         )
@@ -85,10 +85,10 @@ class Hiring:
         return RemoteWorker(self._ray, self._kind.remote([self._cargo], self._wall), self._wall)
 
 
-def _pickled(ray: Any, subject: Subject) -> bytes:
-    """The subject as bytes, functions of a notebook included."""
+def _pickled(ray: Any, assessor: Assessor) -> bytes:
+    """The assessor as bytes, functions of a notebook included."""
     try:
-        return ray.cloudpickle.dumps(subject)
+        return ray.cloudpickle.dumps(assessor)
     except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
         raise IbridError(
             f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "

@@ -7,7 +7,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
-from ibrid_search.evaluation.assess import Subject, assess
+from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Job
 from ibrid_search.step import Status
 
@@ -29,10 +29,10 @@ class Verdict:
     seconds: float = 0.0
 
 
-def judge(job: Job, subject: Subject, wall: float) -> Verdict:
+def judge(job: Job, assessor: Assessor, wall: float) -> Verdict:
     """Assess a job within `wall` seconds. Whatever the code of a user's own kind raises makes the candidate fail."""
     started = time.perf_counter()
-    verdict = _judge(job, subject, wall)
+    verdict = _judge(job, assessor, wall)
     return Verdict(verdict.outcome, verdict.record, verdict.reason, time.perf_counter() - started)
 
 
@@ -45,10 +45,10 @@ def stopped(wall: float) -> Verdict:
     )
 
 
-def _judge(job: Job, subject: Subject, wall: float) -> Verdict:
+def _judge(job: Job, assessor: Assessor, wall: float) -> Verdict:
     try:
         with time_limit(wall):
-            record = assess(job, subject)
+            record = assessor.assess(job)
     except TimeoutError:
         return stopped(wall)
     except IbridError as error:
@@ -57,7 +57,7 @@ def _judge(job: Job, subject: Subject, wall: float) -> Verdict:
         return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {_first(error)}")
     status = _STATUS[Outcome(record.outcome)]
     if status is Status.TIMEOUT:
-        return stopped(min(wall, subject.fit.seconds))
+        return stopped(min(wall, assessor.quick.seconds))
     return Verdict(status, record, "; ".join(record.reasons))
 
 

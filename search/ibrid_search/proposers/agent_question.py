@@ -68,7 +68,7 @@ class AgentSettings:
 
 def question(context: Context, view: View, settings: AgentSettings, *, author: str) -> list[dict[str, Any]]:
     """Messages with alternating roles: system, then earlier turns, the last with what is asked now."""
-    rules = RULES.format(calls=settings.calls, tools=listed(Tools(context.task, view).reading))
+    rules = RULES.format(calls=settings.calls, tools=listed(Tools(context.study, view).reading))
     room = int(settings.tokens * settings.context) - estimated_tokens(rules)
     system, *asked = prompt(context, limit_tokens=room)
     memory = remembered(view.steps, int(settings.tokens * settings.memory), author=author)

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ibrid.report.verdict import verdict
-from ibrid.structure.canonical import structure_hash
 from ibrid.structure.program import program_text
 from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking, write_block
 from ibrid_search.judging import judge
@@ -53,7 +52,7 @@ class Turn:
         native: bool = True,
     ) -> None:
         self.chat, self.settings, self.spending, self.context, self.rng = chat, settings, spending, context, rng
-        self.tools = Tools(context.task, view).reading
+        self.tools = Tools(context.study, view).reading
         self.dialogue = Dialogue(question)
         self.native = native
         self._edit = self._diagnosis = self._note = self._failure = ""
@@ -155,9 +154,9 @@ class Turn:
     def _taken(self, edit: str, diagnosis: str, change: str = "") -> str:
         """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what to mend."""
         self._edit, self._diagnosis, self._note = _blocks_alone(edit), diagnosis, change
-        parent, task = self.context.parent, self.context.task
-        own = structure_hash(parent.diagram, task.kinds, equilibrium=task.equilibrium)
-        found = judge(Proposal(edit), program_text(parent.diagram), own, task, lambda _: None)
+        parent, study = self.context.parent, self.context.study
+        own = study.hash_of(parent.diagram)
+        found = judge(Proposal(edit), program_text(parent.diagram), own, study, lambda _: None)
         if found.status is not Status.PENDING:
             return f"The edit cannot be evaluated ({found.status}): {found.reason[:2_000]} Mend it, or try another."
         if self.context.seen(found.hash):

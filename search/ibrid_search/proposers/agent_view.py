@@ -5,7 +5,6 @@ from typing import Any, Protocol
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.step import Status, Step
@@ -44,7 +43,7 @@ class View:
         if self._history is None:
             known = ", ".join(map(str, sorted(self._near)))
             raise IbridError(f"the record of step {number} is not at hand; those of steps {known} are")
-        return self._history.record(number, self._context.task.kinds)
+        return self._history.record(number, self._context.study.kinds)
 
     def best(self, count: int) -> tuple[Evaluated, ...]:
         """The best fitted steps, stable ones first."""
@@ -54,8 +53,8 @@ class View:
 
     def met(self, diagram: Diagram) -> str | None:
         """Whether the run has met a structure."""
-        task = self._context.task
-        digest = structure_hash(diagram, task.kinds, equilibrium=task.equilibrium)
+        study = self._context.study
+        digest = study.hash_of(diagram)
         same = next((one.number for one in self.steps if one.hash == digest), None)
         if same is not None:
             return f"step {same}"

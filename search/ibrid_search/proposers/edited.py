@@ -15,7 +15,7 @@ def edited(view: View, move: Move) -> Diagram:
 
 def new_structure(diagram: Diagram, context: Context) -> bool:
     """True for a legal, plausible structure that the run has not met."""
-    found = context.task.examined(diagram, program_text(diagram))
+    found = context.study.examined(diagram, program_text(diagram))
     if not found.hash or context.seen(found.hash):
         return False
     return not found.violations and not implausible(found.warnings)

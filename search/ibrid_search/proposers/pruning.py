@@ -40,7 +40,7 @@ class Pruning:
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
-        views = views_of(context.parent.diagram, context.task.kinds)
+        views = views_of(context.parent.diagram, context.study.kinds)
         if not views:
             return Proposal("", failure=f"the pruning knows diagrams with an {LCL.name} or {L_FILTER.name}; add one")
         record = context.parent.record

@@ -31,7 +31,7 @@ class RandomEdits:
         """A random edit of the parent of the scale that the context asks for."""
         parent = context.parent.diagram
         for _ in range(TRIES):
-            draft = Draft(parent, context.task.kinds)
+            draft = Draft(parent, context.study.kinds)
             notes = _change(draft, context.scale, rng)
             if not notes:
                 continue

@@ -52,7 +52,7 @@ class Rules:
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of the parent that leads to a structure which the run has not met."""
-        views = views_of(context.parent.diagram, context.task.kinds)
+        views = views_of(context.parent.diagram, context.study.kinds)
         if not views:
             return Proposal(
                 "", failure=f"the rules know diagrams with an {LCL.name} or {L_FILTER.name}; use another proposer"

@@ -48,9 +48,9 @@ class SmallPolicy:
 
     def prompt(self, context: Context) -> list[int]:
         """Tokens of a question; LanguageError (an IbridError) for a diagram with too many modules."""
-        task, parent = context.task, context.parent
-        setting = (vocabulary_word(task.kinds), task.equilibrium, task.parameters)
-        residual = residual_of(parent.record, task.sweep)
+        study, parent = context.study, context.parent
+        setting = (vocabulary_word(study.kinds), study.equilibrium, study.parameters)
+        residual = residual_of(parent.record, study.sweep)
         return TOKENS.read(question_words(_view(context), residual, context.scale, setting))
 
     def sample(
@@ -74,7 +74,7 @@ class SmallPolicy:
             edit = read_edit(TOKENS.decode(sampled.tokens), view, _spoken(context))
         except LanguageError as error:
             return Proposal("", failure=f"the answer of the policy is no edit of this parent: {error}")
-        child = _tidied(made(view, edit, context.task.kinds), context)
+        child = _tidied(made(view, edit, context.study.kinds), context)
         before, after = program_text(view.diagram), program_text(child)
         note = note_of(edit, view)
         if before == after:
@@ -106,15 +106,15 @@ def note_of(edit: Edit, view: Numbered) -> str:
 
 
 def _spoken(context: Context) -> Vocabulary:
-    """The kinds of the task that the language has words for: those of one's own are left to other proposers."""
-    return tuple(kind for kind in context.task.kinds if kind_word(kind.name) in TOKENS.ids)
+    """The kinds of the study that the language has words for: those of one's own are left to other proposers."""
+    return tuple(kind for kind in context.study.kinds if kind_word(kind.name) in TOKENS.ids)
 
 
 def _view(context: Context) -> Numbered:
-    return numbered(context.parent.diagram, context.task.kinds, equilibrium=context.task.equilibrium)
+    return numbered(context.parent.diagram, context.study.kinds, equilibrium=context.study.equilibrium)
 
 
 def _tidied(diagram: Diagram, context: Context) -> Diagram:
-    draft = Draft(diagram, context.task.kinds)
+    draft = Draft(diagram, context.study.kinds)
     draft.tidy()
     return draft.diagram()

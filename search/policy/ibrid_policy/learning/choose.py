@@ -5,12 +5,13 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from ibrid_search.proposal import Proposer, Task
+from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
 
 from ibrid.errors import IbridError
+from ibrid.study import Study
 from ibrid.writing import inside
 from ibrid_policy.interface import Policy
 from ibrid_policy.learning.adapters import require_peft, require_rank
@@ -28,7 +29,7 @@ SERVED = "served"
 class Bounded(Protocol):
     """A policy that holds only so many tokens."""
 
-    def require_room(self, task: Task, program: str) -> None:
+    def require_room(self, study: Study, program: str) -> None:
         """Raise IbridError unless a question about this program and an answer to it fit."""
         ...
 
@@ -39,13 +40,13 @@ def learning(
     *,
     seed: int,
     window: int,
-    task: Task,
+    study: Study,
     start: str,
     folder: Path,
 ) -> tuple[tuple[Proposer, float], ...]:
     """The proposers with the one that can learn in its learning form; all that are given stay as they are.
 
-    seed, window : of the run and its settings. task, start : what is searched, and the program that it begins with.
+    seed, window : of the run and its settings. study, start : what is searched, and the program that it begins with.
     folder : of the run, for the weights that a server is to load.
 
     Raises IbridError unless exactly one of them can learn: the policy, or a language model in one folder on this machine, for
@@ -62,7 +63,7 @@ def learning(
         )
     for one, _ in found:
         if isinstance(one, Learner) and isinstance(one.policy, Bounded):
-            one.policy.require_room(task, start)
+            one.policy.require_room(study, start)
     return found
 
 

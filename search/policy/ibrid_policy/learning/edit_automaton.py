@@ -80,12 +80,12 @@ class EditAutomaton:
     """
 
     def __init__(self, context: Context, *, lines: int = 12, legal_end: bool = True) -> None:
-        self.task, self.most, self.legal_end = context.task, lines, legal_end
+        self.study, self.most, self.legal_end = context.study, lines, legal_end
         self.program = split_lines(program_text(context.parent.diagram))
-        self.known = {one.name: one for one in self.task.kinds}
+        self.known = {one.name: one for one in self.study.kinds}
         self.adding = {_words(line)[1]: line for line in self.program if line.startswith(ADD)}
-        self.kind_of = {one.name: find_kind(one.kind, self.task.kinds) for one in context.parent.diagram.instances}
-        self.parent = judge_program("\n".join(self.program) + "\n", self.task).hash
+        self.kind_of = {one.name: find_kind(one.kind, self.study.kinds) for one in context.parent.diagram.instances}
+        self.parent = judge_program("\n".join(self.program) + "\n", self.study).hash
         self._alternatives: dict[Slot, Mapping[str, Slot]] = {}
         self._drafts: dict[Slot, Draft] = {}
 
@@ -183,7 +183,7 @@ class EditAutomaton:
         return any(kind.family == PLANT for kind in (*draft.kinds.values(), *draft.owed.values()))
 
     def _makes_sense(self, slot: Slot) -> bool:
-        verdict = judge_program("\n".join(self._lines(slot)) + "\n", self.task, parent_hash=self.parent)
+        verdict = judge_program("\n".join(self._lines(slot)) + "\n", self.study, parent_hash=self.parent)
         return verdict.status is Status.PENDING
 
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from ibrid_search.context import prompt, system_text
-from ibrid_search.proposal import Context, Proposal, Task
+from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.language_model import read_answer
 from ibrid_search.proposers.local_model import LocalModel
 
 from ibrid.errors import IbridError
+from ibrid.study import Study
 from ibrid_policy.interface import Sampled
 from ibrid_policy.learning.constrained import TokenGuide, trie_of
 from ibrid_policy.learning.edit_automaton import EditAutomaton
@@ -82,9 +83,9 @@ class TextPolicy:
         """The transformer, float32, on a GPU where there is one."""
         return self.chat.weights
 
-    def require_room(self, task: Task, program: str) -> None:
+    def require_room(self, study: Study, program: str) -> None:
         """Raise IbridError unless the model has positions for the shortest question about this program, and an answer to it."""
-        asked = self.chat.tokens(system_text(task, short=True)) + self.chat.tokens(program) + BESIDE
+        asked = self.chat.tokens(system_text(study, short=True)) + self.chat.tokens(program) + BESIDE
         if asked + self.longest > self.chat.room:
             raise IbridError(
                 f"{self.chat.name} has {self.chat.room} positions (max_position_embeddings), but the shortest question of this "
