@@ -48,7 +48,7 @@ def api_page() -> str:
 def public_names(part: str) -> list[str]:
     """Dotted names under which a part's objects are imported, the shortest one of each, without repetition."""
     root = import_module("ibrid")
-    short = {name for name, home in root._HOME.items() if home.startswith(f"{part}.")}
+    short = {name for name, home in root._HOME.items() if f"{home}.".startswith(f"{part}.")}
     package = import_module(part)
     own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
     if part == "ibrid.modules":
