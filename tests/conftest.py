@@ -19,7 +19,7 @@ from sharing import borrowed, processor_seconds
 HERE = Path(__file__).parent
 RECORD = HERE / "durations.json"
 #: Seconds that a test may cost, all its cases together, in each tier.
-MOST = {"quick": 0.6, "test": 60.0, "all": float("inf")}
+MOST = {"quick": 0.6, "test": 20.0, "all": float("inf")}
 #: What is checked before a change of fit, gap, search or parts is done, and not at every merge.
 ALL_ALONE = ("benchmarks", "blind", "learning")
 #: Cases from here on have a record of their own; below it is left out.

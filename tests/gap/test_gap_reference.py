@@ -87,8 +87,8 @@ def test_each_of_two_devices_is_looked_at_by_itself():
     first, second = views_of(textbook("parallel_gfl_gfm"), VOCABULARY)
     assert (first.roles.plant, second.roles.plant) == ("gfl_plant", "gfm_plant")
     assert (first.roles.frequency, second.roles.frequency) == ("gfl_pll", "gfm_p_droop")
-    assert first.beside == set(second.draft.instances)
-    assert second.edit().named("SRF_PLL", "Rot_v") == ["gfm_park_v"]
+    assert not set(first.draft.instances) & set(second.draft.instances)
+    assert second.draft.named("SRF_PLL", "Rot_v") == ["gfm_park_v"]
 
 
 def test_an_edit_of_one_device_leaves_the_other_alone():

@@ -41,6 +41,7 @@ assert_type(ibrid.from_system(object(), [50.0], p=1.0, q=0.0), Sweep)
 ibrid.write_sweep(data, "file.csv")
 assert_type(ibrid.inspect(data), Inspection)
 assert_type(data.names, tuple[str, ...])
+assert_type(ibrid.Study.of(data, seed=1), ibrid.Study)
 
 assert_type(ibrid.VOCABULARY + ibrid.PAPER_VOCABULARY, tuple[ModuleKind, ...])
 assert_type(ibrid.VOCABULARY[0].parameters, Mapping[str, Range])
