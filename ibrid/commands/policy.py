@@ -32,20 +32,20 @@ def declare(commands: Any) -> None:
 
 def run_train(arguments: Namespace) -> int:
     """Train and say how good the policy is."""
-    from ibrid_policy.experience.shards import Processes, RayCluster
-    from ibrid_policy.making import Order, train_policy
-    from ibrid_policy.training import TrainingSettings
     from ibrid_search.evaluation.ray_session import open_session
+    from ibrid_search.policy_package import policy_part
+
+    making, shards = policy_part("making"), policy_part("experience.shards")
 
     workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
     if workers < 1:
         raise IbridError(f"--workers must be 1 or more, found {workers}")
-    training = TrainingSettings(steps=arguments.steps, seed=arguments.seed)
-    order = Order(arguments.inverters, arguments.seed, training, arguments.size)
+    training = policy_part("training").TrainingSettings(steps=arguments.steps, seed=arguments.seed)
+    order = making.Order(arguments.inverters, arguments.seed, training, arguments.size)
     session = None if arguments.ray is None else open_session(workers, arguments.ray)
     try:
-        crew = Processes(workers) if session is None else RayCluster()
-        found = train_policy(arguments.out, order, crew=crew, resume=arguments.resume)
+        crew = shards.Processes(workers) if session is None else shards.RayCluster()
+        found = making.train_policy(arguments.out, order, crew=crew, resume=arguments.resume)
     except KeyboardInterrupt:
         complain(f"stopped; go on with: ibrid policy train --out {arguments.out} --resume (and the same options)")
         return 1

@@ -12,7 +12,6 @@ from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
-    from ibrid_policy.learning.settings import LearningSettings
     from ibrid_search.running import Run
 
     from ibrid.structure.diagram import Diagram
@@ -211,7 +210,7 @@ def run_search(arguments: Namespace) -> int:
     return _say(found, arguments, truth)
 
 
-def _learning(arguments: Namespace) -> "LearningSettings | bool":
+def _learning(arguments: Namespace) -> Any:
     """Settings of learning as given; False without --learn."""
     names = ("profile", "constrained", *LEARNING)
     given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
@@ -222,9 +221,9 @@ def _learning(arguments: Namespace) -> "LearningSettings | bool":
             )
         return False
 
-    from ibrid_policy.learning.settings import profile
+    from ibrid_search.policy_package import policy_part
 
-    return replace(profile(given.pop("profile", "paper")), **given)
+    return replace(policy_part("learning.settings").profile(given.pop("profile", "paper")), **given)
 
 
 def _price(text: str) -> tuple[float, float]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from ibrid_policy.learning.learner import Learner
 
 from ibrid.errors import IbridError
 from ibrid.structure.program import parse_program
@@ -21,7 +20,7 @@ from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.judging import Verdict, judge, judge_program
 from ibrid_search.merit import criterion
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, LearningProposer, Proposal, Proposer
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.spending import Spender, added
 from ibrid_search.requirements import Requirements
@@ -65,7 +64,7 @@ class Loop:
         self.appraisal = Appraisal(store, criterion(study, settings), study.kinds)
         self.requirements, self.watch = requirements, watch
         self.pruning, self.tidying = Pruning(), Pruning(thorough=True)
-        self.learner = next((one for one, _ in self.proposers if isinstance(one, Learner)), None)
+        self.learner = next((one for one, _ in self.proposers if isinstance(one, LearningProposer)), None)
         self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
         self.archive = Archive(settings)
         self.steps: list[Step] = []

@@ -24,6 +24,14 @@ def pretrained(kind: str, folder: Path, **options: Any) -> Any:
     )
 
 
+def damage() -> tuple[type[Exception], ...]:
+    """What transformers raises for a folder whose files are damaged or contradict one another."""
+    tensors = importlib.import_module("safetensors").SafetensorError
+    config = importlib.import_module("huggingface_hub.errors").StrictDataclassError
+    plain = (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ZeroDivisionError, ImportError)
+    return (*plain, tensors, config)
+
+
 def require_model(folder: Path) -> None:
     """Raise IbridError unless the folder holds a model of its own whose weights are plain numbers."""
     if not (folder / CONFIG).is_file():

@@ -1,7 +1,8 @@
 """What a proposer is asked and what it answers; the one interface between the loop and whoever has the ideas."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -91,4 +92,31 @@ class Proposer(Protocol):
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; never raises for what a server or a model does wrong."""
+        ...
+
+
+@runtime_checkable
+class LearningProposer(Proposer, Protocol):
+    """A proposer that is trained on what its answers were worth.
+
+    `rounds` : which step is which of its answers (`horizon`: the last step whose result the next question sees; `leader`: the
+    step whose parent the next question has too; `next.context`: the number of the question). `due` : True when it has
+    results to learn from.
+    """
+
+    rounds: Any
+
+    @property
+    def due(self) -> bool: ...
+
+    def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
+        """Where its files go, and who takes texts for the store; it goes on from what is there."""
+        ...
+
+    def add(self, step: Step) -> None:
+        """Take note of a step, made now or in an earlier sitting."""
+        ...
+
+    def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> Any:
+        """Learn from the results; kept on disk before this returns."""
         ...

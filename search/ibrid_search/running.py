@@ -7,10 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ibrid_policy.learning.learner import Learner
-from ibrid_policy.learning.settings import LearningSettings, profile
-from ibrid_policy.weights_folder import WEIGHTS_FILE
-
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
@@ -30,8 +26,9 @@ from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Goal, Loop
 from ibrid_search.page import write_run_page
+from ibrid_search.policy_package import policy_part
 from ibrid_search.progress import Progress
-from ibrid_search.proposal import Proposer
+from ibrid_search.proposal import LearningProposer, Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.choose import choose_proposers
 from ibrid_search.proposers.spending import Limits, Prices, Spender
@@ -104,7 +101,7 @@ def search(
     require: str | None = None,
     choose: str = "error",
     truth: Diagram | None = None,
-    learn: bool | str | LearningSettings = False,
+    learn: Any = False,
     resume: bool = False,
     settings: SearchSettings | None = None,
     progress: Progress | str = "silent",
@@ -132,7 +129,8 @@ def search(
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
     learn : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
-        it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations.
+        it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
+        `ibrid_policy.learning.settings.LearningSettings`. Needs the distribution ibrid-policy.
     settings : every other number. progress : "auto", "terminal", "plain", "notebook", "silent", or a Progress.
 
     Returns the Run; the folder holds run.toml, archive.sqlite, best.py, best.json, trajectory.csv, selection.json and
@@ -153,12 +151,15 @@ def search(
         settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
     lessons: dict[str, Any] = {}
     if policy is not None:
-        lessons = {"policy": str(policy), "policy_sha256": digest((Path(policy) / WEIGHTS_FILE).read_bytes())}
+        lessons = {
+            "policy": str(policy),
+            "policy_sha256": digest((Path(policy) / policy_part("weights_folder").WEIGHTS_FILE).read_bytes()),
+        }
     if learn or isinstance(learn, str):  # an empty name is refused as any other
-        from ibrid_policy.learning.choose import learning  # and with it the policy, which a search rarely needs
-
-        lesson = learn if isinstance(learn, LearningSettings) else profile(learn if isinstance(learn, str) else "paper")
-        proposers = learning(
+        known = policy_part("learning.settings")
+        named = "paper" if learn is True else learn
+        lesson = known.profile(named) if isinstance(named, str) else named
+        proposers = policy_part("learning.choose").learning(
             proposers, lesson, seed=seed, window=settings.window, study=study.blind, start=first, folder=folder
         )
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
@@ -249,7 +250,7 @@ def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store, folder:
     """Give an agent the store to look back at, tell one that learns where its weights are kept, and count what language
     models spent in earlier sittings."""
     for one, _ in proposers:
-        if isinstance(one, Learner):
+        if isinstance(one, LearningProposer):
             one.open(folder, store.set_meta)
         if isinstance(one, Agent):
             one.history = store

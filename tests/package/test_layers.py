@@ -72,3 +72,13 @@ def test_a_file_imports_only_from_layers_below(path: Path):
             assert own in ("cli", "demo", "bench"), f"{where}: import the owning module, not the root package"
             continue
         assert rest[0] == own or LEVEL[rest[0]] < LEVEL[own], f"{where}: {own} lies below {rest[0]}"
+
+
+def test_each_distribution_imports_only_those_below():
+    above = {"ibrid_search": ("ibrid_policy", "ibrid_bench"), "policy/ibrid_policy": ("ibrid_bench",)}
+    for package, forbidden in above.items():
+        files = sorted((PACKAGE.parent / "search" / package).rglob("*.py"))
+        assert files
+        for path in files:
+            for line, name in imported_modules(path):
+                assert name.split(".")[0] not in forbidden, f"{package}: {path.name} line {line}: {name}"

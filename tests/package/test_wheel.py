@@ -98,7 +98,6 @@ def test_an_installed_ibrid_lists_and_evaluates(ibrid: Path, desk: Path):
     assert "NRMSE" in said([str(ibrid), "evaluate", "naive", "paper_like", "--restarts", "0"], desk)
 
 
-@pytest.mark.xfail(reason="the search imports ibrid_policy, which is a distribution of its own")
 def test_an_installed_ibrid_searches_beside_a_file_called_search(ibrid: Path, desk: Path):
     python = [str(ibrid.with_name("python")), "-m", "ibrid"]  # puts the folder itself first in the path
     shown = said([*python, "search", "paper_like", "--out", "run", "--budget", "3", "--workers", "1"], desk)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ibrid.errors import IbridError, near
 from ibrid.plugins import plugin_proposers
+from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.language_model import LanguageModel
@@ -76,9 +77,7 @@ def _makers(
 
 
 def _policy(folder: str | Path | None) -> Proposer:
-    from ibrid_policy.proposer import PolicyProposer  # torch, which it needs, is an extra
-
-    return PolicyProposer(folder)
+    return policy_part("proposer").PolicyProposer(folder)
 
 
 def _require_policy(names: Iterable[str], folder: str | Path | None) -> None:

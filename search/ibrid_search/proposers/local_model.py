@@ -8,10 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ibrid_policy.backend import damage
-
 from ibrid.errors import IbridError
-from ibrid_search.model_folder import pretrained, require_model
+from ibrid_search.model_folder import damage, pretrained, require_model
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
 
 

@@ -1,20 +1,24 @@
 """The course of learning over the updates of a run, drawn."""
 
 from collections.abc import Sequence
-
-from ibrid_policy.learning.updates import META, Update, read_updates
+from importlib.util import find_spec
+from typing import Any
 
 from ibrid.report.figure import inline_svg
 from ibrid.report.learning import course, draw_courses
+from ibrid_search.policy_package import UPDATES, policy_part
 from ibrid_search.report.run_data import RunData
 
 
-def updates_of(run: RunData) -> tuple[Update, ...]:
-    """The updates of a run, none where nothing learns."""
-    return read_updates(run.meta.get(META, ""))
+def updates_of(run: RunData) -> tuple[Any, ...]:
+    """The updates of a run (`ibrid_policy.learning.updates`), none where nothing learns or that is not installed."""
+    told = run.meta.get(UPDATES, "")
+    if not told or find_spec("ibrid_policy") is None:
+        return ()
+    return policy_part("learning.updates").read_updates(told)
 
 
-def learning_svg(updates: Sequence[Update]) -> str:
+def learning_svg(updates: Sequence[Any]) -> str:
     """Reward, shares of answers, entropy and divergence; "" where there are no two updates."""
     if len(updates) < 2:
         return ""

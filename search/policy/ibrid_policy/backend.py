@@ -22,14 +22,6 @@ def require(package: str) -> Any:
         ) from None
 
 
-def damage() -> tuple[type[Exception], ...]:
-    """What transformers raises for a folder whose files are damaged or contradict one another."""
-    tensors = require("safetensors").SafetensorError
-    config = importlib.import_module("huggingface_hub.errors").StrictDataclassError
-    plain = (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ZeroDivisionError, ImportError)
-    return (*plain, tensors, config)
-
-
 def read_saved(path: Path, remedy: str) -> Any:
     """What torch saved in a file, on the CPU; no code in the file is run.
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ibrid_search.model_folder import pretrained
+from ibrid_search.model_folder import damage, pretrained
 
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole
-from ibrid_policy.backend import damage, require
+from ibrid_policy.backend import require
 from ibrid_policy.tokens import END, PAD, TOKENS
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"

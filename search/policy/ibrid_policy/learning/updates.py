@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from ibrid_search.policy_package import UPDATES
 from ibrid_search.step import REFUSED, Status
 
 from ibrid_policy.learning.advantages import Rewarded
 
 #: The text of the store that holds the updates.
-META = "learning"
+META = UPDATES
 
 
 @dataclass(frozen=True)
