@@ -1,9 +1,10 @@
-"""Writes the pages that are made from the code: modules.md, command_line.md, api.md. Run it after changing a declaration."""
+"""Writes what is made from the code: three pages and the picture of the floors. Run it after changing a declaration."""
 
 from pathlib import Path
 
 from api_page import api_page
 from command_line_page import command_line_page
+from floors import architecture_svg
 from modules_page import modules_page
 
 from ibrid.cli import parser
@@ -18,6 +19,7 @@ def made_pages() -> dict[str, str]:
         "modules.md": modules_page(VOCABULARY),
         "command_line.md": command_line_page(parser()),
         "api.md": api_page(),
+        "images/architecture.svg": architecture_svg(),
     }
 
 

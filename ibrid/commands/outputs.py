@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +73,3 @@ def complain(sentence: str) -> None:
     """One line on the error stream."""
     if sys.stderr is not None:  # closed by the caller
         print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)
-
-
-def table(rows: Iterable[Iterable[str]], indent: str = "") -> str:
-    """Left-aligned columns, two spaces apart; the last column may be of any width."""
-    cells = [list(row) for row in rows]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
-    return "\n".join(
-        (indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))).rstrip()
-        for row in cells
-    )

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from ibrid.commands.vocabulary import kind_in_full
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.modules.in_full import kind_in_full
 from ibrid.modules.vocabulary import find_kind
 from ibrid.structure.check import Violation, examine
 from ibrid.structure.compare import compare

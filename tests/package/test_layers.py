@@ -1,12 +1,12 @@
 """Imports go one way: a file of the package imports only from layers below its own, wherever in the file it does so."""
 
-import ast
 from pathlib import Path
 
 from collecting import each_of
+from floors import imported_modules
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
-#: Lowest first. `demo`, `bench` and `bench_gap` are programs on top, like the command line.
+#: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
     ("errors",),
     ("signals", "writing", "ledger", "markdown", "showing", "display"),
@@ -26,23 +26,11 @@ LAYERS = (
     ("export",),
     ("report",),
     ("testing", "commands"),
-    ("cli", "demo", "bench", "bench_gap"),
+    ("cli", "demo"),
     ("__main__",),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if "programs" not in path.parts)
-
-
-def imported_modules(path: Path) -> list[tuple[int, str]]:
-    """(line, dotted name) of every import in a file, those inside functions and of types included."""
-    found: list[tuple[int, str]] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path} line {node.lineno}: imports name the owning module in full"
-            found.append((node.lineno, str(node.module)))
-    return found
 
 
 def layer_of(path: Path) -> str:
@@ -69,7 +57,7 @@ def test_a_file_imports_only_from_layers_below(path: Path):
         if first != "ibrid" or own == "__init__":
             continue
         if not rest:
-            assert own in ("cli", "demo", "bench"), f"{where}: import the owning module, not the root package"
+            assert own in ("cli", "demo"), f"{where}: import the owning module, not the root package"
             continue
         assert rest[0] == own or LEVEL[rest[0]] < LEVEL[own], f"{where}: {own} lies below {rest[0]}"
 
