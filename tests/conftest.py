@@ -19,7 +19,7 @@ from sharing import borrowed, processor_seconds
 HERE = Path(__file__).parent
 RECORD = HERE / "durations.json"
 #: Seconds that a test may cost, all its cases together, in each tier.
-MOST = {"quick": 0.6, "test": 20.0, "all": float("inf")}
+MOST = {"quick": 0.3, "test": 20.0, "all": float("inf")}
 #: What is checked before a change of fit, gap, search or parts is done, and not at every merge.
 ALL_ALONE = ("benchmarks", "blind", "learning")
 #: Cases from here on have a record of their own; below it is left out.
@@ -51,7 +51,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=[item for item in items if cost(item) > MOST[config.option.tier]])
     if hasattr(config, "workerinput"):
         of_file: dict[Path, float] = defaultdict(float)
-        for key in {recorded_as(item) for item in kept}:
+        for key in dict.fromkeys(map(recorded_as, kept)):  # each process sums in the same order
             of_file[HERE.parent / key.split("::")[0]] += COSTS.get(key, 0.0)
         kept.sort(key=lambda item: -of_file[item.path])
     items[:] = kept
