@@ -99,7 +99,7 @@ quick: $(STAMP)
 test: lint
 	$(TEST) --tier test $(ARGS)
 
-# three quarters of an hour: before a change of fit, gap, search or parts is done; first as a machine without torch has it
+# all of it: before a change of fit, gap, search or parts is done; first as a machine without torch has it
 test-all: newcomer
 	$(MAKE) setup-llm || echo "torch cannot be installed here: tests of language models and of learning are skipped" >&2
 	$(MAKE) setup-docs || echo "sphinx cannot be installed here: the documentation site is not built" >&2

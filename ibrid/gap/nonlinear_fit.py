@@ -115,9 +115,7 @@ class NonlinearSearch:
         return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
 
     def _normal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        if state not in self._slopes_of:
-            self._slopes_of[state] = self._slopes(state)
-        jacobian = self._slopes_of[state]
+        jacobian = self._jacobian(state)
         misfit = self.data.weight * (state.Y - self.data.admittance)
         _, down, hold = self.beliefs.pull(state.x[:-1])
         gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
@@ -181,6 +179,12 @@ class NonlinearSearch:
         """(C, 2) columns -> (K, M, L, 2, 2)."""
         return np.swapaxes(columns.reshape(*self.data.amplitude.shape, 2, 2), -1, -2)
 
+    def _jacobian(self, state: State) -> np.ndarray:
+        """The slopes at a state, taken once."""
+        if state not in self._slopes_of:
+            self._slopes_of[state] = self._slopes(state)
+        return self._slopes_of[state]
+
     def _slopes(self, state: State) -> np.ndarray:
         """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance anew."""
         columns = []
@@ -204,7 +208,7 @@ class NonlinearSearch:
         return np.nan_to_num(np.array(columns).T)
 
     def _described(self, state: State) -> NonlinearFit:
-        jacobian = self._slopes_of.get(state, self._slopes(state))
+        jacobian = self._jacobian(state)
         box = (self.high - self.low) ** -2.0
         data, prior = jacobian.T @ jacobian, np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box)
         unit = np.diag(data + prior) ** -0.5

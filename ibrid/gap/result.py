@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
-NOTEBOOK = "ibrid.report.notebook"
 Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
 
 

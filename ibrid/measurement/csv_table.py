@@ -61,7 +61,7 @@ def read_table(numbers: Sequence[int], lines: Sequence[str], columns: Columns, p
             rows = np.array(
                 [
                     _row(number, fields_of(number, line, path), columns, path)
-                    for number, line in zip(numbers[start:], some, strict=False)
+                    for number, line in zip(numbers[start : start + _BLOCK], some, strict=True)
                 ],
                 dtype=_row_type(columns, object),
             )

@@ -18,13 +18,13 @@ from ibrid_bench.baselines.sparse_model import sparse_model
 from ibrid_bench.baselines.tables import NOT_YET, page
 from ibrid_bench.baselines.terms import control_terms
 from ibrid_bench.baselines.vector_fit import vector_fit
+from ibrid_bench.ledger import Ledger
 from ibrid_bench.search.hidden import FREQUENCY
 from ibrid_bench.search.inverters import inverter, plant_of
 from ibrid_bench.search.trials import BUDGETS
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.ledger import Ledger
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.linear_sweep import state_space

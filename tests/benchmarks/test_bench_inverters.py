@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from collecting import each_of
+from ibrid_bench.ledger import Ledger
 from ibrid_bench.reference.__main__ import main
 from ibrid_bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
 from ibrid_bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
@@ -17,7 +18,6 @@ from ibrid_bench.search.trials import BUDGETS, rules_trial
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.ledger import Ledger
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.plants.published_forming import BEYOND

@@ -9,6 +9,7 @@ from ibrid_bench.language_model import __main__ as program
 from ibrid_bench.language_model.answering import SETTINGS, STATES, WAYS, answered, cases
 from ibrid_bench.language_model.page import page
 from ibrid_bench.language_model.questions import INVERTERS, PLACES, Question, questions
+from ibrid_bench.ledger import NAME, Ledger
 from ibrid_policy import smollm2
 from ibrid_policy.interface import Sampled
 from ibrid_search.edits import edit_between
@@ -17,7 +18,6 @@ from ibrid_search.running import search
 from scripted_search import context_of
 
 import ibrid
-from ibrid.ledger import NAME, Ledger
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers"))
 needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")

@@ -44,6 +44,7 @@ from ibrid_bench.learning.tables import (
     updates_table,
 )
 from ibrid_bench.learning.updates import told
+from ibrid_bench.ledger import NAME, Ledger
 from ibrid_bench.search.inverters import inverter
 from ibrid_policy.experience.drawn_diagram import drawn_diagram
 from ibrid_policy.experience.examples import held_out_family
@@ -55,7 +56,6 @@ from ibrid_search.store import Store
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.ledger import NAME, Ledger
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
 

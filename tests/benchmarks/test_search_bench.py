@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ibrid_bench.ledger import NAME, Ledger
 from ibrid_bench.search import speed_table
 from ibrid_bench.search.__main__ import main
 from ibrid_bench.search.inverters import hardware, inverter
@@ -18,7 +19,6 @@ from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.ledger import NAME, Ledger
 
 FOLDER = Path("nowhere")
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))

@@ -87,7 +87,9 @@ def test_each_of_two_devices_is_looked_at_by_itself():
     first, second = views_of(textbook("parallel_gfl_gfm"), VOCABULARY)
     assert (first.roles.plant, second.roles.plant) == ("gfl_plant", "gfm_plant")
     assert (first.roles.frequency, second.roles.frequency) == ("gfl_pll", "gfm_p_droop")
+    whole = {instance.name for instance in textbook("parallel_gfl_gfm").instances}
     assert not set(first.draft.instances) & set(second.draft.instances)
+    assert {*first.draft.instances, *second.draft.instances} == whole - {"gfl_share"}
     assert second.draft.named("SRF_PLL", "Rot_v") == ["gfm_park_v"]
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 from ibrid_bench.baselines.case import INVERTERS, Case, cases_of
 from ibrid_bench.baselines.methods import METHODS, Effort, measured, placed, row_key
 from ibrid_bench.baselines.tables import heading, line, page
+from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.search.scoring import Search
 from ibrid_bench.search.trials import BUDGETS
 from ibrid_search.running import search as run_search
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
-from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 
 

@@ -17,10 +17,10 @@ from ibrid_bench.gap.examination import examine
 from ibrid_bench.gap.scoring import Row
 from ibrid_bench.gap.tables import report, trial_line
 from ibrid_bench.gap.trials import NUMBERS, UNSTATED, Trial, design, unstated
+from ibrid_bench.ledger import Ledger, resumable
 
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
-from ibrid.ledger import Ledger, resumable
 
 CASES, QUICK = 200, 20
 

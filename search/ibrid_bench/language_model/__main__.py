@@ -16,11 +16,11 @@ from ibrid_bench.language_model.answering import SETTINGS, STATES, Case, Guided,
 from ibrid_bench.language_model.page import line, page
 from ibrid_bench.language_model.questions import Question, questions
 from ibrid_bench.learning.arms import weights_digest
+from ibrid_bench.ledger import Ledger, resumable
 from ibrid_policy.smollm2 import smollm2
 from ibrid_search.running import search as run_search
 
 from ibrid.errors import IbridError
-from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 
 

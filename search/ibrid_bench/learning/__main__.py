@@ -16,12 +16,12 @@ from ibrid_bench.learning.comparison import current, longest_of_chance
 from ibrid_bench.learning.measuring import Search, measured
 from ibrid_bench.learning.page import measured_of, page
 from ibrid_bench.learning.tables import arms_table, heading, line, pairs_table, sentences
+from ibrid_bench.ledger import NAME, Ledger, resumable
 from ibrid_policy.learning.settings import profile
 from ibrid_search.running import search as run_search
 
 from ibrid.commands.inputs import count, positive
 from ibrid.errors import IbridError
-from ibrid.ledger import NAME, Ledger, resumable
 from ibrid.writing import require_place, write_whole
 
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.reference.rows import INVERTERS, TASKS, Effort, FindGap, Task, measured, tasks
 from ibrid_bench.reference.tables import heading, line, page
 from ibrid_bench.search.scoring import Search
@@ -19,7 +20,6 @@ from ibrid_search.running import search as run_search
 from ibrid.commands.inputs import count
 from ibrid.errors import IbridError, near
 from ibrid.gap.workflow import find_gap
-from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 
 

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.search.page import page
 from ibrid_bench.search.scoring import Search, perform
 from ibrid_bench.search.speed_table import speed_lines
@@ -20,7 +21,6 @@ from ibrid_search.running import search as run_search
 
 from ibrid.commands.inputs import count, natural
 from ibrid.errors import IbridError
-from ibrid.ledger import Ledger, resumable
 from ibrid.writing import require_place, write_whole
 
 #: Seeds and budget of --quick: an hour less, nothing to quote.

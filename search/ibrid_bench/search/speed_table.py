@@ -8,10 +8,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from ibrid_bench.ledger import Ledger
 from ibrid_bench.search.scoring import Rows, Search
 from ibrid_bench.search.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace, policy_step
-
-from ibrid.ledger import Ledger
 
 #: A search whose paces are compared lasts this many evaluations.
 EVALUATIONS = 500
