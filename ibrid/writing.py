@@ -1,7 +1,8 @@
-"""A result file appears whole or not at all, and what can go wrong on disk is one sentence."""
+"""What is written: columns of text, and result files, which appear whole or not at all, a failure being one sentence."""
 
 import os
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -107,3 +108,13 @@ def _umask() -> int:
 def _refused(path: Path, error: Exception) -> IbridError:
     why = getattr(error, "strerror", None) or str(error)
     return IbridError(f"{str(path)[:200]}: cannot be written ({why}); choose another place")
+
+
+def aligned(rows: Iterable[Iterable[str]], indent: str = "") -> str:
+    """Left-aligned columns, two spaces apart; the last column may be of any width."""
+    cells = [list(row) for row in rows]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
+    return "\n".join(
+        (indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))).rstrip()
+        for row in cells
+    )

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands.outputs import complain
-from ibrid.markdown import aligned
+from ibrid.writing import aligned
 
 if TYPE_CHECKING:
     from ibrid.modules.kind import ModuleKind, Range

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from ibrid.markdown import aligned
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
+from ibrid.writing import aligned
 
 #: Nominal angular frequency at which the matrices of a kind are shown, rad/s.
 OMEGA_SHOWN = 2 * 3.141592653589793 * 60

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import evaluated, measured
+from ibrid_bench.fit.behind_grid import critical_ratio, step_behind_grid
 from page_reader import Reader
 from scipy.linalg import eig
 from sharing import shared
@@ -22,7 +23,6 @@ from ibrid.evaluation.record import Record
 from ibrid.evaluation.recording import record_at
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants import PLANTS, operating_point, state_space
-from ibrid.plants.behind_grid import critical_ratio, step_behind_grid
 from ibrid.structure.program import parse_program
 
 OMEGA_0 = 2 * np.pi * 60

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
+from effects_page import effects_table
 
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
-from ibrid.gap.effects_table import effects_table
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.parts import Edit, Effect, Insertion, Move, Strength, view_of
 from ibrid.parts.catalogue import CATALOGUE, insertions
@@ -136,7 +136,7 @@ def test_an_effect_travels_to_another_process(one):
 def test_the_table_for_people_is_that_of_the_catalogue():
     page = Path(__file__).resolve().parents[2].joinpath("docs", "effects.md").read_text(encoding="utf-8")
     table = effects_table(CATALOGUE)
-    assert table in page, "docs/effects.md: put in what ibrid.gap.effects_table.effects_table(CATALOGUE) returns"
+    assert table in page, "docs/effects.md: put in what effects_table(CATALOGUE) of docs/making/effects_page.py returns"
     assert page.count("\n| `") == len(CATALOGUE)
     (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(compile(example, "docs/effects.md", "exec"), {})

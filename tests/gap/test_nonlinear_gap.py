@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from effects_page import effects_list
 from ibrid_bench.hidden.__main__ import main as generate
 from ibrid_bench.hidden.case import Case, write_case
 from ibrid_bench.hidden.nonlinear import Nonlinearity
@@ -14,7 +15,6 @@ from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.effects_table import effects_list
 from ibrid.gap.files import gap_json
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.nonlinear_fit import NonlinearSearch, State

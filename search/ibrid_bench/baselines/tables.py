@@ -6,9 +6,8 @@ from typing import Any
 from ibrid_bench.baselines.answer import Row
 from ibrid_bench.baselines.case import Case
 from ibrid_bench.baselines.methods import METHODS
+from ibrid_bench.markdown import markdown_table
 from ibrid_bench.search.tables import error_words
-
-from ibrid.markdown import markdown_table
 
 HEADER = (
     "method",

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from ibrid_bench.fit.behind_grid import critical_ratio
 from ibrid_bench.fit.devices import FREQUENCY
 
 from ibrid.analysis.stability import stability
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.plants.behind_grid import critical_ratio
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
 from ibrid.structure.program import parse_program

@@ -5,10 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from ibrid_bench.gap.share import Share
 from ibrid_bench.language_model.answering import SETTINGS, STATES, WAYS, Row
 from ibrid_bench.language_model.questions import BUDGET, INVERTERS, PLACES
+from ibrid_bench.markdown import markdown_table
 from ibrid_policy.learning.updates import mean_of_known
 from ibrid_search.step import Status
-
-from ibrid.markdown import markdown_table
 
 #: What became of an answer, as columns: the ends of a proposal that each stands for.
 ENDS: Mapping[str, tuple[Status, ...]] = {

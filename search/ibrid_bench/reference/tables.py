@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from ibrid_bench.markdown import markdown_table
 from ibrid_bench.reference.rows import FROM_TEXTBOOK, Task
 from ibrid_bench.search.tables import error_words, verdict_words
-
-from ibrid.markdown import markdown_table
 
 Row = Mapping[str, Any]
 #: By the keys of their tasks.

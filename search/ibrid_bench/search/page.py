@@ -3,10 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from ibrid_bench.markdown import markdown_table
 from ibrid_bench.search.speed_table import known_speed_lines
 from ibrid_bench.search.tables import error_words, groups, median_of, median_to_limit, verdict_words
-
-from ibrid.markdown import markdown_table
 
 Row = Mapping[str, Any]
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from ibrid.markdown import markdown_table
+from ibrid_bench.markdown import markdown_table
+
 from ibrid.parts.practice import Effect
 
 HEADER = ("id", "law", "tried", "shows", "looks like", "told apart by")

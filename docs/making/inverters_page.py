@@ -1,10 +1,8 @@
-"""All shipped reference inverters as a page for people: `python -m ibrid.plants.inverters_table > docs/inverters.md`."""
-
-import sys
+"""The page about the reference inverters that ship: what each is, and where its values come from."""
 
 import numpy as np
+from ibrid_bench.markdown import markdown_table
 
-from ibrid.markdown import markdown_table
 from ibrid.plants.benchmarks import Benchmark, recipes
 from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.published import PLANTS
@@ -13,7 +11,7 @@ from ibrid.plants.reference import ReferenceInverter
 HEADER = ("sweep", "plant", "what", "states", "slowest pole, rad/s")
 _TOP = """# Reference inverters
 
-Made by `python -m ibrid.plants.inverters_table > docs/inverters.md`; a test compares the two.
+Made by `python docs/making/write_pages.py`; a test compares the two.
 
 Each is a nonlinear averaged model with known parameters, its equilibrium, a block diagram with true values, and a sweep in
 `data/`. Sweeps by linearisation and by injection into the simulation agree to 1e-3, the diagram with true values reproduces the
@@ -51,7 +49,3 @@ def _row(benchmark: Benchmark) -> tuple[str, ...]:
 
 def _slowest(plant: ReferenceInverter) -> float:
     return max(float(np.real(state_space(plant, op).poles).max()) for op in plant.operating_points)
-
-
-if __name__ == "__main__":
-    sys.stdout.write(inverters_page())
