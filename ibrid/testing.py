@@ -177,9 +177,6 @@ def _of_insertion(given: Diagram, insertion: Insertion, kinds: Vocabulary, measu
     free = {entry.name: entry for entry in parameter_table(wire(insertion.diagram, kinds), "exact").free}
     if undeclared := free.keys() - before - insertion.parameters.keys():
         yield f"{where}: every new free parameter needs a Strength, found none for {', '.join(sorted(undeclared))}"
-    if unknown := insertion.parameters.keys() - free.keys():
-        yield f"{where}: strengths belong to free parameters of the edited program, it has no {', '.join(sorted(unknown))}"
-        return
     if len({len(bank) for bank in insertion.parameters.values()}) > 1:
         yield f"{where}: the banks of one insertion have one length, their j-th numbers belong together"
     for name, bank in insertion.parameters.items():

@@ -44,11 +44,11 @@ def _ports_of(view: View) -> list[Port]:
     found = []
     for place in (*places_in_series(view), *missing_paths(view)):
         try:
-            port = Port(place.name, place.words, *view.drawn(place.edit))
+            drawn = view.drawn(place.edit)
         except NotInVocabulary:
             continue
-        if not violations(port.diagram, view.kinds):
-            found.append(port)
+        if not violations(drawn.diagram, view.kinds):
+            found.append(Port(place.name, place.words, drawn.diagram, drawn.result))
     return found
 
 

@@ -16,10 +16,10 @@ def _shunt_capacitance(view: View) -> Iterator[Move]:
         yield Move.at("remove", where, lambda draft, name=name: draft.remove(name))
     if not present:
 
-        def shunt(draft: Edit) -> dict[str, Strength]:
-            name = draft.add("Shunt_RC", "shunt")
+        def shunt(draft: Edit) -> None:
+            strengths = {"R": Strength((0.05, 0.1, 0.2)), "C": Strength((0.01, 0.04, 0.15), 1e-12)}
+            name = draft.add("Shunt_RC", "shunt", **strengths)
             draft.chain(TERMINAL_VOLTAGE, f"{name}.v", f"{name}.i", TERMINAL_CURRENT)
-            return {f"{name}.R": Strength((0.05, 0.1, 0.2)), f"{name}.C": Strength((0.01, 0.04, 0.15), 1e-12)}
 
         yield Move.at("add", "from the PCC (v_DQ, i_DQ) to neutral", shunt)
 
@@ -53,8 +53,9 @@ def second_device(view: View) -> Iterator[Move]:
         return
 
     def beside(draft: Edit) -> None:
-        share, plant = draft.add("Share", "share"), draft.add("LFilter", "plant")
-        gain = draft.add("Gain_dq", "gain")
+        half = Strength((0.3, 0.5, 0.7))
+        share, plant = draft.add("Share", "share", share_p=half, share_q=half), draft.add("LFilter", "plant")
+        gain = draft.add("Gain_dq", "gain", k=Strength((0.1, 0.3, 1.0)))
         draft.chain(TERMINAL_VOLTAGE, f"{share}.v_DQ", f"{share}.v", f"{plant}.v_in", f"{share}.v", f"{gain}.in_")
         draft.chain(f"{gain}.out", f"{plant}.u_r", f"{plant}.i_g", TERMINAL_CURRENT)
 

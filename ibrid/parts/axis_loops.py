@@ -7,13 +7,12 @@ from ibrid.parts.edit import Edit, Strength, pi_gains
 from ibrid.parts.paths import drive_axis, regulates, regulator
 from ibrid.parts.practice import Effect, Family
 from ibrid.parts.view import Move, View
-from ibrid.structure.wiring import split_port
 
 
 def _axis_loop(view: View, axis: str, what: str, there: str, power: str, source: str, draw) -> Iterator[Move]:
     """An effect that regulates an axis of the reference in the place of a power.
 
-    what, there : what it regulates, and in words. source : of what comes in. draw : (draft, view, vanishes) -> strengths.
+    what, there : what it regulates, and in words. source : of what comes in. draw : (draft, view, vanishes) puts it in.
     """
     present = regulator(view, axis)
     measured = regulates(view, present)
@@ -30,10 +29,10 @@ def _ac_voltage_loop(view: View) -> Iterator[Move]:
     return _axis_loop(view, "in_q", "voltage", there, "q", source, _with_ac_voltage)
 
 
-def _with_ac_voltage(draft: Edit, view: View, vanishes: bool, kind: str = "Magnitude") -> dict[str, Strength]:
-    loop = draft.after(draft.after(view.roles.voltage, kind, "e_size"), "PI", "ac_voltage")
+def _with_ac_voltage(draft: Edit, view: View, vanishes: bool, kind: str = "Magnitude") -> None:
+    gains = pi_gains((0.05, 0.2, 1.0), (5.0, 30.0, 150.0), vanishes=vanishes)
+    loop = draft.after(draft.after(view.roles.voltage, kind, "e_size"), "PI", "ac_voltage", **gains)
     drive_axis(draft, loop, view.roles.reference, "in_q")
-    return pi_gains(split_port(loop)[0], (0.05, 0.2, 1.0), (5.0, 30.0, 150.0), vanishes=vanishes)
 
 
 AC_VOLTAGE_LOOP = Effect(
@@ -51,13 +50,11 @@ def _dc_link(view: View) -> Iterator[Move]:
     return _axis_loop(view, "in_d", "dc", "the loop of the DC voltage, and the DC link", "p", "v_dc", _with_dc_link)
 
 
-def _with_dc_link(draft: Edit, view: View, vanishes: bool) -> dict[str, Strength]:
-    capacitor = draft.add("DC_link", "dc_link")  # its u follows the command
+def _with_dc_link(draft: Edit, view: View, vanishes: bool) -> None:
+    capacitor = draft.add("DC_link", "dc_link", C_dc=Strength((0.05, 0.02, 0.008)))  # its u follows the command
     draft.connect(view.roles.current, f"{capacitor}.i")
-    loop = draft.after(f"{capacitor}.v_dc", "PI", "dc_voltage")
-    drive_axis(draft, loop, view.roles.reference, "in_d")
-    gains = pi_gains(split_port(loop)[0], (2.0, 1.5, 1.0), (80.0, 50.0, 20.0), vanishes=vanishes)
-    return {f"{capacitor}.C_dc": Strength((0.05, 0.02, 0.008)), **gains}
+    gains = pi_gains((2.0, 1.5, 1.0), (80.0, 50.0, 20.0), vanishes=vanishes)
+    drive_axis(draft, draft.after(f"{capacitor}.v_dc", "PI", "dc_voltage", **gains), view.roles.reference, "in_d")
 
 
 DC_LINK = Effect(

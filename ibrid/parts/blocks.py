@@ -6,7 +6,7 @@ from itertools import combinations
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.parts.edit import Edit
 from ibrid.parts.practice import Family
-from ibrid.parts.shaping import STEMS, shapers, stem
+from ibrid.parts.shaping import ANYWHERE, STEMS, shape, shapers, stem
 from ibrid.parts.view import Move, View
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.wiring import split_port
@@ -40,7 +40,8 @@ def exchange(view: View) -> Iterator[Move]:
             for kind in view.known(other):
 
                 def swap(draft: Edit, name: str = name, kind: str = kind) -> None:
-                    draft.replace(name, kind, f"{name}_{kind.lower()}" if name in STEMS.values() else name)
+                    called = f"{name}_{kind.lower()}" if name in STEMS.values() else name
+                    draft.replace(name, kind, called, **shape(draft, kind, ANYWHERE))
 
                 weight = 2.0 if (does, other) in USUAL_EXCHANGES else 0.5
                 yield Move(f"{kind} in place of the {view.kind(name)} {name}", swap, weight)
@@ -79,7 +80,7 @@ def any_wire(view: View) -> Iterator[Move]:
         for kind in shapers(view, view.draft.signal(source)):
 
             def put(draft: Edit, kind: str = kind, source: str = source, target: str = target) -> None:
-                draft.insert(source, [target], kind, stem(kind))
+                draft.insert(source, [target], kind, stem(kind), **shape(draft, kind, ANYWHERE))
 
             yield Move(f"{kind} between {source} and {target}", put)
 

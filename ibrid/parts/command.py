@@ -6,19 +6,22 @@ from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Strength, cutoff
 from ibrid.parts.paths import lags
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
-from ibrid.parts.shaping import in_line, put_before, put_behind, shapers
+from ibrid.parts.shaping import DELAY_TIME, in_line, put_before, put_behind, shapers
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
 
 DELAYS = (Element.DELAY, Element.PADE)
-DELAY_TIME = Strength((5e-5, 1.5e-4, 4e-4), 0.0)
+#: Of a converter modelled or built as a lag.
+CORNER = cutoff(3000, 1000, 400)
 
 
 def _lagged(view: View, kind: str, stem: str, elements: tuple[Element, ...], says: str, **strengths: Strength):
     command = view.roles.command
     present = [name for name in lags(view) if view.element(name) in elements]
-    places = {f"before {command}, on all that drives it": lambda draft: draft.insert_before(command, kind, stem)}
-    return in_line(present, f"{{}}, which {says} {command}", places, **strengths)
+    places = {
+        f"before {command}, on all that drives it": lambda draft: draft.insert_before(command, kind, stem, **strengths)
+    }
+    return in_line(present, f"{{}}, which {says} {command}", places)
 
 
 def _control_delay(view: View) -> Iterator[Move]:
@@ -39,7 +42,7 @@ CONTROL_DELAY = Effect(
 
 def _command_filter(view: View) -> Iterator[Move]:
     filters = (Element.LOW_PASS,)
-    return _lagged(view, "LPF1_dq", "command_filter", filters, "filters", omega_c=cutoff(3000, 1000, 400))
+    return _lagged(view, "LPF1_dq", "command_filter", filters, "filters", omega_c=CORNER)
 
 
 COMMAND_FILTER = Effect(
@@ -57,9 +60,10 @@ def command_delay(view: View) -> Iterator[Move]:
     """On the way to the converter: the whole command, or the controller's part without what is fed forward."""
     roles = view.roles
     for kind in reversed(shapers(view, Signal.DQ_VEC)):
-        yield put_before(f"{kind} on the whole command", roles.command, kind, "command")
+        yield put_before(f"{kind} on the whole command", roles.command, kind, "command", CORNER)
         if roles.current_loop:
-            yield put_behind(f"{kind} behind the current controller", f"{roles.current_loop}.out", kind, "command")
+            note = f"{kind} behind the current controller"
+            yield put_behind(note, f"{roles.current_loop}.out", kind, "command", CORNER)
 
 
 def delayed(view: View) -> bool:

@@ -3,15 +3,17 @@
 from collections.abc import Iterable, Iterator
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.command import DELAY_TIME, DELAYS
+from ibrid.parts.command import DELAYS
 from ibrid.parts.edit import Edit, Strength, cutoff
 from ibrid.parts.paths import current_entries, current_path, decouplings, grid_current, measured_current
 from ibrid.parts.practice import Effect, Family
-from ibrid.parts.shaping import in_line, put_behind, shapers
+from ibrid.parts.shaping import DELAY_TIME, in_line, put_behind, shapers
 from ibrid.parts.view import Move, View, of_circuit
 from ibrid.signals import Signal
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
+
+CORNER = cutoff(4000, 1500, 500)
 
 
 def _shaped(view: View, kind: str, stem: str, elements: tuple[Element, ...], says: str, **strengths: Strength):
@@ -19,10 +21,12 @@ def _shaped(view: View, kind: str, stem: str, elements: tuple[Element, ...], say
     current = measured_current(view)
     present = [name for name in current_path(view) if view.element(name) in elements]
     places = {
-        f"behind {current}, for {what}": lambda draft, entries=entries: draft.insert(current, entries, kind, stem)
+        f"behind {current}, for {what}": lambda draft, entries=entries: draft.insert(
+            current, entries, kind, stem, **strengths
+        )
         for what, entries in current_entries(view).items()
     }
-    return in_line(present, f"{{}}{says} {current}", places, **strengths)
+    return in_line(present, f"{{}}{says} {current}", places)
 
 
 def _measurement_delay(view: View) -> Iterator[Move]:
@@ -42,7 +46,7 @@ MEASUREMENT_DELAY = Effect(
 
 def _current_filter(view: View) -> Iterator[Move]:
     filters = (Element.LOW_PASS,)
-    for move in _shaped(view, "LPF1_dq", "current_filter", filters, " behind", omega_c=cutoff(4000, 1500, 500)):
+    for move in _shaped(view, "LPF1_dq", "current_filter", filters, " behind", omega_c=CORNER):
         yield move
         if move.change == "remove":
             yield from _other_extent(view, move.where.split()[0])
@@ -109,10 +113,10 @@ def current_filters(view: View) -> Iterator[Move]:
     current = view.roles.current
     control = in_control(view.draft, current)
     for kind in shapers(view, Signal.DQ_VEC) if control else ():
-        yield put_behind(f"{kind} on the measured current", current, kind, "current", control, 2.0)
+        yield put_behind(f"{kind} on the measured current", current, kind, "current", CORNER, control, 2.0)
         for target in control if len(control) > 1 else []:
             note = f"{kind} on the measured current to {split_port(target)[0]} alone"
-            yield put_behind(note, current, kind, "current", [target])
+            yield put_behind(note, current, kind, "current", CORNER, [target])
 
 
 def other_current(view: View) -> Iterator[Move]:

@@ -1,6 +1,7 @@
 """The filter's resonance damped by the controller: the capacitor's current, or the fast part of its voltage, fed back."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength, cutoff
@@ -8,7 +9,6 @@ from ibrid.parts.paths import grid_current, join, joins_command, loops, path
 from ibrid.parts.practice import Effect, Family, where_missing
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
-from ibrid.structure.wiring import split_port
 
 
 def damping_gains(view: View) -> list[str]:
@@ -29,7 +29,11 @@ def damping_gains(view: View) -> list[str]:
     ]
 
 
-def _active_damping(view: View) -> Iterator[Move]:
+def active_damping(view: View) -> Iterator[Move]:
+    """By the capacitor's current, or by the fast part of it or of its voltage, fed to the command.
+
+    An effect has its gain in the sense of its law, above zero; of what a search tries the gain carries the sign.
+    """
     roles = view.roles
     if not roles.lcl:
         return
@@ -37,19 +41,26 @@ def _active_damping(view: View) -> Iterator[Move]:
     where = f"{i_c} to {roles.command}"
     for name in present:
         yield Move.at("remove", f"{name}, {where}", lambda draft, name=name: draft.remove(name))
-    for high_passed in (False, True) if not present else ():
+    for fast in (False, True) if not present else ():
+        yield Move.at("add", f"{where}{', high-passed' * fast}", partial(_damp, view=view, port=i_c, fast=fast))
+    if view.known("Gain_dq"):
+        signed = partial(_damp, view=view, signed=True)
+        yield Move("active damping by the capacitor current", partial(signed, port=i_c, fast=False))
+        if view.known("LPF1_dq"):
+            fast = partial(signed, port=roles.voltage, fast=True)
+            yield Move("active damping by the fast part of the filter voltage", fast)
 
-        def damping(draft: Edit, high_passed: bool = high_passed) -> dict[str, Strength]:
-            name, strengths = draft.add("Gain_dq", "active_damping"), {}
-            draft.connect(draft.negated(i_c), f"{name}.in_")
-            if high_passed:
-                slow = draft.after(i_c, "LPF1_dq", "damping_filter")
-                draft.connect(slow, f"{name}.in_")
-                strengths = {f"{split_port(slow)[0]}.omega_c": cutoff(100, 200, 500, nothing=None)}
-            join(draft, view, f"{name}.out")
-            return {f"{name}.k": Strength((0.05, 0.2, 0.7), 0.0), **strengths}
 
-        yield Move.at("add", f"{where}{', high-passed' * high_passed}", damping)
+def _damp(draft: Edit, view: View, port: str, *, fast: bool, signed: bool = False) -> None:
+    """Minus a gain of a signal, or of that less its low-pass, added to the command; `signed` : the gain has the sign."""
+    strength = Strength((-0.05, -0.2, -0.7), 0.0) if signed else Strength((0.05, 0.2, 0.7), 0.0)
+    gain = draft.add("Gain_dq", "damping" if signed else "active_damping", k=strength)
+    draft.connect(port if signed else draft.negated(port), f"{gain}.in_")
+    if fast:
+        corner = cutoff(*((200, 40, 8) if signed else (100, 200, 500)), nothing=None)
+        slow = draft.after(port, "LPF1_dq", "damping_filter", omega_c=corner)
+        draft.connect(draft.negated(slow) if signed else slow, f"{gain}.in_")
+    join(draft, view, f"{gain}.out")
 
 
 ACTIVE_DAMPING = Effect(
@@ -59,28 +70,8 @@ ACTIVE_DAMPING = Effect(
     signature="the resonance, usually 0.5 to 2 kHz; all entries alike, the same at every operating point",
     confused_with=("capacitor_damping", "current_sensor", "voltage_feedforward"),
     told_apart_by="ten points or more across the resonance; a delay of the command shows damping by the controller",
-    moves=_active_damping,
+    moves=active_damping,
 )
-
-
-def active_damping(view: View) -> Iterator[Move]:
-    """By the capacitor's current, or by the fast part of its voltage, fed to the command; the sign is that of the gain."""
-    roles = view.roles
-    if not roles.lcl or not view.known("Gain_dq"):
-        return
-
-    def current(draft: Edit) -> None:
-        join(draft, view, draft.after(f"{roles.plant}.i_C", "Gain_dq", "damping"))
-
-    yield Move("active damping by the capacitor current", current)
-    if view.known("LPF1_dq"):
-
-        def fast(draft: Edit) -> None:
-            slow, gain = draft.after(roles.voltage, "LPF1_dq", "damping_filter"), draft.add("Gain_dq", "damping")
-            draft.chain(roles.voltage, f"{gain}.in_", draft.negated(slow), f"{gain}.in_")
-            join(draft, view, f"{gain}.out")
-
-        yield Move("active damping by the fast part of the filter voltage", fast)
 
 
 def damped(view: View) -> bool:

@@ -1,6 +1,6 @@
 """The cross coupling of filter inductance and capacitor cancelled, at the nominal frequency or that of the synchronisation."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from ibrid.modules.behaviour import COUPLINGS, Element
 from ibrid.parts.edit import Edit, Strength
@@ -22,19 +22,20 @@ def couplings_at_hand(view: View) -> tuple[str, ...]:
     return view.known(*(REACTANCES if view.roles.frequency is not None else REACTANCES[:1]))
 
 
-def cross_coupling(draft: Edit, view: View, name: str, *, vanishes: bool) -> dict[str, Strength]:
-    """Give a new coupling the frequency of the frame where it takes one; its strengths, in the unit of its kind."""
+def cross_coupling(draft: Edit, view: View, name: str, *, vanishes: bool) -> None:
+    """Give a new coupling the frequency of the frame where it takes one, and strengths in the unit of its kind."""
     measured = draft.kind(name).element is Element.COUPLING_AT_FREQUENCY
     for source in frequency_sources(draft, view) if measured else ():
         draft.connect(source, f"{name}.delta_omega")
     unit = 1.0 if measured else NOMINAL
-    return {f"{name}.L": Strength(tuple(one / unit for one in INDUCTANCES), 0.0 if vanishes else None)}
+    draft.usually(name, L=Strength(tuple(one / unit for one in INDUCTANCES), 0.0 if vanishes else None))
 
 
-def coupled(draft: Edit, view: View, source: str, kind: str, stem: str) -> tuple[str, dict[str, Strength]]:
-    """The output of a new coupling behind a source, and its strengths."""
+def coupled(draft: Edit, view: View, source: str, kind: str, stem: str) -> str:
+    """The output of a new coupling behind a source."""
     port = draft.after(source, kind, stem)
-    return port, cross_coupling(draft, view, split_port(port)[0], vanishes=True)
+    cross_coupling(draft, view, split_port(port)[0], vanishes=True)
+    return port
 
 
 def other_form(view: View, name: str, stem: str, where: str, note: str = "") -> Move | None:
@@ -44,9 +45,9 @@ def other_form(view: View, name: str, stem: str, where: str, note: str = "") -> 
     if not kinds or (nominal and not frequency_sources(view.draft, view)):
         return None
 
-    def draw(draft: Edit) -> dict[str, Strength]:
+    def draw(draft: Edit) -> None:
         fresh = draft.replace(name, kinds[0], f"{stem}_{'pll' if nominal else 'nominal'}")
-        return cross_coupling(draft, view, fresh, vanishes=False)
+        cross_coupling(draft, view, fresh, vanishes=False)
 
     return Move(note or f"{kinds[0]} in place of the {view.kind(name)} {name}", draw, where=where)
 
@@ -63,13 +64,7 @@ def _decoupling(view: View) -> Iterator[Move]:
         if move := other_form(view, name, "decoupling", where):
             yield move
     for kind in couplings_at_hand(view) if not present else ():
-
-        def draw(draft: Edit, kind: str = kind) -> dict[str, Strength]:
-            port, strengths = coupled(draft, view, current, kind, "decoupling")
-            join(draft, view, port)
-            return strengths
-
-        yield Move.at("add", f"{current} to {roles.command} ({kind})", draw)
+        yield Move.at("add", f"{current} to {roles.command} ({kind})", _added(view, current, roles.command, kind))
 
 
 DECOUPLING = Effect(
@@ -100,11 +95,12 @@ def voltage_decoupling(view: View) -> Iterator[Move]:
 
 def _crossed(view: View, port: str, target: str, words: str, stem: str) -> Iterator[Move]:
     for kind, frequency in zip(couplings_at_hand(view), ("nominal", "measured"), strict=False):
-
-        def draw(draft: Edit, kind: str = kind) -> None:
-            join(draft, view, coupled(draft, view, port, kind, stem)[0], target)
-
+        draw = _added(view, port, target, kind, stem)
         yield Move(f"decoupling of the {words} with the {frequency} frequency", draw)
+
+
+def _added(view: View, port: str, target: str, kind: str, stem: str = "decoupling") -> Callable[[Edit], None]:
+    return lambda draft: join(draft, view, coupled(draft, view, port, kind, stem), target)
 
 
 def decoupled(view: View) -> bool:

@@ -1,9 +1,9 @@
 """Droops: frequency and voltage that act on the references of p and q, and reactive power that acts on the voltage."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.edit import Edit, Strength, cutoff, pi_gains
 from ibrid.parts.paths import drive_axis, frequency_sources, path, power_block, regulates, regulator
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.shaping import bypassed
@@ -11,7 +11,14 @@ from ibrid.parts.view import Move, View
 from ibrid.structure.wiring import split_port
 
 #: Strengths of the two droops: k_f/omega_0 at 60 Hz for k_f of 2, 10, 40; k_v in per unit of q over per unit of voltage.
-DROOPS = {"frequency_droop": (0.005, 0.026, 0.1), "voltage_droop": (0.5, 2.0, 8.0)}
+#: A search tries them with the sign in the gain.
+DROOPS = {
+    "frequency_droop": Strength((0.005, 0.026, 0.1), 0.0),
+    "frequency_droop, signed": Strength((-0.005, -0.026, -0.1), 0.0),
+    "voltage_droop": Strength((0.5, 2.0, 8.0), 0.0),
+    "q_droop": Strength((0.02, 0.07, 0.3)),
+}
+SLOW = cutoff(10, 5, 2, nothing=None)
 
 
 def _frequency_droop(view: View) -> Iterator[Move]:
@@ -48,25 +55,29 @@ def _droop(
         for name in filters:
             yield bypassed(name, f"{where}, without the filter {name}", "replace")
         if not filters:
-
-            def filtered(draft: Edit) -> dict[str, Strength]:
-                name = draft.insert_before(f"{blocks[0]}.in_", "LPF1", "droop_filter")
-                return {f"{name}.omega_c": cutoff(100, 10, 2)}
-
-            yield Move.at("replace", f"{where}, behind a low-pass", filtered)
+            entry, corner = f"{blocks[0]}.in_", cutoff(100, 10, 2)
+            yield Move.at(
+                "replace",
+                f"{where}, behind a low-pass",
+                lambda draft: draft.insert_before(entry, "LPF1", "droop_filter", omega_c=corner),
+            )
         return
-    for low_pass in (False, True):
+    for filtered in (False, True):
 
-        def droop(draft: Edit, low_pass: bool = low_pass) -> dict[str, Strength]:
-            port, strengths = signed(draft), {}
-            if low_pass:
-                port = draft.after(port, "LPF1", "droop_filter")
-                strengths = {f"{split_port(port)[0]}.omega_c": cutoff(10, 5, 2, nothing=None)}
-            gain = draft.after(port, "Gain", effect)
-            draft.connect(gain, target)
-            return {f"{split_port(gain)[0]}.k": Strength(DROOPS[effect], 0.0), **strengths}
+        def droop(draft: Edit, stem: str = "droop_filter" if filtered else "") -> None:
+            draft.connect(_gain(draft, [signed(draft)], effect, DROOPS[effect], stem), target)
 
-        yield Move.at("add", where + (", behind a low-pass" if low_pass else ""), droop)
+        yield Move.at("add", where + ", behind a low-pass" * filtered, droop)
+
+
+def _gain(draft: Edit, sources: Iterable[str], name: str, strength: Strength, low_pass: str) -> str:
+    """The output of a gain of some sources, behind a low-pass unless its name is ""."""
+    gain = draft.add("Gain", name, k=strength)
+    for source in sources:
+        draft.connect(source, f"{gain}.in_")
+    if low_pass:
+        draft.insert_before(f"{gain}.in_", "LPF1", low_pass, omega_c=SLOW)
+    return f"{gain}.out"
 
 
 FREQUENCY_DROOP = Effect(
@@ -96,17 +107,12 @@ def frequency_droop(view: View) -> Iterator[Move]:
     if roles.frequency is None or not view.known("Gain"):
         return
     for name in roles.outer:
-        if view.element(name) is not Element.PI:
-            continue
-        for filtered in (False, True):
+        for filtered in (False, True) if view.element(name) is Element.PI else ():
 
-            def droop(draft: Edit, name: str = name, filtered: bool = filtered) -> None:
-                gain = draft.add("Gain", "frequency_droop")
-                for source in frequency_sources(draft, view):
-                    draft.connect(source, f"{gain}.in_")
-                draft.connect(f"{gain}.out", f"{name}.in_")
-                if filtered:
-                    draft.insert_before(f"{gain}.in_", "LPF1", "frequency_filter")
+            def droop(draft: Edit, target: str = f"{name}.in_", stem: str = "frequency_filter" * filtered) -> None:
+                strength = DROOPS["frequency_droop, signed"]
+                gain = _gain(draft, frequency_sources(draft, view), "frequency_droop", strength, stem)
+                draft.connect(gain, target)
 
             yield Move(f"a droop of the {'filtered ' * filtered}frequency to {name}", droop)
 
@@ -117,20 +123,25 @@ def reactive_droop(view: View) -> Iterator[Move]:
     if not view.known("PQ_calc"):
         return
     target = f"{roles.voltage_loop}.in_" if roles.voltage_loop else roles.reference
-
-    def driven(draft: Edit, kind: str, stem: str, *, filtered: bool = False) -> None:
-        source = draft.negated(f"{power_block(draft, view)}.q")
-        if filtered:
-            source = draft.after(source, "LPF1", "q_filter")
-        drive_axis(draft, draft.after(source, kind, stem), target, "in_d")
-
     for filtered in (True, False) if view.known("Gain") else ():
-        yield Move(
-            f"a droop of the {'filtered ' * filtered}reactive power on the d axis",
-            lambda draft, filtered=filtered: driven(draft, "Gain", "q_droop", filtered=filtered),
-        )
+
+        def droop(draft: Edit, stem: str = "q_filter" * filtered) -> None:
+            minus = draft.negated(f"{power_block(draft, view)}.q")
+            drive_axis(draft, _gain(draft, [minus], "q_droop", DROOPS["q_droop"], stem), target, "in_d")
+
+        yield Move(f"a droop of the {'filtered ' * filtered}reactive power on the d axis", droop)
     if view.known("PI") and roles.voltage_loop:
-        yield Move("PI control of q by the voltage on the d axis", lambda draft: driven(draft, "PI", "q_loop"), 0.3)
+
+        def regulated(draft: Edit) -> None:
+            minus = draft.negated(f"{power_block(draft, view)}.q")
+            drive_axis(
+                draft,
+                draft.after(minus, "PI", "q_loop", **pi_gains((0.005, 0.02, 0.1), (2.0, 20.0, 60.0))),
+                target,
+                "in_d",
+            )
+
+        yield Move("PI control of q by the voltage on the d axis", regulated, 0.3)
 
 
 def _voltage_to_give(view: View) -> bool:

@@ -1,10 +1,11 @@
 """A diagram being edited by an idea of control practice: new blocks with parameters of their own, and how strong these are."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
 from ibrid.errors import IbridError
-from ibrid.modules.kind import ModuleKind
+from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.structure.diagram import Binding, Diagram
 from ibrid.structure.drafting import Draft
@@ -25,16 +26,26 @@ class Strength:
     bank: tuple[float, ...]
     nothing: float | None = None
 
+    @classmethod
+    def around(cls, box: Range) -> "Strength":
+        """Of a parameter that no idea tells more about: a third of its typical value, that, and three times it."""
+        return cls(tuple(min(max(factor * box.typical, box.low), box.high) for factor in (1 / 3, 1.0, 3.0)))
+
 
 def cutoff(*hertz: float, nothing: float | None = FAR) -> Strength:
     """A low-pass, from corner frequencies in Hz."""
     return Strength(tuple(2 * pi * frequency for frequency in hertz), nothing)
 
 
-def pi_gains(name: str, kP: tuple[float, ...], kI: tuple[float, ...], *, vanishes: bool) -> dict[str, Strength]:
-    """Both gains of the PI controller `name`; `vanishes` : with gains of zero the diagram is as before."""
+def pi_gains(kP: tuple[float, ...], kI: tuple[float, ...], *, vanishes: bool = False) -> dict[str, Strength]:
+    """Both gains of a PI controller; `vanishes` : with gains of zero the diagram is as before."""
     nothing = 0.0 if vanishes else None
-    return {f"{name}.kP": Strength(kP, nothing), f"{name}.kI": Strength(kI, nothing)}
+    return {"kP": Strength(kP, nothing), "kI": Strength(kI, nothing)}
+
+
+def in_place(strengths: Mapping[str, Strength]) -> dict[str, Strength]:
+    """Of a block that takes another's place: no value makes the diagram what it was."""
+    return {name: Strength(one.bank) for name, one in strengths.items()}
 
 
 class NotInVocabulary(IbridError):
@@ -44,20 +55,47 @@ class NotInVocabulary(IbridError):
 class Edit(Draft):
     """A draft in which every new module has parameters of its own: no name that owns a shared one is given again.
 
+    Where a module is put in, a `Strength` in place of a binding says how strong that parameter usually is; it stays free.
     taken : names that no new module may get, besides those in the diagram.
     """
 
     def __init__(self, diagram: Diagram, kinds: Vocabulary, taken: frozenset[str] = frozenset()) -> None:
         super().__init__(diagram, kinds)
         self.taken = taken
+        self.strengths: dict[str, Strength] = {}
 
-    def add(self, kind: str, stem: str, **bindings: Binding) -> str:
+    def add(self, kind: str, stem: str, **bindings: Binding | Strength) -> str:
         """Add a module, named after `stem`; raises NotInVocabulary."""
-        return super().add(self._at_hand(kind), self.free_name(stem), **bindings)
+        bound = {key: value for key, value in bindings.items() if not isinstance(value, Strength)}
+        name = super().add(self._at_hand(kind), self.free_name(stem), **bound)
+        self.usually(name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)})
+        return name
 
-    def replace(self, name: str, kind: str, stem: str) -> str:
+    def replace(self, name: str, kind: str, stem: str, **bindings: Binding | Strength) -> str:
         """Put another kind in a module's place; raises NotInVocabulary."""
-        return super().replace(name, self._at_hand(kind), stem)
+        return super().replace(name, self._at_hand(kind), stem, **bindings)
+
+    def usually(self, name: str, **strengths: Strength) -> None:
+        """Say how strong parameters of a module usually are."""
+        self.strengths |= {f"{name}.{key}": strength for key, strength in strengths.items()}
+
+    def bind(self, name: str, **bindings: Binding) -> None:
+        """Add or replace bindings of a module; a name shared by it is as strong as the parameter was."""
+        for key, value in bindings.items():
+            told = self.strengths.pop(f"{name}.{key}", None)
+            if told is not None and isinstance(value, str):
+                self.strengths.setdefault(value, told)
+        super().bind(name, **bindings)
+
+    def free(self) -> dict[str, Range]:
+        """Free parameters of the modules, the shared ones once, with the box of the first that has them."""
+        found: dict[str, Range] = {}
+        for name, one in self.instances.items():
+            for key, box in self.kind(name).parameters.items():
+                bound = one.bindings.get(key)
+                if not isinstance(bound, float):
+                    found.setdefault(bound if isinstance(bound, str) else f"{name}.{key}", box)
+        return found
 
     def free_name(self, stem: str) -> str:
         """`stem`, with a number where a module or the owner of a shared parameter is called so."""
@@ -68,9 +106,9 @@ class Edit(Draft):
             name, number = f"{stem}_{number}", number + 1
         return name
 
-    def after(self, source: str, kind: str, stem: str) -> str:
+    def after(self, source: str, kind: str, stem: str, **strengths: Strength) -> str:
         """The output of a new block behind a source; raises NotInVocabulary."""
-        name = self.add(kind, stem)
+        name = self.add(kind, stem, **strengths)
         self.connect(source, f"{name}.in_")
         return f"{name}.out"
 

@@ -10,6 +10,9 @@ from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.shaping import bypassed, in_line
 from ibrid.parts.view import Move, View
 
+SCALED = {"k": Strength((0.1, 0.5, 1.0), 0.0)}
+FILTERED = {"omega_c": cutoff(2000, 500, 100)}
+
 
 @dataclass(frozen=True)
 class Feedforward:
@@ -41,10 +44,8 @@ def _voltage_feedforward(view: View) -> Iterator[Move]:
     if present is None:
         where = f"{roles.voltage} to {roles.command}"
 
-        def scaled(draft: Edit) -> dict[str, Strength]:
-            gain = draft.after(roles.voltage, "Gain_dq", "feedforward")
-            join(draft, view, gain)
-            return {f"{gain.split('.')[0]}.k": Strength((0.1, 0.5, 1.0), 0.0)}
+        def scaled(draft: Edit) -> None:
+            join(draft, view, draft.after(roles.voltage, "Gain_dq", "feedforward", **SCALED))
 
         yield Move.at("add", f"{where}, as it is", lambda draft: join(draft, view, roles.voltage))
         yield Move.at("add", f"{where}, with a gain", scaled)
@@ -57,9 +58,8 @@ def _voltage_feedforward(view: View) -> Iterator[Move]:
         yield bypassed(name, f"{where}, as it is, without {name}", "replace")
     if not gains:
 
-        def with_gain(draft: Edit) -> dict[str, Strength]:
-            name = draft.insert(present.last, [entry], "Gain_dq", "feedforward")
-            return {f"{name}.k": Strength((0.9, 0.6, 0.2), 1.0)}
+        def with_gain(draft: Edit) -> None:
+            draft.insert(present.last, [entry], "Gain_dq", "feedforward", k=Strength((0.9, 0.6, 0.2), 1.0))
 
         yield Move.at("replace", f"{where}, with a gain other than 1", with_gain)
 
@@ -81,8 +81,8 @@ def _feedforward_filter(view: View) -> Iterator[Move]:
         return iter(())
     way, entry = f"on the way from {found.voltage} to {view.roles.command}", command_entry(view.draft, view)
     present = [name for name in found.blocks if view.element(name) is Element.LOW_PASS]
-    places = {way: lambda draft: draft.insert(found.last, [entry], "LPF1_dq", "feedforward_filter")}
-    return in_line(present, f"{{}} {way}", places, omega_c=cutoff(2000, 500, 100))
+    places = {way: lambda draft: draft.insert(found.last, [entry], "LPF1_dq", "feedforward_filter", **FILTERED)}
+    return in_line(present, f"{{}} {way}", places)
 
 
 VOLTAGE_FEEDFORWARD_FILTER = Effect(
@@ -101,12 +101,12 @@ def feedforwards(view: View) -> Iterator[Move]:
     voltage, entry = view.roles.voltage, command_entry(view.draft, view)
     if entry not in view.draft.targets(voltage):
         yield Move("voltage feedforward", lambda draft: draft.connect(voltage, entry))
-    for kind, words in (("Gain_dq", "scaled "), ("LPF1_dq", "filtered ")):
+    for kind, words, strengths in (("Gain_dq", "scaled ", SCALED), ("LPF1_dq", "filtered ", FILTERED)):
         if view.known(kind):
 
-            def shaped(draft: Edit, kind: str = kind) -> None:
+            def shaped(draft: Edit, kind: str = kind, strengths: dict[str, Strength] = strengths) -> None:
                 draft.disconnect(voltage, entry)
-                draft.connect(draft.after(voltage, kind, "feedforward"), entry)
+                draft.connect(draft.after(voltage, kind, "feedforward", **strengths), entry)
 
             yield Move(f"{words}voltage feedforward", shaped)
 

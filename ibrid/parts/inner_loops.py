@@ -1,9 +1,10 @@
 """The inner loops of current and voltage, each added or taken away whole."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.edit import Edit, Strength, pi_gains
+from ibrid.parts.edit import Edit, pi_gains
 from ibrid.parts.paths import command_entry, current_path, grid_current, has_line, measured_current
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.synchronisation import grid_forming
@@ -28,30 +29,24 @@ def _current_loop(view: View) -> Iterator[Move]:
     currents = (roles.current, grid_current(view)) if has_line(view) else (roles.current,)
     for current in dict.fromkeys(currents):
         for cascaded in (False, True):
-
-            def added(draft: Edit, current: str = current, cascaded: bool = cascaded) -> dict[str, Strength]:
-                kept = "all" if cascaded else "none"
-                return pi_gains(
-                    _loop(draft, view, current, kept), (0.1, 0.4, 1.0), (5.0, 20.0, 100.0), vanishes=not cascaded
-                )
-
             how = "with what drove the command as its reference" if cascaded else "beside what drives the command"
+            added = partial(_loop, view=view, current=current, reference="all" if cascaded else "none")
             yield Move.at("add", f"{current} to {roles.command}, {how}", added)
 
 
-def _loop(draft: Edit, view: View, current: str, reference: str) -> str:
-    """A PI controller of minus a current that drives the command; its name.
+def _loop(draft: Edit, view: View, current: str, reference: str) -> None:
+    """A PI controller of minus a current that drives the command.
 
     reference : what of that which drove the command becomes the loop's: "none" (it stays beside), "packed" (what comes
     from outer loops; the rest goes) or "all".
     """
-    entry, name = command_entry(draft, view), draft.add("PI_dq", "current")
+    gains = pi_gains((0.1, 0.4, 1.0), (5.0, 20.0, 100.0), vanishes=reference == "none")
+    entry, name = command_entry(draft, view), draft.add("PI_dq", "current", **gains)
     for source in draft.sources(entry) if reference != "none" else []:
         draft.disconnect(source, entry)
         if reference == "all" or _packed(draft, source):
             draft.connect(source, f"{name}.in_")
     draft.chain(draft.negated(current), f"{name}.in_", f"{name}.out", entry)
-    return name
 
 
 CURRENT_LOOP_MISSING = Effect(
@@ -83,10 +78,7 @@ def current_loop(view: View) -> Iterator[Move]:
     }
     for port, words in currents:
         for what, (reference, usual) in ways.items():
-
-            def loop(draft: Edit, port: str = port, reference: str = reference) -> None:
-                _loop(draft, view, port, reference)
-
+            loop = partial(_loop, view=view, current=port, reference=reference)
             yield Move(f"a PI controller of the {words}, {what}", loop, usual)
 
 
@@ -107,7 +99,7 @@ def voltage_loop(view: View) -> Iterator[Move]:
     for what in ways:
 
         def loop(draft: Edit, what: str = what) -> None:
-            name = draft.add("PI_dq", "voltage")
+            name = draft.add("PI_dq", "voltage", **pi_gains((0.2, 0.5, 1.5), (10.0, 70.0, 500.0)))
             if what == "in place of the outer loops":
                 for outer in roles.outer:
                     draft.remove(outer)

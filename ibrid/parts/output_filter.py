@@ -1,9 +1,10 @@
 """What is built between converter and PCC: the output filter with its capacitor, its damping, a line in front of the PCC."""
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.edit import Edit, Strength
+from ibrid.parts.edit import Edit, Strength, in_place
 from ibrid.parts.paths import grid_current, has_line
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.synchronisation import grid_forming
@@ -31,24 +32,21 @@ def _exchange(draft: Edit, view: View, kind: str) -> str:
 def _plant(view: View, kind: str, strengths: Mapping[str, Strength], change, where: str) -> Move:
     """Another plant, with strengths for its new parameters."""
 
-    def draw(draft: Edit) -> dict[str, Strength]:
-        plant = _exchange(draft, view, kind)
-        return {f"{plant}.{key}": strength for key, strength in strengths.items()}
+    def draw(draft: Edit) -> None:
+        draft.usually(_exchange(draft, view, kind), **strengths)
 
     return Move.at(change, where, draw)
 
 
-def _with_capacitor(
-    draft: Edit, view: View, strengths: Mapping[str, Strength], *, converter: bool
-) -> dict[str, Strength]:
+def _with_capacitor(draft: Edit, view: View, strengths: Mapping[str, Strength], *, converter: bool) -> None:
     """An LCL for an L filter; the control takes the converter's current or the grid's, a DC link the converter's."""
     plant = _exchange(draft, view, "LCL")
+    draft.usually(plant, **strengths)
     for target in draft.targets(f"{plant}.i_g"):
         name = split_port(target)[0]
         element = draft.kind(name).element if name else Element.ROTATION_OUT
         if element is Element.DC_LINK or (converter and element not in OF_THE_GRID):
             draft.rewire(f"{plant}.i_g", f"{plant}.i_ti", target)
-    return {f"{plant}.{key}": strength for key, strength in strengths.items()}
 
 
 def _without_capacitor(draft: Edit, view: View, kind: str) -> None:
@@ -71,10 +69,7 @@ def filter_capacitor(view: View) -> Iterator[Move]:
         return
     line = {} if has_line(view) else {key: Strength(one.bank, 1e-12) for key, one in LINE.items()}
     for converter, words in ((True, "converter"), (False, "grid")) if view.known("LCL") else ():
-
-        def draw(draft: Edit, converter: bool = converter) -> dict[str, Strength]:
-            return _with_capacitor(draft, view, {**CAPACITOR, **line}, converter=converter)
-
+        draw = partial(_with_capacitor, view=view, strengths={**CAPACITOR, **line}, converter=converter)
         whose = "the converter's" if converter else "the grid"
         yield Move(
             f"LCL filter instead of the L filter, control of the {words} current",
@@ -107,8 +102,7 @@ def _capacitor_damping(view: View) -> Iterator[Move]:
         if not present:
             yield _plant(view, other, strengths, "add", f"{words} of {plant}")
         elif kind != other:
-            finite = {key: Strength(one.bank) for key, one in strengths.items()}
-            yield _plant(view, other, finite, "replace", f"{words} of {plant}, in place of {present}")
+            yield _plant(view, other, in_place(strengths), "replace", f"{words} of {plant}, in place of {present}")
 
 
 CAPACITOR_DAMPING = Effect(
@@ -132,9 +126,9 @@ def _series_impedance(view: View) -> Iterator[Move]:
     fixed = {key: value for key in ("L_g", "R_g") if isinstance(value := bindings.get(key), float)}
     if fixed:
 
-        def freed(draft: Edit) -> dict[str, Strength]:
+        def freed(draft: Edit) -> None:
             draft.unbind(plant, *fixed)
-            return {f"{plant}.{key}": Strength((1.3 * one, 2 * one, 4 * one), one) for key, one in fixed.items()}
+            draft.usually(plant, **{key: Strength((1.3 * one, 2 * one, 4 * one), one) for key, one in fixed.items()})
 
         yield Move.at("add", f"{' and '.join(fixed)} of {plant}, which the program fixes", freed)
 

@@ -1,17 +1,17 @@
 """What stands in front of the PLL: a low-pass, a notch, or both."""
 
 from collections.abc import Iterator
-from math import pi
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.edit import Edit, cutoff, in_place
 from ibrid.parts.paths import row_before
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
-from ibrid.parts.shaping import bypassed, put_before, shapers
+from ibrid.parts.shaping import bypassed, put_before, shape, shapers
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
 
 STEMS = {"LPF1": "pll_filter", "Notch": "pll_notch"}
+CORNER = cutoff(400, 100, 20)
 
 
 def _pll_prefilter(view: View) -> Iterator[Move]:
@@ -23,27 +23,19 @@ def _pll_prefilter(view: View) -> Iterator[Move]:
             for kind in STEMS:
                 if kind != view.shipped(name):
 
-                    def exchanged(draft: Edit, name: str = name, kind: str = kind) -> dict[str, Strength]:
-                        return _strengths(draft.replace(name, kind, STEMS[kind]), kind, vanishes=False)
+                    def exchanged(draft: Edit, name: str = name, kind: str = kind) -> None:
+                        draft.replace(name, kind, STEMS[kind], **in_place(shape(draft, kind, CORNER)))
 
                     yield Move.at(
                         "replace", f"{kind} in place of the {view.kind(name)} {name} before {target}", exchanged
                     )
         for kind in STEMS:
 
-            def added(draft: Edit, target: str = target, kind: str = kind) -> dict[str, Strength]:
-                return _strengths(draft.insert_before(target, kind, STEMS[kind]), kind)
+            def added(draft: Edit, target: str = target, kind: str = kind) -> None:
+                draft.insert_before(target, kind, STEMS[kind], **shape(draft, kind, CORNER))
 
             further = "a further " if any(view.shipped(name) == kind for name in row) else ""
             yield Move.at("add", f"{further}{kind} before {target}", added)
-
-
-def _strengths(name: str, kind: str, *, vanishes: bool = True) -> dict[str, Strength]:
-    if kind == "LPF1":
-        far = cutoff(400, 100, 20)
-        return {f"{name}.omega_c": far if vanishes else Strength(far.bank)}
-    hertz, width = (120.0, 120.0, 60.0, 300.0), Strength((4.0, 1.0, 0.7, 0.7), 1e12 if vanishes else None)
-    return {f"{name}.omega_n": Strength(tuple(2 * pi * one for one in hertz)), f"{name}.Q": width}
 
 
 PLL_PREFILTER = Effect(
@@ -61,7 +53,7 @@ def synchronisation_filter(view: View) -> Iterator[Move]:
     """In front of the PLL."""
     for name in view.draft.having(Element.PLL):
         for kind in shapers(view, Signal.SCALAR):
-            yield put_before(f"{kind} before the PLL", f"{name}.e_q", kind, "pll")
+            yield put_before(f"{kind} before the PLL", f"{name}.e_q", kind, "pll", CORNER)
 
 
 def filtered_synchronisation(view: View) -> bool:

@@ -1,15 +1,18 @@
 """Filters of the outer loops: on the measured powers, and behind the loops on the current reference."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.edit import Edit, cutoff
 from ibrid.parts.paths import packs, path
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
-from ibrid.parts.shaping import in_line, put_behind, shapers, stem, usual
+from ibrid.parts.shaping import in_line, put_behind, shape, shapers, stem, usual
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
 from ibrid.structure.wiring import split_port
+
+CORNER = cutoff(100, 30, 8)
 
 
 def _power_filter(view: View) -> Iterator[Move]:
@@ -25,11 +28,7 @@ def _power_filter(view: View) -> Iterator[Move]:
             words = " and ".join(f"{block}.{axis}" for axis in axes)
             where = f"behind {words}" + (", one corner frequency" if len(axes) > 1 else "")
 
-            def filtered(draft: Edit, block: str = block, axes: Sequence[str] = axes) -> dict[str, Strength]:
-                name = _put(draft, block, axes, "LPF1")
-                return {f"{name}.omega_c": cutoff(100, 30, 8)}
-
-            yield Move.at("add", where, filtered)
+            yield Move.at("add", where, partial(_put, block=block, axes=axes, kind="LPF1"))
 
 
 def _filter_of(view: View, power: str) -> str | None:
@@ -47,17 +46,15 @@ def _without(names: Sequence[str], where: str) -> Move:
     return Move.at("remove", where, draw)
 
 
-def _put(draft: Edit, block: str, axes: Sequence[str], kind: str) -> str:
-    """A shaper behind each power, with parameters in common; returns the name under which they lie."""
+def _put(draft: Edit, block: str, axes: Sequence[str], kind: str) -> None:
+    """A shaper behind each power, with parameters in common."""
     names = [
-        draft.insert(f"{block}.{axis}", draft.targets(f"{block}.{axis}"), kind, f"{axis}_{stem(kind)}") for axis in axes
+        draft.insert(port, draft.targets(port), kind, f"{port[-1]}_{stem(kind)}", **shape(draft, kind, CORNER))
+        for port in (f"{block}.{axis}" for axis in axes)
     ]
-    if len(names) == 1:
-        return names[0]
     shared = draft.free_name(f"power_{stem(kind)}")
-    for name in names:
+    for name in names if len(names) > 1 else ():
         draft.bind(name, **{key: f"{shared}.{key}" for key in draft.kind(name).parameters})
-    return shared
 
 
 POWER_FILTER = Effect(
@@ -79,10 +76,10 @@ def _reference_filter(view: View) -> Iterator[Move]:
         present = [name for name in path(view.draft, port, reference) or () if view.element(name) is Element.LOW_PASS]
         places = {
             f"behind {port}": lambda draft, port=port: draft.insert(
-                port, draft.targets(port), "LPF1_dq", "reference_filter"
+                port, draft.targets(port), "LPF1_dq", "reference_filter", omega_c=CORNER
             )
         }
-        yield from in_line(present, f"{{}} between {port} and {reference}", places, omega_c=cutoff(100, 30, 8))
+        yield from in_line(present, f"{{}} between {port} and {reference}", places)
 
 
 REFERENCE_FILTER = Effect(
@@ -101,13 +98,10 @@ def power_filters(view: View) -> Iterator[Move]:
     for block in view.roles.power:
         used = [axis for axis in "pq" if view.draft.targets(f"{block}.{axis}")]
         for kind in shapers(view, Signal.SCALAR):
-
-            def both(draft: Edit, block: str = block, axes: Sequence[str] = used, kind: str = kind) -> None:
-                _put(draft, block, axes, kind)
-
+            both = partial(_put, block=block, axes=used, kind=kind)
             yield Move(f"{kind} on the measured powers", both, 2 * usual(kind))
             for axis in used:
-                yield put_behind(f"{kind} on {axis}", f"{block}.{axis}", kind, axis)
+                yield put_behind(f"{kind} on {axis}", f"{block}.{axis}", kind, axis, CORNER)
 
 
 def filtered_powers(view: View) -> bool:

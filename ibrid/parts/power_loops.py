@@ -1,10 +1,11 @@
 """The outer loops of p and q: there or not, alike or with gains of their own."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.axis_loops import ac_voltage_loop, dc_voltage_loop
-from ibrid.parts.edit import Edit, Strength, pi_gains
+from ibrid.parts.edit import Edit, pi_gains
 from ibrid.parts.paths import drive_axis, power_block, regulates, regulator
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.synchronisation import grid_forming
@@ -15,9 +16,10 @@ AXES = {"p": "in_d", "q": "in_q"}
 INSTEAD = {"p": ("dc", "the DC link's"), "q": ("voltage", "the AC-voltage")}
 
 
-def _loop(draft: Edit, view: View, power: str, twin: str | None = None) -> str:
+def _loop(draft: Edit, view: View, power: str, twin: str | None = None, *, vanishes: bool = False) -> str:
     """A PI controller on minus p, or on q, that drives its axis, with the gains of a twin if there is one; returns its name."""
-    block, name = power_block(draft, view), draft.add("PI", f"{power}_loop")
+    gains = pi_gains((0.005, 0.02, 0.1), (2.0, 20.0, 60.0), vanishes=vanishes)
+    block, name = power_block(draft, view), draft.add("PI", f"{power}_loop", **gains)
     draft.connect(draft.negated(f"{block}.p") if power == "p" else f"{block}.q", f"{name}.in_")
     drive_axis(draft, f"{name}.out", view.roles.reference, AXES[power])
     if twin is not None:
@@ -36,21 +38,12 @@ def _power_loop(view: View, power: str) -> Iterator[Move]:
     if present is None or measured == instead:
         where = f"{power} to {axis} of the current reference"
         where += f" in place of {words} loop {present}" if present else ""
-
-        def own(draft: Edit) -> dict[str, Strength]:
-            name = _loop(draft, view, power)
-            return pi_gains(name, (0.005, 0.02, 0.1), (2.0, 20.0, 60.0), vanishes=present is None)
-
         change = "replace" if present else "add"
-        yield Move.at(change, where, own)
+        yield Move.at(change, where, lambda draft: _loop(draft, view, power, vanishes=present is None))
         twin = regulator(view, AXES["q" if power == "p" else "p"])
         if twin is not None and view.element(twin) is Element.PI and regulates(view, twin) in ("p", "q"):
             where += f", with the gains of {twin}"
-            yield Move.at(change, where, lambda draft: _shared(draft, view, power, twin))
-
-
-def _shared(draft: Edit, view: View, power: str, twin: str) -> None:
-    _loop(draft, view, power, twin)
+            yield Move.at(change, where, lambda draft: _loop(draft, view, power, twin))
 
 
 def _active_power_loop(view: View) -> Iterator[Move]:
@@ -92,9 +85,9 @@ def _power_gains(view: View) -> Iterator[Move]:
     lender = next((name for name in (p, q) if str(shared["kP"]).split(".")[0] == name), p)
     other = q if lender == p else p
 
-    def freed(draft: Edit) -> dict[str, Strength]:
+    def freed(draft: Edit) -> None:
         draft.unbind(other, "kP", "kI")
-        return pi_gains(other, (0.01, 0.05, 0.002), (10.0, 50.0, 2.0), vanishes=False)
+        draft.usually(other, **pi_gains((0.01, 0.05, 0.002), (10.0, 50.0, 2.0)))
 
     yield Move.at("replace", f"gains of its own for {other}, which shares those of {lender}", freed)
 
@@ -139,10 +132,7 @@ def missing_axis(view: View) -> Iterator[Move]:
         return
     (power,), twins = free, [name for name in view.roles.outer if view.element(name) is Element.PI]
     for like in (None, *twins):
-
-        def loop(draft: Edit, like: str | None = like) -> None:
-            _loop(draft, view, power, like)
-
+        loop = partial(_loop, view=view, power=power, twin=like)
         yield Move(f"PI control of {power}" + (f" with the gains of {like}" if like else " too"), loop)
     yield from ac_voltage_loop(view) if power == "q" else dc_voltage_loop(view)
 

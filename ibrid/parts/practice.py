@@ -65,17 +65,16 @@ class Effect:
             if not move.where:
                 continue
             try:
-                diagram, strengths = view.drawn(move.draw)
+                drawn = view.drawn(move.draw)
             except NotInVocabulary:
                 continue
-            strengths = strengths or {}
             yield Insertion(
                 self.id,
                 move.change,
                 move.where,
-                diagram,
-                {name: strength.bank for name, strength in strengths.items()},
-                {name: one.nothing for name, one in strengths.items() if one.nothing is not None},
+                drawn.diagram,
+                {name: strength.bank for name, strength in drawn.told.items()},
+                {name: one.nothing for name, one in drawn.told.items() if one.nothing is not None},
             )
 
 

@@ -1,10 +1,9 @@
 """Filters and delays put in line on a signal, and taken out again: what ideas about them have in common."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.parts.edit import Edit, Strength, stands_for
+from ibrid.parts.edit import Edit, Strength, cutoff, stands_for
 from ibrid.parts.view import Change, Move, View
 from ibrid.signals import Signal
 
@@ -22,6 +21,14 @@ STEMS = {
     "Delay": "delay",
 }
 SHIPPED = {kind.name for kind in VOCABULARY}
+
+DELAY_TIME = Strength((5e-5, 1.5e-4, 4e-4), 0.0)
+NOTCH = {
+    "omega_n": Strength(cutoff(120, 120, 60, 300).bank),
+    "Q": Strength((4.0, 1.0, 0.7, 0.7), 1e12),
+}
+#: Corner frequencies where nothing is known about the place.
+ANYWHERE = cutoff(2000, 200, 10)
 
 
 def shapers(view: View, signal: Signal) -> tuple[str, ...]:
@@ -41,24 +48,29 @@ def stem(kind: str) -> str:
     return STEMS.get(kind, kind.lower())
 
 
-def put_before(note: str, target: str, kind: str, place: str) -> Move:
+def shape(draft: Edit, kind: str, corner: Strength) -> dict[str, Strength]:
+    """Strengths of a shaper. corner : of a low-pass at its place."""
+    declared = draft.vocabulary.get(kind)
+    usually = {"LPF1": {"omega_c": corner}, "Notch": NOTCH, "Delay": {"T_d": DELAY_TIME}, "Pade1": {"T_d": DELAY_TIME}}
+    return usually.get((stands_for(declared) if declared else kind).removesuffix("_dq"), {})
+
+
+def put_before(note: str, target: str, kind: str, place: str, corner: Strength) -> Move:
     """A shaper between an input and the sum of all that drives it, named after its place."""
     name = f"{place}_{stem(kind)}"
-    return Move(note, lambda draft: _nothing(draft.insert_before(target, kind, name)), usual(kind))
+    return Move(note, lambda draft: draft.insert_before(target, kind, name, **shape(draft, kind, corner)), usual(kind))
 
 
-def put_behind(note: str, source: str, kind: str, place: str, targets: Iterable[str] = (), weight: float = 1.0) -> Move:
+def put_behind(
+    note: str, source: str, kind: str, place: str, corner: Strength, targets: Iterable[str] = (), weight: float = 1.0
+) -> Move:
     """A shaper between an output and all that takes it, or some of that."""
     name = f"{place}_{stem(kind)}"
-
-    def draw(draft: Edit) -> None:
-        draft.insert(source, targets or draft.targets(source), kind, name)
-
-    return Move(note, draw, weight * usual(kind))
-
-
-def _nothing(_: str) -> None:
-    """Blocks that a search tries have no usual strength."""
+    return Move(
+        note,
+        lambda draft: draft.insert(source, targets or draft.targets(source), kind, name, **shape(draft, kind, corner)),
+        weight * usual(kind),
+    )
 
 
 def bypassed(name: str, where: str, change: Change = "remove") -> Move:
@@ -66,24 +78,13 @@ def bypassed(name: str, where: str, change: Change = "remove") -> Move:
     return Move.at(change, where, lambda draft: draft.bypass(name))
 
 
-def in_line(
-    present: Iterable[str],
-    says: str,
-    places: Mapping[str, Callable[[Edit], str]],
-    **strengths: Strength,
-) -> Iterator[Move]:
+def in_line(present: Iterable[str], says: str, places: Mapping[str, Callable[[Edit], object]]) -> Iterator[Move]:
     """An effect that is a block in line: taken out where it is present, else put in at each place.
 
-    present : names of such blocks. says : what is said of one, with its name in braces. places : in words -> puts the block
-    in and returns its name. strengths : by parameter of the block.
+    present : names of such blocks. says : what is said of one, with its name in braces. places : in words -> puts the block in.
     """
     present = list(present)
     for name in present:
         yield bypassed(name, says.format(name))
     for where, put in places.items() if not present else ():
-        yield Move.at("add", where, partial(_with_strengths, put, strengths))
-
-
-def _with_strengths(put: Callable[[Edit], str], strengths: Mapping[str, Strength], draft: Edit) -> dict[str, Strength]:
-    name = put(draft)
-    return {f"{name}.{key}": strength for key, strength in strengths.items()}
+        yield Move.at("add", where, put)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ibrid.modules.behaviour import ROTATIONS, Element
-from ibrid.parts.edit import Edit, Strength
+from ibrid.parts.edit import Edit, Strength, cutoff, pi_gains
 from ibrid.parts.paths import drive_axis, frequency_sources, grid_current, has_line, power_block
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.view import Move, View
@@ -13,15 +13,21 @@ from ibrid.structure.frames import put_into_frame, put_into_grid_frame
 from ibrid.structure.wiring import split_port
 
 PLL_GAINS = {"kP_pll": Strength((20.0, 60.0, 200.0)), "kI_pll": Strength((150.0, 1500.0, 15000.0))}
+#: Of a PLL that only shares in the frequency.
+REGULATOR = pi_gains((5.0, 20.0, 100.0), (50.0, 400.0, 4000.0))
+OSCILLATOR = {
+    "eta": Strength((0.5, 1.5, 5.0)),
+    "kappa": Strength((0.8, 1.2, 1.5)),
+    "alpha": Strength((7.0, 20.0, 60.0)),
+}
 
 
-def _pll(draft: Edit, view: View, source: str) -> dict[str, Strength]:
+def _pll(draft: Edit, view: View, source: str) -> None:
     """A PLL on the q axis of the filter's voltage, or of the terminal voltage, with the rotations into its frame."""
-    name = draft.add("SRF_PLL", "pll")
+    name = draft.add("SRF_PLL", "pll", **PLL_GAINS)
     turned = put_into_frame(draft, view.roles.plant, f"{name}.delta_omega", f"{name}.delta")
     e_q = source if source != TERMINAL_VOLTAGE else draft.after(turned, "SliceQ", "v_q")
     draft.connect(e_q, f"{name}.e_q")
-    return {f"{name}.{key}": strength for key, strength in PLL_GAINS.items()}
 
 
 def _pll_missing(view: View) -> Iterator[Move]:
@@ -87,7 +93,7 @@ def synchronisation(view: View) -> Iterator[Move]:
     if view.known("dVOC") and not view.draft.having(Element.OSCILLATOR):
 
         def oscillator(draft: Edit) -> None:
-            name = draft.add("dVOC", "oscillator")
+            name = draft.add("dVOC", "oscillator", **OSCILLATOR)
             draft.chain(roles.voltage, f"{name}.v", grid_current(view), f"{name}.i")
             target = f"{roles.voltage_loop}.in_" if roles.voltage_loop else roles.reference
             drive_axis(draft, f"{name}.E", target, "in_d")
@@ -103,8 +109,9 @@ def _turned_by(draft: Edit, view: View, frequency: str) -> None:
 
 def _droop(draft: Edit, view: View, *, filtered: bool) -> str:
     """Minus the active power through a gain, and a low-pass, which makes it the swing equation of a virtual machine."""
-    source = draft.after(draft.negated(f"{power_block(draft, view)}.p"), "Gain", "droop")
-    return draft.after(source, "LPF1", "droop_filter") if filtered else source
+    power = draft.negated(f"{power_block(draft, view)}.p")
+    source = draft.after(power, "Gain", "droop", k=Strength((1.5, 5.0, 20.0)))
+    return draft.after(source, "LPF1", "droop_filter", omega_c=cutoff(30, 6, 1)) if filtered else source
 
 
 def _words(*, filtered: bool) -> str:
@@ -128,7 +135,7 @@ def blend(view: View) -> Iterator[Move]:
             def droop_too(draft: Edit, filtered: bool = filtered, pll: str = plls[0]) -> None:
                 entering = draft.sources(f"{pll}.e_q")
                 droop = _droop(draft, view, filtered=filtered)
-                regulator, angle = draft.add("PI", "pll_regulator"), draft.add("Integrator", "angle")
+                regulator, angle = draft.add("PI", "pll_regulator", **REGULATOR), draft.add("Integrator", "angle")
                 for source in entering:
                     draft.connect(source, f"{regulator}.in_")
                 for target in draft.targets(f"{pll}.delta"):
@@ -144,7 +151,7 @@ def blend(view: View) -> Iterator[Move]:
 
         def pll_too(draft: Edit) -> None:
             targets = [f"{one}.delta_omega" for one in draft.instances if "delta_omega" in draft.kind(one).inputs]
-            regulator = draft.after(f"{roles.plant}.e_q", "PI", "pll_regulator")
+            regulator = draft.after(f"{roles.plant}.e_q", "PI", "pll_regulator", **REGULATOR)
             for target in (*targets, *(f"{name}.in_" for name in integrators)):
                 draft.connect(regulator, target)
 
@@ -165,11 +172,12 @@ def frequency_damping(view: View) -> Iterator[Move]:
     for inertia in {one: None for source in sources for one in _inertias(draft, split_port(source)[0])}:
 
         def damping(draft: Edit, inertia: str = inertia) -> None:
-            pll = draft.add("PLL_frequency", "grid_frequency")
+            pll = draft.add("PLL_frequency", "grid_frequency", **PLL_GAINS)
             draft.connect(view.roles.voltage, f"{pll}.v")
             for source in sources:
                 draft.connect(source, f"{pll}.delta_omega")
-            draft.connect(draft.after(f"{pll}.delta_omega_pll", "Gain", "frequency_damping"), f"{inertia}.in_")
+            share = {"k": Strength((0.3, 0.6, 0.95))}
+            draft.connect(draft.after(f"{pll}.delta_omega_pll", "Gain", "frequency_damping", **share), f"{inertia}.in_")
 
         yield Move(f"the frequency of a PLL damps the swing at {inertia}", damping)
 

@@ -2,10 +2,11 @@
 still, and nothing is left undriven or unused."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal, TypeVar
+from dataclasses import dataclass, field
+from typing import Generic, Literal, TypeVar
 
 from ibrid.modules.behaviour import Element
+from ibrid.modules.kind import Range
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.device import Device, device_parts
 from ibrid.parts.edit import Edit, Strength, stand_in, stands_for
@@ -25,22 +26,41 @@ CIRCUIT_PORTS = ("v_in", "v_DQ", "i_dq")
 class Move:
     """One way to change a diagram.
 
-    `note` : what changes, in a line, as a search says it; "" for what no search tries. `draw` : makes it in a draft and
-    returns the strengths of the free parameters that it brings in, by name. `weight` : how usual it is among the moves of
-    its family. `change` : what is done. `where` : the place, in names of the user's program, as the catalogue says it;
-    "" for what is no effect.
+    `note` : what changes, in a line, as a search says it; "" for what no search tries. `draw` : makes it in a draft, with
+    the strengths of what it puts in. `weight` : how usual it is among the moves of its family. `change` : what is done.
+    `where` : the place, in names of the user's program, as the catalogue says it; "" for what is no effect.
     """
 
     note: str
-    draw: Callable[[Edit], Mapping[str, Strength] | None]
+    draw: Callable[[Edit], object]
     weight: float = 1.0
     change: Change = "replace"
     where: str = ""
 
     @classmethod
-    def at(cls, change: Change, where: str, draw: Callable[[Edit], Mapping[str, Strength] | None]) -> "Move":
+    def at(cls, change: Change, where: str, draw: Callable[[Edit], object]) -> "Move":
         """A move of an effect."""
         return cls("", draw, change=change, where=where)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn(Generic[Result]):
+    """What an edit makes: the whole diagram, and what the edit returned.
+
+    `boxes` : new free parameters with their ranges. `told` : strengths that the edit tells of them. `was` : of those that were
+    shared before, the name under which they were.
+    """
+
+    diagram: Diagram
+    result: Result
+    boxes: Mapping[str, Range] = field(default_factory=dict)
+    told: Mapping[str, Strength] = field(default_factory=dict)
+    was: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def strengths(self) -> dict[str, Strength]:
+        """Of each new free parameter: what the edit told, else what its kind calls typical."""
+        return {name: self.told.get(name) or Strength.around(box) for name, box in self.boxes.items()}
 
 
 @dataclass(frozen=True)
@@ -104,20 +124,25 @@ class View:
 
     def after(self, move: Move) -> Diagram:
         """The whole after a move; raises NotInVocabulary for a kind that is not at hand."""
-        return self.drawn(move.draw)[0]
+        return self.drawn(move.draw).diagram
 
-    def drawn(self, draw: Callable[[Edit], Result]) -> tuple[Diagram, Result]:
-        """The whole after an edit, made whole again, and what the edit returned; raises NotInVocabulary.
+    def drawn(self, draw: Callable[[Edit], Result]) -> Drawn[Result]:
+        """What an edit makes, made whole again; raises NotInVocabulary.
 
         An edit that takes every module away takes the device away.
         """
         draft = Edit(self.diagram, self.kinds, self.device.taken)
+        before = draft.free()
         result = draw(draft)
         if not draft.instances:
-            return self.device.without_part(self.kinds), result
+            return Drawn(self.device.without_part(self.kinds), result)
         follow_command(draft, followers(self.draft))
         draft.tidy()
-        return self.device.with_part(draft.diagram(), self.kinds), result
+        boxes = {name: box for name, box in draft.free().items() if name not in before}
+        told = {name: strength for name, strength in draft.strengths.items() if name in boxes}
+        shared = {f"{name}.{key}": value for name in self.draft.instances for key, value in self.bound(name).items()}
+        was = {name: value for name in boxes if isinstance(value := shared.get(name), str)}
+        return Drawn(self.device.with_part(draft.diagram(), self.kinds), result, boxes, told, was)
 
 
 def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:

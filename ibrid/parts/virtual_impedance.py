@@ -1,6 +1,7 @@
 """Feedback of the grid current as a voltage drop that is not there: the virtual impedance, and other feedback of dq signals."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from ibrid.modules.behaviour import COUPLINGS, Element
 from ibrid.parts.damping import damping_gains
@@ -11,7 +12,8 @@ from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.synchronisation import grid_forming
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
-from ibrid.structure.wiring import split_port
+
+RESISTANCE = Strength((0.02, 0.07, 0.2), 0.0)
 
 
 def _places(view: View) -> dict[str, str]:
@@ -64,19 +66,21 @@ def _virtual_impedance(view: View) -> Iterator[Move]:
             measured = roles.frequency is not None and view.draft.having(Element.COUPLING_AT_FREQUENCY)
             for kind in REACTANCES if measured else REACTANCES[:1]:
                 words = where if kind == "JMul" else f"{where}, with the controller's frequency ({kind})"
-                yield _drop(view, target, kind, words)
+                both = partial(_drop, view=view, target=target, resistance=True, reactance=kind, sign_last=False)
+                yield Move.at("add", words, both)
 
 
-def _drop(view: View, target: str, kind: str, where: str) -> Move:
-    def draw(draft: Edit) -> dict[str, Strength]:
-        minus = draft.negated(grid_current(view))
-        resistance = draft.after(minus, "Gain_dq", "virtual_resistance")
-        reactance, strengths = coupled(draft, view, minus, kind, "virtual_reactance")
-        for port in (resistance, reactance):
-            join(draft, view, port, target)
-        return {f"{split_port(resistance)[0]}.k": Strength((0.02, 0.07, 0.2), 0.0), **strengths}
+def _drop(draft: Edit, view: View, target: str, *, resistance: bool, reactance: str, sign_last: bool) -> None:
+    """A drop of the grid current taken off a sum: a resistance, a reactance of this kind ("": none), or both.
 
-    return Move.at("add", where, draw)
+    sign_last : minus the drop rather than the drop of minus the current.
+    """
+    current = grid_current(view)
+    source = current if sign_last else draft.negated(current)
+    ports = [draft.after(source, "Gain_dq", "virtual_resistance", k=RESISTANCE)] if resistance else []
+    ports += [coupled(draft, view, source, reactance, "virtual_reactance")] if reactance else []
+    for port in ports:
+        join(draft, view, draft.negated(port) if sign_last else port, target)
 
 
 VIRTUAL_IMPEDANCE = Effect(
@@ -98,20 +102,13 @@ def virtual_drop(view: View) -> Iterator[Move]:
     if roles.voltage_loop is None and roles.current_loop is not None:
         return  # there is no voltage to take it off
     target = f"{roles.voltage_loop}.in_" if roles.voltage_loop else roles.command
+    draw = partial(_drop, view=view, target=target, sign_last=True)
     for kind in reversed(couplings_at_hand(view)):
-
-        def crossed(draft: Edit, kind: str = kind) -> None:
-            drop, _ = coupled(draft, view, grid_current(view), kind, "virtual_reactance")
-            join(draft, view, draft.negated(drop), target)
-
         measured = view.draft.vocabulary[kind].element is Element.COUPLING_AT_FREQUENCY
-        yield Move("a virtual reactance" + " with the controller's frequency" * measured, crossed)
+        words = "a virtual reactance" + " with the controller's frequency" * measured
+        yield Move(words, partial(draw, resistance=False, reactance=kind))
     if view.known("Gain_dq"):
-
-        def resistive(draft: Edit) -> None:
-            join(draft, view, draft.negated(draft.after(grid_current(view), "Gain_dq", "virtual_resistance")), target)
-
-        yield Move("a virtual resistance", resistive, 0.5)
+        yield Move("a virtual resistance", partial(draw, resistance=True, reactance=""), 0.5)
 
 
 def feedback(view: View) -> Iterator[Move]:
@@ -123,18 +120,25 @@ def feedback(view: View) -> Iterator[Move]:
     signals += [(grid, "grid current"), (roles.voltage, "filter voltage")]
     for port, what in signals:
         for target, where in targets.items():
-            for kind in view.known("Gain_dq", "JMul"):
-
-                def fed(draft: Edit, port: str = port, target: str = target, kind: str = kind) -> None:
-                    join(draft, view, draft.after(port, kind, "feedback"), target)
-
-                cross = "the " if kind == "Gain_dq" else "the crossed "
-                yield Move(f"{cross}{what} fed to the {where}", fed)
+            if view.known("Gain_dq"):
+                yield Move(f"the {what} fed to the {where}", partial(_scaled, view=view, port=port, target=target))
+            if view.known("JMul"):
+                yield Move(
+                    f"the crossed {what} fed to the {where}", partial(_crossed, view=view, port=port, target=target)
+                )
             if port == grid and target != roles.command:
                 yield Move(
                     f"the {what} added to the {where}",
                     lambda draft, port=port, target=target: draft.connect(port, target),
                 )
+
+
+def _scaled(draft: Edit, view: View, port: str, target: str) -> None:
+    join(draft, view, draft.after(port, "Gain_dq", "feedback", k=Strength((-0.3, -0.1, 0.1, 0.3), 0.0)), target)
+
+
+def _crossed(draft: Edit, view: View, port: str, target: str) -> None:
+    join(draft, view, coupled(draft, view, port, "JMul", "feedback"), target)
 
 
 def _virtual_or_following(view: View) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.current_measurement import rewired
-from ibrid.parts.edit import Edit
+from ibrid.parts.edit import Edit, cutoff
 from ibrid.parts.feedforward import feedforward
 from ibrid.parts.paths import command_entry, has_line, row_before, terminal_voltage
 from ibrid.parts.practice import Effect, Family
@@ -12,6 +12,8 @@ from ibrid.parts.shaping import put_behind, shapers
 from ibrid.parts.view import Move, View, followers
 from ibrid.signals import Signal
 from ibrid.structure.wiring import split_port
+
+CORNER = cutoff(2000, 500, 100)
 
 
 def _voltage_sensor(view: View) -> Iterator[Move]:
@@ -82,9 +84,9 @@ def voltage_filter(view: View) -> Iterator[Move]:
     for kind in shapers(view, Signal.DQ_VEC):
         for target in targets:
             note = f"{kind} on the measured voltage to {split_port(target)[0]}"
-            yield put_behind(note, voltage, kind, "voltage", [target])
+            yield put_behind(note, voltage, kind, "voltage", CORNER, [target])
         if len(targets) > 1:
-            yield put_behind(f"{kind} on the measured voltage", voltage, kind, "voltage")
+            yield put_behind(f"{kind} on the measured voltage", voltage, kind, "voltage", CORNER)
 
 
 FAMILIES = (Family("voltage filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, voltage_filter),)

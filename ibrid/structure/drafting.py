@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import networkx as nx
 
@@ -128,7 +129,7 @@ class Draft:
         self.connect(source, f"{name}.in_")
         return f"{name}.out"
 
-    def insert(self, source: str, targets: Iterable[str], kind: str, stem: str, **bindings: Binding) -> str:
+    def insert(self, source: str, targets: Iterable[str], kind: str, stem: str, **bindings: Any) -> str:
         """Put a block of one input and one output between a source and some of its targets; returns its name."""
         name = self.add(kind, stem, **bindings)
         for target in targets:
@@ -137,7 +138,7 @@ class Draft:
         self.connect(source, f"{name}.in_")
         return name
 
-    def insert_before(self, target: str, kind: str, stem: str, **bindings: Binding) -> str:
+    def insert_before(self, target: str, kind: str, stem: str, **bindings: Any) -> str:
         """Put a block between an input and the sum of all that drives it; returns its name."""
         name = self.add(kind, stem, **bindings)
         for source in self.sources(target):
@@ -146,12 +147,12 @@ class Draft:
         self.connect(f"{name}.out", target)
         return name
 
-    def replace(self, name: str, kind: str, stem: str) -> str:
+    def replace(self, name: str, kind: str, stem: str, **bindings: Any) -> str:
         """Put another kind in a module's place; ports of the same name keep their wires, others lose them."""
         new, ports = self.vocabulary[kind], self.kind(name)
         kept = {port for port, signal in {**new.inputs, **new.outputs}.items()
                 if {**ports.inputs, **ports.outputs}.get(port) is signal}  # fmt: skip
-        fresh = self.add(kind, stem)
+        fresh = self.add(kind, stem, **bindings)
 
         def moved(port: str) -> str | None:
             owner, inner = split_port(port)

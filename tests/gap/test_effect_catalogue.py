@@ -403,8 +403,8 @@ def mine(_):
     for kind in ("LPF1_dq", "Nothing"):
 
         def edit(draft, kind=kind):
-            name = draft.insert_before("park_i.i_dq", kind, "mine")
-            return {f"{name}.omega_c": Strength((3000.0, 1000.0, 300.0), 1e14)}
+            corner = Strength((3000.0, 1000.0, 300.0), 1e14)
+            draft.insert_before("park_i.i_dq", kind, "mine", omega_c=corner)
 
         yield Move.at("add", f"{kind} before park_i.i_dq", edit)
     yield Move.at("remove", "the plant", lambda draft: draft.remove("plant"))

@@ -54,7 +54,8 @@ def with_strengths(effect: Effect, change: Callable[[Strength], Strength]) -> Ef
         for move in effect.moves(view):
 
             def draw(draft, move=move):
-                return {name: change(strength) for name, strength in (move.draw(draft) or {}).items()}
+                move.draw(draft)
+                draft.strengths = {name: change(strength) for name, strength in draft.strengths.items()}
 
             yield replace(move, draw=draw)
 
