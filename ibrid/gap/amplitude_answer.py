@@ -3,10 +3,11 @@
 from dataclasses import replace
 from typing import Any
 
-from ibrid.gap.amplitude_result import AmplitudeAnswer, TriedNonlinearity, at_every_amplitude, nrmse_at_all, port_gain
+from ibrid.gap.amplitude_result import AmplitudeAnswer, TriedNonlinearity, at_every_amplitude, nrmse_at_all
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit
 from ibrid.gap.nonlinear_naming import Naming
+from ibrid.gap.port_gain import port_gain
 from ibrid.gap.result import NamedEffect
 
 

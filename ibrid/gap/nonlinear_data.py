@@ -37,6 +37,19 @@ class AmplitudeData:
         """Measured real numbers."""
         return 2 * int((self.weight > 0).sum())
 
+    def by_cell(self, value: np.ndarray) -> np.ndarray:
+        """What operating points have, (M, r), for each of the C = K M L 2 cells (frequency, point, amplitude, axis): (C, r)."""
+        spread = np.broadcast_to(value[None, :, None, None], (*self.amplitude.shape, 2, value.shape[1]))
+        return spread.reshape(-1, value.shape[1])
+
+    def columns(self, matrices: np.ndarray) -> np.ndarray:
+        """(K, M, L, 2, 2) -> (C, 2), the columns of each matrix."""
+        return np.swapaxes(matrices, -1, -2).reshape(-1, 2)
+
+    def matrices(self, columns: np.ndarray) -> np.ndarray:
+        """The opposite of `columns`."""
+        return np.swapaxes(columns.reshape(*self.amplitude.shape, 2, 2), -1, -2)
+
 
 def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
     """Arrays of a sweep with several amplitudes, on the frequencies that all operating points have; None without any.

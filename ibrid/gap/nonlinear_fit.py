@@ -12,7 +12,6 @@ from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_places import Place, values_at_rest
-from ibrid.gap.nonlinear_shapes import rest_size
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.modules.vocabulary import Vocabulary
@@ -137,10 +136,10 @@ class NonlinearSearch:
     ) -> State | None:
         linear, rest = beside
         threshold = self._threshold(x[-1], rest)
-        motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold, start)
+        motion = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold, start)
         if start is not None and not motion.converged.all():
-            motion = balanced(linear, self.place.shape, self._by_cell(rest), threshold)
-        Y = self._matrices(response(linear, motion.leaving))
+            motion = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold)
+        Y = self.data.matrices(response(linear, motion.leaving))
         misfit = self.data.weight * (Y - self.data.admittance)
         chi2 = float((np.abs(misfit) ** 2).sum())
         if not np.isfinite(chi2):
@@ -169,15 +168,7 @@ class NonlinearSearch:
     def _threshold(self, x: float, rest: np.ndarray) -> float:
         """Per unit, of the coordinate that is searched; a limit counts from the largest value at rest."""
         found = float(np.exp(x))
-        return float(rest_size(self.place.shape, rest).max() * (1.0 + found)) if self.place.shape.limits else found
-
-    def _by_cell(self, rest: np.ndarray) -> np.ndarray:
-        shape = (*self.data.amplitude.shape, 2)
-        return np.broadcast_to(rest[None, :, None, None], (*shape, rest.shape[1])).reshape(-1, rest.shape[1])
-
-    def _matrices(self, columns: np.ndarray) -> np.ndarray:
-        """(C, 2) columns -> (K, M, L, 2, 2)."""
-        return np.swapaxes(columns.reshape(*self.data.amplitude.shape, 2, 2), -1, -2)
+        return float(self.place.shape.rest_size(rest).max() * (1.0 + found)) if self.place.shape.limits else found
 
     def _jacobian(self, state: State) -> np.ndarray:
         """The slopes at a state, taken once."""
@@ -201,9 +192,9 @@ class NonlinearSearch:
             if threshold == state.threshold and np.array_equal(rest, state.rest):
                 leaving = moved_along(state.motion, linear)
             else:
-                again = balanced(linear, self.place.shape, self._by_cell(rest), threshold, state.motion.entering)
+                again = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold, state.motion.entering)
                 leaving = again.leaving
-            white = self.data.weight * (self._matrices(response(linear, leaving)) - state.Y) / step
+            white = self.data.weight * (self.data.matrices(response(linear, leaving)) - state.Y) / step
             columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
         return np.nan_to_num(np.array(columns).T)
 

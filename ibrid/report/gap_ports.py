@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from ibrid.gap.amplitude_result import PortGain
 from ibrid.gap.missing_transfer import MissingTransfer
 from ibrid.gap.noise import ADEQUATE
+from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.report.numbers import number
 from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series

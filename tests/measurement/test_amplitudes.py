@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from sharing import shared
 
 from ibrid.errors import IbridError, SweepError
-from ibrid.gap.describing import (
+from ibrid.gap.nonlinear_shapes import (
     dead_zone_gain,
     held_limit_gain,
     one_sided_limit,
