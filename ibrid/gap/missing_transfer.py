@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ibrid.gap.noise import noise_of
-from ibrid.gap.open_port import Opened, OpenPort
+from ibrid.gap.open_port import OpenPort
+from ibrid.gap.port_fit import Target, power, settled
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.port_transfer import PortCurve, port_curve
+from ibrid.gap.prior import Beliefs
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
@@ -24,8 +26,6 @@ DENSE = 200
 USELESS = 0.5
 #: Steps for the measured transfer, and the least that the data say about it (1 / variance).
 STEPS, LEAST_SEEN = 30, 1e-12
-#: Axes of (K, M, 2, 2) beside that of the frequencies.
-PER_FREQUENCY = (1, 2, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,36 +85,7 @@ def measured(gap: "Gap", fit: PortFit, values: Mapping[str, float], start: np.nd
         return fit.transfer, fit.deviation
     data, sigma = (np.stack([getattr(one, name) for one in noise.sweep.points], 1) for name in ("admittance", "sigma"))
     weight = 1.0 / (sigma * (1.0 if noise.known else max(fit.chi2_per_dof, 1.0) ** 0.5))
+    target = Target(data, weight, Beliefs([], {}), tail=0.0)
     with np.errstate(all="ignore"):
-        return _least_squares(opened, data, weight, start)
-
-
-def _least_squares(
-    opened: Opened, data: np.ndarray, weight: np.ndarray, g: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Newton with halved steps for each g = 1 + Delta (K,), in which Y is analytic; data, weight : (K, M, 2, 2)."""
-
-    def misfit(at: np.ndarray) -> np.ndarray:
-        return weight * (opened.response(at) - data)
-
-    def slope(at: np.ndarray) -> np.ndarray:
-        return weight * opened.slope_by_transfer(at)
-
-    part = np.ones(len(g))
-    for _ in range(STEPS):
-        down = slope(g)
-        trial = g - part * (down.conj() * misfit(g)).sum(axis=PER_FREQUENCY) / _seen(down)
-        better = _square(misfit(trial)) < _square(misfit(g))
-        g, part = np.where(better, trial, g), np.where(better, 1.0, part / 2.0)
-    return g - 1.0, _seen(slope(g)) ** -0.5
-
-
-def _square(white: np.ndarray) -> np.ndarray:
-    """Sum of squares (K,), infinite where there is no response."""
-    found = np.sum(np.abs(white) ** 2, axis=PER_FREQUENCY)
-    return np.where(np.isfinite(found), found, np.inf)
-
-
-def _seen(slope: np.ndarray) -> np.ndarray:
-    """What the data say about each g, 1 / variance (K,)."""
-    return np.maximum(_square(slope), LEAST_SEEN)
+        g, _ = settled(opened, target, start, STEPS, enough=0.0)
+        return g - 1.0, np.maximum(power(target.by_transfer(opened, g)), LEAST_SEEN) ** -0.5

@@ -17,7 +17,8 @@ from ibrid.gap.prior import Beliefs
 #: Steps of every start, and of the best of them.
 FIRST_STEPS, MOST_STEPS = 15, 60
 DESCENT = Descent(marquardt=True, greatest=1e8, enough=1e-4, small=1e-3)
-MOST_ROUNDS = 12
+#: Rounds of an elimination, and the gain in cost, over 1 + cost, below which a transfer is settled.
+MOST_ROUNDS, SETTLED = 12, 1e-6
 #: The prior of each Delta is Student's, -2 ln p = TAIL ln(1 + |Delta|^2 / LARGE^2): where the data hardly see it, it is not
 #: one that makes a resonance of the noise; where they do, any size is likely enough.
 LARGE, TAIL = 10.0, 4.0
@@ -25,11 +26,13 @@ LARGE, TAIL = 10.0, 4.0
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `beliefs` : of the parameters."""
+    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `beliefs` : of the parameters. `tail` : of the prior of each
+    Delta; 0 for none."""
 
     data: np.ndarray
     weight: np.ndarray
     beliefs: Beliefs
+    tail: float = TAIL
 
     def misfit(self, opened: Opened, g: np.ndarray) -> np.ndarray:
         """White residuals at g (..., K) -> (..., K, 4M)."""
@@ -39,16 +42,14 @@ class Target:
         """Their derivative by g (..., K) -> (..., K, 4M)."""
         return _rows(self.weight * opened.slope_by_transfer(g))
 
+    def cost(self, misfit: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where there is no response."""
+        cost = power(misfit) + self.tail * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
+        return np.where(np.isfinite(cost), cost, np.inf)
 
-def penalised(misfit: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where there is no response."""
-    cost = power(misfit) + TAIL * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
-    return np.where(np.isfinite(cost), cost, np.inf)
-
-
-def hold(g: np.ndarray) -> np.ndarray:
-    """What the square of a Delta is weighed by, such that it has the slope of the prior."""
-    return TAIL / (LARGE**2 + np.abs(g - 1.0) ** 2)
+    def hold(self, g: np.ndarray) -> np.ndarray:
+        """What the square of a Delta is weighed by, such that it has the slope of the prior."""
+        return self.tail / (LARGE**2 + np.abs(g - 1.0) ** 2)
 
 
 def power(a: np.ndarray) -> np.ndarray:
@@ -122,12 +123,12 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
         return None
     g = eliminated(opened, target, before)
     misfit, a = target.misfit(opened, g), target.by_transfer(opened, g)
-    cost = float(penalised(misfit, g).sum())
+    cost = float(target.cost(misfit, g).sum())
     if not (np.isfinite(cost) and np.isfinite(a).all()):
         return None
     slope = target.weight[..., None] * (opened.slope_by_parameters(g) * model.coordinates.slope(theta))
     slope = slope.reshape(*misfit.shape, len(x))
-    held, seen = hold(g), power(a)
+    held, seen = target.hold(g), power(a)
     follows = -np.einsum("ke,kep->kp", a.conj(), slope) / (seen + held)[:, None]
     left = slope + a[:, :, None] * follows[:, None, :]
     of_g = held[:, None] * follows
@@ -155,24 +156,35 @@ def eliminated(opened: Opened, target: Target, before: np.ndarray | None = None)
     signal = target.data - opened.y_u
     entering = opened.z_u + opened.z_w @ (np.linalg.pinv(opened.y_w) @ signal)
     driven, wanted = (_rows(target.weight * one) for one in (opened.y_w @ entering, signal))
-    guess = ((driven.conj() * wanted).sum(axis=-1) + hold(ones)) / (power(driven) + hold(ones))
-    g = np.stack([ones, guess] if before is None else [ones, guess, before])
+    guess = ((driven.conj() * wanted).sum(axis=-1) + target.hold(ones)) / (power(driven) + target.hold(ones))
+    g, cost = settled(opened, target, np.stack([ones, guess] if before is None else [ones, guess, before]))
+    return np.take_along_axis(g, np.argmin(cost, axis=0)[None], 0)[0]
+
+
+def settled(
+    opened: Opened, target: Target, g: np.ndarray, rounds: int = MOST_ROUNDS, enough: float = SETTLED
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where Gauss-Newton, each transfer for itself and with shorter steps where whole ones do not help, leads from g (..., K),
+    and the cost there.
+
+    It is no `Descent`: one complex scalar per frequency, in which the response is analytic, has a step in closed form.
+    """
     misfit = target.misfit(opened, g)
-    cost, part, moved = penalised(misfit, g), np.ones(g.shape), True
+    cost, part, moved = target.cost(misfit, g), np.ones(g.shape), True
     step, gain = np.zeros_like(g), np.zeros(g.shape)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(rounds):
         if np.any(moved):
             a = target.by_transfer(opened, g)
-            total = power(a) + hold(g)
-            step = -((a.conj() * misfit).sum(axis=-1) + hold(g) * (g - 1.0)) / total
+            total = power(a) + target.hold(g)
+            step = -((a.conj() * misfit).sum(axis=-1) + target.hold(g) * (g - 1.0)) / total
             gain = np.abs(step) ** 2 * total
-        if (part * gain < 1e-6 * (1.0 + cost)).all():
+        if (part * gain < enough * (1.0 + cost)).all():
             break
         trial = g + part * step
         trial_misfit = target.misfit(opened, trial)
-        trial_cost = penalised(trial_misfit, trial)
+        trial_cost = target.cost(trial_misfit, trial)
         moved = trial_cost < cost
         g, cost = np.where(moved, trial, g), np.where(moved, trial_cost, cost)
         misfit = np.where(moved[..., None], trial_misfit, misfit)
         part = np.where(moved, 1.0, part / 4)
-    return np.take_along_axis(g, np.argmin(cost, axis=0)[None], 0)[0]
+    return g, cost

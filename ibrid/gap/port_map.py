@@ -16,7 +16,7 @@ from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.open_port import OpenPort
-from ibrid.gap.port_fit import Fit, Target, fit_port, hold
+from ibrid.gap.port_fit import Fit, Target, fit_port
 from ibrid.gap.ports import Port, ports
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.sweep import Sweep
@@ -159,7 +159,7 @@ class _Search:
         theta = self.model.coordinates.to_theta(fit.x)
         known = fit.believed + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
         covariance = _inverse(fit.information + np.diag(known))
-        known_of_g = fit.seen + hold(fit.g)
+        known_of_g = fit.seen + self.target.hold(fit.g)
         free = 2 * float((fit.seen / known_of_g).sum()) + len(known) - float(known @ np.diag(covariance))
         followed = [
             np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
