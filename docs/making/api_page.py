@@ -28,7 +28,7 @@ FURTHER = {
     ),
     "ibrid_search": (
         "ibrid_search.proposal.Proposer", "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",
-        "ibrid_search.proposers.spending.Limits",
+        "ibrid_search.spending.Limits",
     ),
 }  # fmt: skip
 

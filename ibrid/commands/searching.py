@@ -170,8 +170,8 @@ def run_search(arguments: Namespace) -> int:
 
     from math import inf
 
-    from ibrid_search.proposers.spending import Limits
     from ibrid_search.running import search
+    from ibrid_search.spending import Limits
 
     try:
         found = search(
@@ -249,7 +249,7 @@ def _go_on(arguments: Namespace) -> str:
 
 
 def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
-    from ibrid_search.proposers.spending import spent_words
+    from ibrid_search.spending import spent_words
 
     from ibrid.evaluation.record import Record
     from ibrid.measurement.quantities import counted

@@ -5,7 +5,7 @@ alone. So the archive is the same with any number of workers, and a run that was
 With a proposer that learns from evaluations, a whole batch of its answers is made from the results of the batches before.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,11 +20,11 @@ from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.judging import Verdict, judge, judge_program
 from ibrid_search.merit import criterion
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, LearningProposer, Proposal, Proposer
-from ibrid_search.proposers.pruning import Pruning
-from ibrid_search.proposers.spending import Spender, added
+from ibrid_search.panel import Panel
+from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
 from ibrid_search.requirements import Requirements
 from ibrid_search.settings import SearchSettings
+from ibrid_search.spending import added
 from ibrid_search.step import EVALUATED, USABLE, Status, Step
 from ibrid_search.store import Store
 from ibrid_search.trajectory import eligible
@@ -52,7 +52,7 @@ class Loop:
         study: Study,
         store: Store,
         evaluator: Evaluator,
-        proposers: Sequence[tuple[Proposer, float]],
+        panel: Panel,
         settings: SearchSettings,
         goal: Goal,
         *,
@@ -60,12 +60,10 @@ class Loop:
         watch: Callable[["Loop", Step], None] = lambda loop, step: None,
     ) -> None:
         self.study, self.store, self.evaluator = study, store, evaluator
-        self.proposers, self.settings, self.goal, self.seed = tuple(proposers), settings, goal, study.seed
+        self.panel, self.settings, self.goal, self.seed = panel, settings, goal, study.seed
         self.appraisal = Appraisal(store, criterion(study, settings), study.kinds)
         self.requirements, self.watch = requirements, watch
-        self.pruning, self.tidying = Pruning(), Pruning(thorough=True)
-        self.learner = next((one for one, _ in self.proposers if isinstance(one, LearningProposer)), None)
-        self.window = min([settings.window, *(one.window for one, _ in self.proposers if one.window is not None)])
+        self.window = panel.window(settings.window)
         self.archive = Archive(settings)
         self.steps: list[Step] = []
         self.known: dict[str, int] = {}
@@ -85,9 +83,10 @@ class Loop:
             self._append(self._first(start))
         ending = None
         while ending is None:
-            self._absorb(self._horizon)
+            self._absorb(self.panel.horizon(len(self.steps) - self.window))
             self._require_a_start()
-            self._learn()
+            if not self.stop_asked:
+                self.panel.learn(self.steps, self._asked_again)
             ending = self._ending()
             if ending is None:
                 ending = self._step()
@@ -118,26 +117,16 @@ class Loop:
             return STOPPED
         if self.evaluations >= self.goal.budget:
             return BUDGET
-        if self._spent and self.best is None and not self._under_way:
+        if self.panel.exhausted and self.best is None and not self._under_way:
             return SPENT
         return NOTHING_NEW if self.idle >= self.settings.patience else None
-
-    @property
-    def _horizon(self) -> int:
-        """The last step whose result the next proposal sees."""
-        return max(len(self.steps) - self.window if self.learner is None else self.learner.rounds.horizon, 0)
-
-    def _learn(self) -> None:
-        """Train the proposer that learns once its batch is complete, and the results in where they matter."""
-        if self.learner is not None and self.learner.due and not self.stop_asked:
-            self.learner.learn(self.steps, self._asked_again)
 
     @property
     def _reached(self) -> str | None:
         """TARGET, FLOOR or EXACT_FIT when the best step is good enough, SPENT when nobody can be asked any more."""
         if self.best is None or self.best.nrmse is None:
             return None
-        if self._spent:
+        if self.panel.exhausted:  # the answer of one that is tells nothing
             return SPENT
         if self.goal.target is not None and self.best.nrmse <= self.goal.target:
             return TARGET
@@ -151,11 +140,6 @@ class Loop:
     def _under_way(self) -> bool:
         """True while there are evaluations whose results no proposal has seen."""
         return any(map(_fresh, self.steps[self.absorbed :]))
-
-    @property
-    def _spent(self) -> bool:
-        """True when every proposer is over its limits; the answer of one that is over tells nothing."""
-        return all(isinstance(one, Spender) and bool(one.spending.over) for one, _ in self.proposers)
 
     @property
     def _at_floor(self) -> bool:
@@ -200,8 +184,7 @@ class Loop:
         self.evaluations += fresh
         if step.hash and fresh:
             self.known.setdefault(step.hash, step.number)
-        if self.learner is not None:
-            self.learner.add(step)
+        self.panel.note(step)
 
     # --- proposing ---------------------------------------------------------------------------------------------------
 
@@ -221,7 +204,7 @@ class Loop:
         for draw in self._drawn(rng, number, pruned):
             parent, island, proposer, scale = draw
             proposal, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
-            if proposer is not self.pruning or verdict.status is not Status.NO_ANSWER:
+            if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
         return Step(
             number=number,
@@ -246,21 +229,18 @@ class Loop:
     ) -> Iterator[tuple[Entry, int, Proposer, str]]:
         """Parent, its child's island, proposer and scale, in the order in which they are tried."""
         scale = str(rng.choice(SCALES, p=[self.settings.scales[one] for one in SCALES]))
-        weights = np.array([weight for _, weight in self.proposers])
-        proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
-        if self.learner is None or proposer is not self.learner:
-            parent, island = self.archive.sample(rng, number)
-        elif self.learner.rounds.leader is None:  # a new group: the active island goes round with the groups
-            parent, island = self.archive.sample(rng, self.learner.rounds.next.context)
+        proposer, origin = self.panel.drawn(rng, number)
+        if origin.like is None:
+            parent, island = self.archive.sample(rng, origin.turn)
         else:
-            leader = self.steps[self.learner.rounds.leader]
-            parent, island, scale = self._parent(leader), leader.island, leader.scale
+            like = self.steps[origin.like]
+            parent, island, scale = self._parent(like), like.island, like.scale
         best = self.archive.best
         if pruned is not None:
-            yield self.appraisal.entry(pruned), pruned.island, self.tidying, "module"
+            yield self.appraisal.entry(pruned), pruned.island, self.panel.tidying, "module"
             return
         if best is not None and rng.random() < self.settings.pruning:
-            yield best, best.island, self.pruning, "module"
+            yield best, best.island, self.panel.pruning, "module"
         yield parent, island, proposer, scale
 
     def _asked(

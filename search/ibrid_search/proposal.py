@@ -11,6 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 from ibrid_search.step import Step
+from ibrid_search.store import Store
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
 SCALES = ("local", "module", "structural")
@@ -83,7 +84,7 @@ class Proposer(Protocol):
 
     `attempts` : how often a question is asked, the later times with the complaint about the first. `window` : the
     loop asks question k only when the results up to k - window are in; None leaves it to the settings. An agent that
-    must see every result has 1. All randomness comes from `rng`.
+    must see every result has 1. All randomness comes from `rng`. One that inherits from `TakesPart` too is told what happens.
     """
 
     name: str
@@ -95,28 +96,44 @@ class Proposer(Protocol):
         ...
 
 
-@runtime_checkable
-class LearningProposer(Proposer, Protocol):
-    """A proposer that is trained on what its answers were worth.
+@dataclass(frozen=True)
+class Origin:
+    """Where the parent of a question comes from.
 
-    `rounds` : which step is which of its answers (`horizon`: the last step whose result the next question sees; `leader`: the
-    step whose parent the next question has too; `next.context`: the number of the question). `due` : True when it has
-    results to learn from.
+    `turn` : the active island goes round with it. `like` : the step whose parent, island and scale the question takes over.
     """
 
-    rounds: Any
+    turn: int
+    like: int | None = None
+
+
+class TakesPart:
+    """What a run tells a proposer beside its questions and asks of it; inherit from it, and override what matters.
+
+    `undisturbed` : True where nothing is taken away from the best between its steps.
+    """
+
+    undisturbed: bool = False
+
+    def begin(self, store: Store, folder: Path) -> None:
+        """A run begins or goes on: the store with its earlier steps, and the folder for files of the proposer's own."""
+
+    def note(self, step: Step) -> None:
+        """A step was made, by whomever, now or in an earlier sitting; its result may be under way."""
+
+    def horizon(self) -> int | None:
+        """The last step whose result the next question must and may see; None: as `window` says."""
+        return None
+
+    def origin(self, number: int) -> Origin:
+        """Where the parent of its next question, step `number` of the run, comes from."""
+        return Origin(number)
+
+    def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> object:
+        """Called before every question, with the results up to the horizon. context : the question that led to a step,
+        without what was known of other candidates. What is learnt is kept on disk before this returns."""
 
     @property
-    def due(self) -> bool: ...
-
-    def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
-        """Where its files go, and who takes texts for the store; it goes on from what is there."""
-        ...
-
-    def add(self, step: Step) -> None:
-        """Take note of a step, made now or in an earlier sitting."""
-        ...
-
-    def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> Any:
-        """Learn from the results; kept on disk before this returns."""
-        ...
+    def exhausted(self) -> bool:
+        """True once it answers no more; a run in which that holds of all proposers ends."""
+        return False

@@ -26,17 +26,17 @@ from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Goal, Loop
 from ibrid_search.page import write_run_page
+from ibrid_search.panel import Panel
 from ibrid_search.policy_package import policy_part
 from ibrid_search.progress import Progress
-from ibrid_search.proposal import LearningProposer, Proposer
-from ibrid_search.proposers.agent import Agent
+from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import choose_proposers
-from ibrid_search.proposers.spending import Limits, Prices, Spender
 from ibrid_search.requirements import parse_requirements
 from ibrid_search.run_file import digest
 from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, open_run, require_run, write_best
 from ibrid_search.selecting import WAYS, select, selection_json
 from ibrid_search.settings import SearchSettings
+from ibrid_search.spending import Limits, Prices
 from ibrid_search.store import Store
 from ibrid_search.tally import counts
 from ibrid_search.trajectory import trajectory, trajectory_csv
@@ -115,7 +115,7 @@ def search(
     start : diagram or program text to begin from; the naive one when not given.
     proposer : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own.
     models : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. limits : what they
-        may spend in the whole run, `ibrid_search.proposers.spending.Limits`. prices : of a million tokens in and a million out;
+        may spend in the whole run, `ibrid_search.spending.Limits`. prices : of a million tokens in and a million out;
         one pair for all models, or one for each.
     policy : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
     budget : evaluations at most, the start included. target : NRMSE that ends the search; None: only the
@@ -147,8 +147,6 @@ def search(
     first = _program(start)
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=equilibrium)
     proposers = choose_proposers(proposer, models, limits, prices, policy)
-    if any(isinstance(one, Agent) for one, _ in proposers):
-        settings = replace(settings, pruning=0.0)  # an agent sees the results of its own steps alone
     lessons: dict[str, Any] = {}
     if policy is not None:
         lessons = {
@@ -164,6 +162,9 @@ def search(
         )
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         lessons["learning"] = vars(lesson)
+    panel = Panel(proposers)
+    if panel.undisturbed:
+        settings = replace(settings, pruning=0.0)
     requirements = parse_requirements(require)
     _require_numbers(budget, target, workers, history, choose)
     held = study.held
@@ -171,7 +172,7 @@ def search(
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
     texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     options = {
-        "seed": seed, "budget": budget, "target": target, "proposer": _names(proposers), "models": list(models),
+        "seed": seed, "budget": budget, "target": target, "proposer": panel.names, "models": list(models),
         "prices": [list(one) for one in prices], "parameters": parameters, "equilibrium": equilibrium,
         "vocabulary": study.vocabulary_name, "holdout_op": list(held), "require": require or "", "choose": choose,
         "workers": workers, "ray": ray or "", "data": sweep.source, "data_sha256": digest(texts["data"]),
@@ -186,10 +187,10 @@ def search(
         watcher = Watcher(store, folder, shown, budget)
         with _evaluator(assessor, workers, ray, settings) as evaluator, shown:
             loop = Loop(
-                study.blind, store, evaluator, proposers, settings, Goal(budget, target),
+                study.blind, store, evaluator, panel, settings, Goal(budget, target),
                 requirements=requirements, watch=watcher,
             )  # fmt: skip
-            _remember(proposers, store, folder)
+            panel.begin(store, folder)
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
@@ -234,30 +235,12 @@ def _require_numbers(budget: int, target: float | None, workers: int, history: i
             raise IbridError(sentence)
 
 
-def _names(proposers: Sequence[tuple[Proposer, float]]) -> str:
-    return ",".join(f"{one.name}:{weight:g}" for one, weight in proposers)
-
-
 def _evaluator(assessor: Assessor, workers: int, ray: str | None, settings: SearchSettings) -> Evaluator:
     if workers == 1 and ray is None:
         return LocalEvaluator(assessor, wall=settings.wall)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
     return RayEvaluator(assessor, workers, address=ray, wall=settings.wall, lost=settings.lost)
-
-
-def _remember(proposers: Sequence[tuple[Proposer, float]], store: Store, folder: Path) -> None:
-    """Give an agent the store to look back at, tell one that learns where its weights are kept, and count what language
-    models spent in earlier sittings."""
-    for one, _ in proposers:
-        if isinstance(one, LearningProposer):
-            one.open(folder, store.set_meta)
-        if isinstance(one, Agent):
-            one.history = store
-        if isinstance(one, Spender):
-            for step in store.steps():
-                if step.proposer == one.name:
-                    one.spending.count(step.usage)
 
 
 def _concluded(

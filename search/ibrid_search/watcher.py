@@ -6,8 +6,8 @@ from pathlib import Path
 
 from ibrid_search.loop import Loop
 from ibrid_search.progress import Progress, Snapshot
-from ibrid_search.proposers.spending import Spending
 from ibrid_search.run_folder import write_best
+from ibrid_search.spending import Spending
 from ibrid_search.step import EVALUATED, Status, Step
 from ibrid_search.store import Store
 from ibrid_search.tally import Tally

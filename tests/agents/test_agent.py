@@ -15,7 +15,7 @@ from ibrid_search.proposers.agent_memory import remembered
 from ibrid_search.proposers.agent_question import AgentSettings
 from ibrid_search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
 from ibrid_search.proposers.chat_server import ChatServer
-from ibrid_search.proposers.spending import Limits
+from ibrid_search.spending import Limits
 from ibrid_search.step import Status, Step
 from scripted_server import refuses, says, scripted
 

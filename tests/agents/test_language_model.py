@@ -13,7 +13,7 @@ from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel, read_answer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import model_of
-from ibrid_search.proposers.spending import Limits
+from ibrid_search.spending import Limits
 from scripted_server import closes, hangs, refuses, says, scripted, sends
 
 import ibrid

@@ -12,6 +12,7 @@ import numpy as np
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.job import Job, Result
 from ibrid_search.loop import Goal, Loop
+from ibrid_search.panel import Panel
 from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.requirements import Requirements
@@ -188,7 +189,7 @@ def scripted(
             replace(study(), sweep=data, seed=seed),
             store,
             evaluator or ScriptedEvaluator(),
-            proposers or ((Rules(looks=1), 1.0),),
+            Panel(proposers or ((Rules(looks=1), 1.0),)),
             settings,
             Goal(budget, target),
             requirements=requirements or Requirements(),

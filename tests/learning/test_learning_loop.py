@@ -94,15 +94,19 @@ def learning(folder: Path, policy: Policy | None = None, learn: LearningSettings
     more = options.pop("beside", ())
     evaluator = options.pop("evaluator", None) or ScriptedEvaluator(by_gain, stable=lambda _: True)
     with scripted(folder / "archive.sqlite", proposers=((learner, 1.0), *more), evaluator=evaluator, **options) as loop:
-        learner.open(folder, loop.store.set_meta)
+        loop.panel.begin(loop.store, folder)
         yield loop
+
+
+def learner_of(loop: Loop) -> Learner:
+    (learner,) = (one for one, _ in loop.panel.proposers if isinstance(one, Learner))
+    return learner
 
 
 def ended(folder: Path, policy: Policy | None = None, **options) -> tuple[list[Step], Learner]:
     with learning(folder, policy, **options) as loop:
         loop.run(NAIVE)
-        assert loop.learner is not None
-        return steps_of(folder / "archive.sqlite"), loop.learner
+        return steps_of(folder / "archive.sqlite"), learner_of(loop)
 
 
 def told(folder: Path) -> tuple[Update, ...]:
@@ -215,8 +219,7 @@ def taught_by(
     """A search that learns: all its steps, those of the policy, the updates, and the groups that each was made from."""
     batches: list[Sequence[Group]] = []
     with learning(folder, Asked(more_gain, 6), learn, budget=60) as loop:
-        assert loop.learner is not None
-        trainer = loop.learner.progress.trainer
+        trainer = learner_of(loop).progress.trainer
         update = trainer.update
         trainer.update = lambda groups: (batches.append(groups), update(groups))[1]
         loop.run(NAIVE)
@@ -406,8 +409,7 @@ def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, si
                 loop.run(NAIVE)
             except Killed:
                 continue
-            assert loop.learner is not None
-            same(whole, (steps_of(tmp_path / "killed" / "archive.sqlite"), loop.learner))
+                same(whole, (steps_of(tmp_path / "killed" / "archive.sqlite"), learner_of(loop)))
             break
     assert 5 < sitting < 60
 
@@ -415,12 +417,11 @@ def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, si
 def test_a_run_killed_between_an_update_and_its_place_in_the_store_loses_nothing(tmp_path):
     whole = ended(tmp_path / "whole", budget=40)
     with learning(tmp_path / "killed", budget=40) as loop:
-        assert loop.learner is not None
 
         def dies(name: str, text: str) -> None:
             raise Killed
 
-        loop.learner.open(tmp_path / "killed", dies)
+        learner_of(loop).progress.keep = dies
         with pytest.raises(Killed):
             loop.run(NAIVE)
     assert told(tmp_path / "killed") == ()

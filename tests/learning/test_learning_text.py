@@ -268,7 +268,7 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     from ibrid_policy.learning.text_policy import TextPolicy
     from ibrid_search.proposal import Proposer
     from ibrid_search.proposers.choose import choose_proposers
-    from ibrid_search.proposers.spending import Limits
+    from ibrid_search.spending import Limits
 
     settings = LearningSettings(contexts=2, group=3)
     both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])

@@ -12,8 +12,8 @@ from ibrid_search.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
 from ibrid_search.merit import noise_floor
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.proposers.spending import Limits, Spending
 from ibrid_search.settings import SearchSettings
+from ibrid_search.spending import Limits, Spender, Spending
 from ibrid_search.step import EVALUATED, Status, Step
 from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, study
 
@@ -119,7 +119,7 @@ def test_clean_data_end_the_search_at_once(path):
     assert searched(steps, loop) == 0
 
 
-class Paid(ScriptedProposer):
+class Paid(Spender, ScriptedProposer):
     """Whose answers cost 1 each."""
 
     def __init__(self, limit: float) -> None:

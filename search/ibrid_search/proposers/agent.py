@@ -5,6 +5,7 @@ turn with an edit and a paragraph of diagnosis. What it remembers is made from t
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,20 +17,22 @@ from ibrid_search.proposers.agent_turn import Turn
 from ibrid_search.proposers.agent_view import History, View
 from ibrid_search.proposers.chat import Chat
 from ibrid_search.proposers.model_names import models_of
-from ibrid_search.proposers.spending import Limits, Prices, Spending
+from ibrid_search.spending import Limits, Prices, Spender, Spending
 from ibrid_search.step import Step
+from ibrid_search.store import Store
 
 
-class Agent:
+class Agent(Spender):
     """A proposer that keeps a conversation; see the module.
 
     `chat` : a model with or without calls of tools. `limits` : of the run. `history` : the store of the run, for records
-    and diagnoses of all steps; it may be set once there is one. Without it the agent knows what its contexts have shown.
+    and diagnoses of all steps, which a search tells. Without it the agent knows what its contexts have shown.
     """
 
     name = "agent"
     attempts = 1
     window: int | None = 1
+    undisturbed = True  # it sees the results of its own steps alone
 
     def __init__(
         self,
@@ -62,6 +65,11 @@ class Agent:
             raise IbridError(f"an agent is one model, found {len(models)}; name one, or mix with the proposer llm")
         ((chat, _),) = models_of(models, prices, **server)
         return cls(chat, settings, limits=limits)
+
+    def begin(self, store: Store, folder: Path) -> None:
+        """Look back at the store of the run from now on."""
+        super().begin(store, folder)
+        self.history = store
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """One turn; a failure in one sentence when the model gives no answer; the rest that goes wrong is talked over."""

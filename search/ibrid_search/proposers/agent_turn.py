@@ -16,7 +16,7 @@ from ibrid_search.proposers.agent_memory import paragraph
 from ibrid_search.proposers.agent_question import SUBMIT, AgentSettings
 from ibrid_search.proposers.agent_view import View
 from ibrid_search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
-from ibrid_search.proposers.spending import Spending, added
+from ibrid_search.spending import Spending, added
 from ibrid_search.step import Status
 from ibrid_search.tool import call_by_name, failed
 from ibrid_search.tools import Tools

@@ -12,7 +12,7 @@ from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.proposers.spending import Limits, Prices
+from ibrid_search.spending import Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
 #: Proposers that ask a language model.

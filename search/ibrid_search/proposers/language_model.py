@@ -12,12 +12,12 @@ from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Chat, ChatError, estimated_tokens
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
-from ibrid_search.proposers.spending import Limits, Prices, Spending
+from ibrid_search.spending import Limits, Prices, Spender, Spending
 
 _CHANGE = "change:"
 
 
-class LanguageModel:
+class LanguageModel(Spender):
     """Asks a model for an edit of the parent; a proposer in the sense of `ibrid_search.proposal`.
 
     `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one

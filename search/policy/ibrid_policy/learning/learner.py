@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from ibrid_search.first_look import LOOKED_AT
-from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposal import Context, Origin, Proposal, TakesPart
 from ibrid_search.step import Step
+from ibrid_search.store import Store
 
 from ibrid.errors import IbridError
 from ibrid.writing import inside
@@ -38,12 +39,12 @@ COLLAPSE, NARROW = 0.5, 0.5
 ContextOf = Callable[[Step], Context]
 
 
-class Learner:
+class Learner(TakesPart):
     """Asks `policy` for groups of answers, and trains it on what they were worth; a proposer in the sense of
     `ibrid_search.proposal`.
 
     Answers follow from the weights, the seed of the run and the number of their context, so they are the same after a
-    resume. `rounds` : which step is which answer; the loop feeds it by `add`. Tokens and served log-probabilities are kept
+    resume. `rounds` : which step is which answer. Tokens and served log-probabilities are kept
     in the steps, weights in the folder of the run.
     """
 
@@ -60,17 +61,17 @@ class Learner:
         self._told = -1  # the last context whose question is in a step
         self._sampling = 0.0
 
-    def open(self, folder: Path, keep: Callable[[str, str], None]) -> None:
-        """Where the weights go, and who takes the text about the updates for the store; goes on from what is there."""
-        self.progress.path, self.progress.keep = inside(folder, CHECKPOINT), keep
+    def begin(self, store: Store, folder: Path) -> None:
+        """Keep the weights in the folder and the text about the updates in the store, and go on from what is there."""
+        self.progress.path, self.progress.keep = inside(folder, CHECKPOINT), store.set_meta
 
     @property
     def updates(self) -> list[Update]:
         """What was learnt so far."""
         return self.progress.updates
 
-    def add(self, step: Step) -> None:
-        """Take note of a step, made now or in an earlier sitting."""
+    def note(self, step: Step) -> None:
+        """Find the place of a step, made now or in an earlier sitting."""
         mine = step.number > 0 and step.proposer == self.name
         context = self.rounds.next.context
         self.rounds.add(step)
@@ -97,14 +98,19 @@ class Learner:
             told["prompt"] = self._prompt[1]
         return replace(proposal, usage={**proposal.usage, KEPT: asdict(place) | told})
 
-    @property
-    def due(self) -> bool:
-        """True when a batch is complete that was not learnt from."""
-        return self.rounds.complete and self.progress.seen < self.rounds.batches
+    def horizon(self) -> int:
+        """The last step whose result the next question sees."""
+        return self.rounds.horizon
 
-    def learn(self, steps: Sequence[Step], context: ContextOf) -> Update:
-        """Update the weights from the last batch, all results of which are in where they matter; kept on disk before this
+    def origin(self, number: int) -> Origin:
+        """Answers to one question share its parent; with a new question the active island goes round."""
+        return Origin(self.rounds.next.context, self.rounds.leader)
+
+    def learn(self, steps: Sequence[Step], context: ContextOf) -> None:
+        """Update the weights once a batch is complete, all results of which are in where they matter; kept on disk before this
         returns."""
+        if not self.rounds.complete or self.progress.seen >= self.rounds.batches:
+            return
         began, settings = time.monotonic(), self.settings
         self.progress.require_seen(self.rounds.batches - 1)
         batch = [steps[number] for number in self.rounds.numbers]
@@ -138,7 +144,6 @@ class Learner:
         update = replace(update, seconds_update=time.monotonic() - began)
         self.progress.conclude(update)
         self._sampling = 0.0
-        return update
 
     # --- sampling ----------------------------------------------------------------------------------------------------
 

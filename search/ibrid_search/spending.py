@@ -3,9 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid_search.proposal import TakesPart
+from ibrid_search.store import Store
 
 #: Prices of a million tokens in and a million out, in whatever currency: one pair for all models, or one for each.
 Prices = Sequence[tuple[float, float]]
@@ -55,11 +58,22 @@ class Spending:
         return spent_words(self.spent)
 
 
-@runtime_checkable
-class Spender(Protocol):
+class Spender(TakesPart):
     """A proposer that asks models. `spending` : theirs in this run; over its limits the proposer answers no more."""
 
+    name: str
     spending: Spending
+
+    def begin(self, store: Store, folder: Path) -> None:
+        """Count what was spent in earlier sittings."""
+        for step in store.steps():
+            if step.proposer == self.name:
+                self.spending.count(step.usage)
+
+    @property
+    def exhausted(self) -> bool:
+        """True when a limit is spent."""
+        return bool(self.spending.over)
 
 
 def spent_words(spent: Mapping[str, float]) -> str:

@@ -1,0 +1,80 @@
+"""The proposers of a run: who is asked next, who takes away what does not pay, and what all of them are told."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ibrid_search.proposal import Context, Origin, Proposer, TakesPart
+from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.step import Step
+from ibrid_search.store import Store
+
+
+class Panel:
+    """What the loop knows of its proposers, which is their interface alone (`ibrid_search.proposal`).
+
+    `proposers` : with their weights. `pruning` : takes something away from the best now and then; a step in which it finds
+    nothing is an ordinary one. `tidying` : does so thoroughly, at the end.
+    """
+
+    def __init__(
+        self,
+        proposers: Sequence[tuple[Proposer, float]],
+        *,
+        pruning: Proposer | None = None,
+        tidying: Proposer | None = None,
+    ) -> None:
+        self.proposers = tuple(proposers)
+        self.pruning, self.tidying = pruning or Pruning(), tidying or Pruning(thorough=True)
+
+    @cached_property
+    def taking_part(self) -> tuple[TakesPart, ...]:
+        """Those that are told what happens."""
+        return tuple(one for one, _ in self.proposers if isinstance(one, TakesPart))
+
+    @property
+    def names(self) -> str:
+        """As a user gives them: "rules:0.7,random:0.3"."""
+        return ",".join(f"{one.name}:{weight:g}" for one, weight in self.proposers)
+
+    @property
+    def undisturbed(self) -> bool:
+        """True where nothing may be taken away between the steps of one of them."""
+        return any(one.undisturbed for one in self.taking_part)
+
+    @property
+    def exhausted(self) -> bool:
+        """True when nobody answers any more."""
+        return len(self.taking_part) == len(self.proposers) and all(one.exhausted for one in self.taking_part)
+
+    def window(self, usual: int) -> int:
+        """Proposal k sees the results up to k - window."""
+        return min([usual, *(one.window for one, _ in self.proposers if one.window is not None)])
+
+    def horizon(self, usual: int) -> int:
+        """The last step whose result the next proposal sees: `usual`, unless a proposer says another."""
+        said = [found for one in self.taking_part if (found := one.horizon()) is not None]
+        return max(*said, 0) if said else max(usual, 0)
+
+    def begin(self, store: Store, folder: Path) -> None:
+        """Tell everybody where the run lives, before its first step and after each interruption."""
+        for one in self.taking_part:
+            one.begin(store, folder)
+
+    def note(self, step: Step) -> None:
+        """Tell everybody of a step."""
+        for one in self.taking_part:
+            one.note(step)
+
+    def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> None:
+        """Let everybody learn from the results up to the horizon."""
+        for one in self.taking_part:
+            one.learn(steps, context)
+
+    def drawn(self, rng: np.random.Generator, number: int) -> tuple[Proposer, Origin]:
+        """Whom step `number` asks, by the weights, and where its parent comes from."""
+        weights = np.array([weight for _, weight in self.proposers])
+        proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
+        return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(number)
