@@ -17,6 +17,9 @@ from ibrid.structure.wiring import Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" and the axis
 
+#: Modules that direct terms may join round a loop, and connections among them: solving it in symbols costs with their cube.
+LARGEST_LOOP, TIGHTEST_LOOP = 20, 60
+
 OMEGA_0 = 2 * np.pi * 60.0
 DRAWS = 3
 #: Reciprocal condition number of I - F, rows and columns scaled, below which a loop counts as singular.
@@ -53,6 +56,19 @@ def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[Alge
     return tuple(
         AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
     )
+
+
+def largest_loop(wiring: Wiring) -> tuple[tuple[str, ...], int]:
+    """Modules that direct terms join round a loop, those of the tightest, and pairs of them; delays count as direct."""
+    terms = _direct_terms(wiring, parameter_table(wiring, "exact"), np.random.default_rng(20), 0.5)
+    graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms)
+    for name, kind in wiring.kinds.items():
+        if kind.delay is not None:  # a Pade form has a direct term
+            sources = (split_port(source)[0] for port in kind.inputs for source in wiring.sources[f"{name}.{port}"])
+            graph.add_edges_from((source, name) for source in sources if source)
+    loops = (graph.subgraph(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
+    largest = max(loops, key=lambda loop: loop.number_of_edges(), default=nx.DiGraph())
+    return tuple(name for name in wiring.kinds if name in largest), largest.number_of_edges()
 
 
 def _feeds_itself(graph: nx.DiGraph, group: set[Channel]) -> bool:

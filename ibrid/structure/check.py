@@ -6,13 +6,13 @@ from ibrid.errors import DiagramError, near
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary, usual_kind
-from ibrid.structure.algebraic_loops import algebraic_loops
+from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, algebraic_loops, largest_loop
 from ibrid.structure.connection_rules import check_connections
 from ibrid.structure.devices import check_plants, devices
 from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
 from ibrid.structure.habits import check_habits
 from ibrid.structure.module_rules import check_modules
-from ibrid.structure.parameters import EQUILIBRIA
+from ibrid.structure.parameters import EQUILIBRIA, parameter_table
 from ibrid.structure.steady_state import lost_at, steady_order, unknown_equilibria
 from ibrid.structure.violation import Findings, Violation, some
 from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
@@ -20,6 +20,8 @@ from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
 __all__ = ["HIGHEST_ORDER", "Violation", "require_legal", "violations", "warnings"]
 
 HIGHEST_ORDER = 30
+#: Together with `LARGEST_LOOP` they bound what an evaluation takes between two looks at the clock, and its memory.
+MOST_FREE = 100
 MOST_MODULES, MOST_CONNECTIONS = 200, 1000
 
 
@@ -41,8 +43,11 @@ def violations(
     kinds = check_modules(diagram, kinds_allowed, equilibrium, findings)
     check_connections(diagram, kinds, findings)
     _check_whole(diagram, kinds, kinds_allowed, findings)
+    if findings:
+        return findings.sorted
+    wiring = wire(diagram, kinds_allowed)
+    _check_effort(wiring, equilibrium, findings)
     if not findings:
-        wiring = wire(diagram, kinds_allowed)
         _check_loops(diagram, wiring, equilibrium, findings)
         if equilibrium == "exact":
             for device in devices(wiring):
@@ -113,6 +118,19 @@ def _terminal_remedy(kinds: dict[str, ModuleKind | None], vocabulary: Sequence[M
         if kind is not None and kind.family == PLANT and "i_g" in kind.outputs:
             return f"connect {name}.i_g to it, through a {turned} if the controller has a frame of its own"
     return "connect the plant's grid current to it"
+
+
+def _check_effort(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+    if (free := len(parameter_table(wiring, equilibrium).free)) > MOST_FREE:
+        message = f"there are {free} free parameters, more than {MOST_FREE}; give some a number or a common name"
+        findings.add(None, "size", message)
+    loop, pairs = largest_loop(wiring)
+    if len(loop) > LARGEST_LOOP or pairs > TIGHTEST_LOOP:
+        message = (
+            f"direct terms join {len(loop)} modules round a loop, in {pairs} pairs, more than {LARGEST_LOOP} or "
+            f"{TIGHTEST_LOOP}: {some(loop)}; put a filter in it, or leave some out"
+        )
+        findings.add(None, "algebraic_loop", message)
 
 
 def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Findings) -> None:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from ibrid.errors import near
 
-#: Near names are worked out for this many breaches of one program; a hostile text may hold a thousand.
-SUGGESTIONS = 12
+#: So many known names are compared for one program, then no near ones are named; a hostile text may hold a thousand breaches.
+COMPARED = 600
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Findings:
 
     def __init__(self) -> None:
         self._found: list[Violation] = []
-        self._suggested = 0
+        self._compared = 0
 
     def add(self, line: int | None, reason: str, message: str) -> None:
         self._found.append(Violation(line, message, reason))
@@ -41,10 +41,9 @@ class Findings:
 
     def near(self, name: str, known: Iterable[str]) -> str:
         """`errors.near`, with an end to the work."""
-        self._suggested += 1
-        if self._suggested > SUGGESTIONS:
-            return "mend the names above first"
-        return near(name[:64], known)
+        names = tuple(known)
+        self._compared += len(names)
+        return near(name[:64], names) if self._compared <= COMPARED else "mend the names above first"
 
 
 def shown(name: str) -> str:

@@ -1,8 +1,10 @@
 """What a fit does at its limits: of time, of waves, of Pade forms, and of data that contradict themselves."""
 
 import signal
+import sys
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +55,19 @@ def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
     search.hop()
     assert all(one.wave == 0 for one in search.agreeing)
     assert not search.settled  # one wave proves nothing
+
+
+def test_an_alarm_that_rings_while_the_block_is_left_does_not_tear_it():
+    def ring(frame: Any, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_name == "__exit__":
+            sys.setprofile(None)
+            signal.raise_signal(signal.SIGALRM)
+
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(TimeoutError), time_limit(60.0):
+        sys.setprofile(ring)
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    assert signal.getsignal(signal.SIGALRM) is before
 
 
 def test_an_alarm_of_the_caller_still_rings():

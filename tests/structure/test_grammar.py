@@ -27,8 +27,8 @@ from ibrid.structure import (
     warnings,
     wire,
 )
-from ibrid.structure.algebraic_loops import algebraic_loops
-from ibrid.structure.check import HIGHEST_ORDER, MOST_CONNECTIONS, MOST_MODULES
+from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, algebraic_loops
+from ibrid.structure.check import HIGHEST_ORDER, MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
 
 SKELETON = textbook_text("naive").splitlines()  # def, docstring, 3 modules on lines 3 to 5, 5 connections on 6 to 10
 
@@ -214,6 +214,43 @@ def loop(*kinds: str) -> Diagram:
         lines.append(f'g.add("{kind}", "x{number}"{"".join(f", {one}" for one in bindings)})')
     lines += [f'g.connect("x{number}.out", "x{(number + 1) % len(kinds)}.in_")' for number in range(len(kinds))]
     return skeleton(*lines, 'g.connect("gain.out", "x0.in_")', 'g.connect("x0.out", "plant.u_r")')
+
+
+@pytest.mark.parametrize("kind", ["Gain_dq k=0.1", "PI_dq kP=0.1,kI=1.0", "Delay T_d=1e-4"])
+def test_what_direct_terms_join_round_a_loop_is_bounded(kind):
+    """The whole table of programs that want all time and memory is tried by `make attack`."""
+    filters = "LPF1_dq omega_c=100.0"
+    allowed = LARGEST_LOOP if kind[0] == "G" else 10  # within the bound of the order
+    assert violations(loop(*[kind] * allowed)) == ()
+    assert violations(loop(*["Gain_dq k=0.1"] * LARGEST_LOOP, filters, "Gain_dq k=0.1")) == ()  # a filter breaks it
+    gains = ["Gain_dq k=0.1"] * (LARGEST_LOOP + 1 - allowed)
+    found = only(loop(*[kind] * allowed, *gains))
+    assert found.reason == "algebraic_loop"
+    assert f"join {LARGEST_LOOP + 1} modules round a loop" in found.message
+
+
+def test_how_tightly_direct_terms_join_modules_is_bounded():
+    def meshed(number: int) -> Diagram:
+        diagram = loop(*["Gain_dq k=0.1"] * number)
+        for step in range(2, number):
+            for index in range(number):
+                diagram.connect(f"x{index}.out", f"x{(index + step) % number}.in_")
+        return diagram
+
+    assert 8 * 7 <= TIGHTEST_LOOP < 9 * 8
+    assert violations(meshed(8)) == ()
+    assert "9 modules round a loop, in 72 pairs" in only(meshed(9)).message
+
+
+def test_free_parameters_are_bounded():
+    kinds = ["Gain_dq", "LPF1_dq omega_c=100.0"] + ["Gain_dq"] * (MOST_FREE // 3)
+    assert violations(loop(*kinds)) == ()
+    wide = skeleton(
+        *(f'g.add("Gain_dq", "y{number}")' for number in range(MOST_FREE)),
+        *(f'g.connect("v_DQ", "y{number}.in_")' for number in range(MOST_FREE)),
+        *(f'g.connect("y{number}.out", "plant.u_r")' for number in range(MOST_FREE)),
+    )
+    assert "free parameters, more than 100" in only(wide).message
 
 
 def test_a_loop_of_direct_terms_with_a_gain_of_one_is_refused():
