@@ -27,8 +27,8 @@ FURTHER = {
         "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect",
     ),
     "ibrid_search": (
-        "ibrid_search.proposal.Proposer", "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",
-        "ibrid_search.spending.Limits",
+        "ibrid_search.proposal.Proposer", "ibrid_search.proposal.TakesPart", "ibrid_search.proposal.Origin",
+        "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",
     ),
 }  # fmt: skip
 

@@ -117,10 +117,10 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
             )
         return (low_order_blocks,)
 
-    from ibrid_search.proposers.choose import choose_proposers
+    from ibrid_search.proposers.choose import Proposers
     from ibrid_search.suggesting import FEW, MANY, suggestions_of
 
-    chosen = choose_proposers(arguments.suggest, arguments.models)
+    chosen = Proposers(arguments.suggest, models=arguments.models).weighted()
     number = FEW if arguments.models else MANY
     return (low_order_blocks, *(suggestions_of(one, number, arguments.seed) for one, _ in chosen))
 

@@ -170,37 +170,39 @@ def run_search(arguments: Namespace) -> int:
 
     from math import inf
 
+    from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import search
+    from ibrid_search.settings import Goal, SearchSettings, Workers
     from ibrid_search.spending import Limits
 
+    proposers = Proposers(
+        arguments.proposer,
+        models=arguments.model,
+        limits=Limits(
+            tokens=arguments.model_tokens or inf,
+            cost=arguments.model_cost or inf,
+            seconds=arguments.model_seconds or inf,
+        ),
+        prices=arguments.model_price,
+        policy=arguments.policy,
+        learn=_learning(arguments),
+    )
+    goal = Goal(arguments.budget, arguments.target, require=arguments.require or "", choose=arguments.choose)
     try:
         found = search(
             sweep,
             arguments.out,
             start=start,
-            proposer=arguments.proposer,
-            models=arguments.model,
-            limits=Limits(
-                tokens=arguments.model_tokens or inf,
-                cost=arguments.model_cost or inf,
-                seconds=arguments.model_seconds or inf,
-            ),
-            prices=arguments.model_price,
-            policy=arguments.policy,
-            budget=arguments.budget,
-            target=arguments.target,
+            proposer=proposers,
+            budget=goal,
+            workers=Workers(_workers(arguments.workers, arguments.ray), arguments.ray),
+            settings=SearchSettings(history=arguments.history),
             seed=arguments.seed,
-            workers=_workers(arguments.workers, arguments.ray),
-            ray=arguments.ray,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,
             vocabulary=inputs.vocabulary(arguments.vocabulary),
             holdout_op=arguments.holdout_op,
-            history=arguments.history,
-            require=arguments.require,
-            choose=arguments.choose,
             truth=truth,
-            learn=_learning(arguments),
             resume=arguments.resume,
             progress="auto",
         )

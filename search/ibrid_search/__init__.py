@@ -4,15 +4,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compares them
+    from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import Run
-    from ibrid_search.settings import SearchSettings
+    from ibrid_search.settings import Goal, SearchSettings, Workers
+    from ibrid_search.spending import Limits
 
-__all__ = ["Run", "SearchSettings"]
+__all__ = ["Goal", "Limits", "Proposers", "Run", "SearchSettings", "Workers"]
 
 #: Where the public names live. No module may have one of these names: importing it would put it in the name's place.
 _HOME = {
+    "Goal": "ibrid_search.settings",
+    "Limits": "ibrid_search.spending",
+    "Proposers": "ibrid_search.proposers.choose",
     "Run": "ibrid_search.running",
     "SearchSettings": "ibrid_search.settings",
+    "Workers": "ibrid_search.settings",
 }
 
 

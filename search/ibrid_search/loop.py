@@ -6,7 +6,7 @@ With a proposer that learns from evaluations, a whole batch of its answers is ma
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,7 @@ from ibrid_search.judging import Verdict, judge, judge_program
 from ibrid_search.merit import criterion
 from ibrid_search.panel import Panel
 from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
-from ibrid_search.requirements import Requirements
-from ibrid_search.settings import SearchSettings
+from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.spending import added
 from ibrid_search.step import EVALUATED, USABLE, Status, Step
 from ibrid_search.store import Store
@@ -34,14 +33,6 @@ BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
 SPENT = "the limits of the language models are spent"
-
-
-@dataclass(frozen=True)
-class Goal:
-    """When to end. `budget` : evaluations, the start included. `target` : NRMSE that is enough; None: the noise floor."""
-
-    budget: int
-    target: float | None = None
 
 
 class Loop:
@@ -56,13 +47,12 @@ class Loop:
         settings: SearchSettings,
         goal: Goal,
         *,
-        requirements: Requirements,
         watch: Callable[["Loop", Step], None] = lambda loop, step: None,
     ) -> None:
         self.study, self.store, self.evaluator = study, store, evaluator
         self.panel, self.settings, self.goal, self.seed = panel, settings, goal, study.seed
         self.appraisal = Appraisal(store, criterion(study, settings), study.kinds)
-        self.requirements, self.watch = requirements, watch
+        self.watch = watch
         self.window = panel.window(settings.window)
         self.archive = Archive(settings)
         self.steps: list[Step] = []
@@ -314,7 +304,7 @@ class Loop:
 
     def _conclude(self, result: Result) -> None:
         status, reason, record = result.outcome, result.reason, result.record
-        if status is Status.OK and record is not None and (complaint := self.requirements.unmet(record)):
+        if status is Status.OK and record is not None and (complaint := self.goal.requirements.unmet(record)):
             status, reason = Status.REQUIRED, complaint
         self.store.conclude(
             result.number,

@@ -20,8 +20,6 @@ from ibrid_search.trajectory import eligible
 
 #: Structures of the front that are looked at closely, the least errors first.
 MOST = 10
-#: Ways to choose.
-WAYS = ("error", "frequencies", "op")
 #: Errors within this factor fit equally well, where the noise does not say.
 ALIKE = 1.02
 

@@ -1,13 +1,66 @@
-"""Every number of a search, with the paper's values where it gives them."""
+"""What a search is after, where it runs, and every number of it, with the paper's values where it gives them."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid_search.proposal import SCALES
+from ibrid_search.requirements import Requirements, parse_requirements
+
+#: Ways to choose the answer.
+WAYS = ("error", "frequencies", "op")
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What a search is after, and what it may take.
+
+    `budget` : evaluations at most, the start included. `target` : NRMSE that ends the search; None: only the noise floor or an
+    exact fit does. `require` : "stable", "passive:LO-HI", joined by commas; what does not meet it is not admitted. `choose` :
+    the answer by "error", held-out "frequencies", or held-out operating points ("op").
+
+    Raises IbridError for a number that means nothing, and words that are none of these.
+    """
+
+    budget: int = 500
+    target: float | None = None
+    require: str = ""
+    choose: str = "error"
+
+    def __post_init__(self) -> None:
+        _ = self.requirements  # words that are not understood end the search here
+        for holds, sentence in (
+            (self.budget >= 1, f"budget must be 1 evaluation or more, found {self.budget}"),
+            (self.target is None or self.target > 0, f"target must be an NRMSE above zero, found {self.target}"),
+            (self.choose in WAYS, f"the answer is chosen by {', '.join(WAYS)}, found {self.choose!r}"),
+        ):
+            if not holds:
+                raise IbridError(sentence)
+
+    @cached_property
+    def requirements(self) -> Requirements:
+        """What `require` says."""
+        return parse_requirements(self.require)
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where candidates are evaluated. `number` : 1 evaluates in this process, more on a local Ray. `ray` : address of a Ray
+    cluster, "auto" or "HEAD:6379"; None: this machine.
+
+    Raises IbridError for less than one.
+    """
+
+    number: int = 1
+    ray: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.number < 1:
+            raise IbridError(f"workers must be 1 or more, found {self.number}")
 
 
 @dataclass(frozen=True)
@@ -93,6 +146,7 @@ def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
 
 def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     shares = dict(one.scales)
+    yield one.history >= 0, "history must be 0 or more", one.history
     yield one.window >= 1, "window must be 1 or more", one.window
     yield one.patience >= 1, "patience must be 1 or more", one.patience
     yield one.settled >= 0, "settled must be 0 or more", one.settled

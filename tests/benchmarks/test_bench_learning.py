@@ -51,6 +51,7 @@ from ibrid_policy.experience.examples import held_out_family
 from ibrid_policy.experience.inverter import drawn_choices
 from ibrid_policy.learning.settings import PROFILES, LearningSettings
 from ibrid_policy.learning.updates import META, Update, updates_json
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 
@@ -267,11 +268,11 @@ def scripted(seen: list | None = None, *, stop_after: int | None = None, curves:
         made.append((sweep, options))
         folder.mkdir(parents=True)
         with Store.create(
-            folder / "archive.sqlite", {META: updates_json([UPDATE]) if options["learn"] else ""}
+            folder / "archive.sqlite", {META: updates_json([UPDATE]) if options["proposer"].learn else ""}
         ) as store:
             for step in STEPS:
                 store.propose(step)
-        label = options["proposer"] + ("+" if options["learn"] else "")
+        label = options["proposer"].chosen + ("+" if options["proposer"].learn else "")
         steps = (curves or {}).get(label)
         program = inverter("gfl_l_filter").program
         return Found(program) if steps is None else Found(program, steps)
@@ -285,7 +286,7 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     row = measured(case, tmp_path / "run", scripted(seen))
     ((sweep, options),) = seen
     assert len(sweep.points) == 2  # the search never sees the held-out point
-    assert (options["proposer"], options["learn"], options["budget"], options["seed"]) == ("policy", SMALL, 99, 3)
+    assert (options["proposer"], options["budget"], options["seed"]) == (Proposers("policy", learn=SMALL), 99, 3)
     assert (options["equilibrium"], options["parameters"]) == ("exact", "shared")
     assert row["curve"] == [[1, 0.9], [2, 0.8], [3, 0.04]]
     assert (row["modules_f1"], row["connections_f1"]) == (1.0, 1.0)
@@ -293,12 +294,12 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     assert row["updates"] == told([UPDATE])
     assert json.loads(json.dumps(row)) == row
     frozen = measured(replace(case, arm="frozen"), tmp_path / "other", scripted(seen))
-    assert seen[1][1]["learn"] is False
+    assert seen[1][1]["proposer"].learn is False
     assert frozen["updates"] == []
     chance = measured(replace(case, arm="random"), tmp_path / "third", scripted(seen))
-    assert (seen[2][1]["proposer"], chance["weights"]) == ("random", "")
+    assert (seen[2][1]["proposer"].chosen, chance["weights"]) == ("random", "")
     mixed = measured(replace(case, arm="mixed"), tmp_path / "fourth", scripted(seen))
-    assert (seen[3][1]["proposer"], mixed["weights"]) == ("policy:0.5,rules:0.5", "abc")
+    assert (seen[3][1]["proposer"].chosen, mixed["weights"]) == ("policy:0.5,rules:0.5", "abc")
 
 
 def test_of_the_updates_means_over_eight_parts_of_a_run_are_kept():
@@ -557,15 +558,15 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     assert capsys.readouterr().out == shown
     assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 6
-    assert seen[-1][1]["learn"] == replace(PROFILES["small"], group=4)
+    assert seen[-1][1]["proposer"].learn == replace(PROFILES["small"], group=4)
     assert "learning 1x4 look entropic sgd - frozen" in capsys.readouterr().out
     other = ("--arm", "learning", "--profile", "paper", "--contexts", "1", "--epochs", "2")
     assert main(options(tmp_path, *other), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 7
-    assert seen[-1][1]["learn"] == LearningSettings(contexts=1, epochs=2)
+    assert seen[-1][1]["proposer"].learn == LearningSettings(contexts=1, epochs=2)
     assert "learning 1x16 epochs 2" in capsys.readouterr().out
     assert main(options(tmp_path, "--arm", "untrained"), search=scripted(seen), ready=at_once) == 0
-    assert 0 < seen[-1][1]["learn"].rate < 1e-20
+    assert 0 < seen[-1][1]["proposer"].learn.rate < 1e-20
     assert "untrained 1x8 look" in capsys.readouterr().out
 
 
@@ -606,7 +607,7 @@ def test_a_run_that_fails_says_so_and_is_tried_again(tmp_path, capsys):
     good = scripted()
 
     def moody(sweep, folder, **given):
-        if given["proposer"] == "random":
+        if given["proposer"].chosen == "random":
             raise IbridError("the start must have a fit")
         return good(sweep, folder, **given)
 

@@ -4,7 +4,7 @@
 
 import pytest
 from ibrid_bench.hidden.case import Case, draw_case
-from ibrid_search.proposers.choose import choose_proposers
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.suggesting import MANY, suggestions_of, told
 from scripted_server import says, scripted
@@ -102,7 +102,7 @@ def test_a_language_model_suggests_and_can_do_no_harm(monkeypatch):
     line = next(one for one in case().program.splitlines() if '"pll.e_q"' in one)
     good = f"CHANGE: a filter before the PLL\n<<<<<<< SEARCH\n{line}\n=======\n{FILTERED}>>>>>>> REPLACE"
     with scripted(says("import os; os.remove('/')"), says(good)) as script:
-        ((model, _),) = choose_proposers("llm", [f"any@{script.url}"])
+        ((model, _),) = Proposers("llm", [f"any@{script.url}"]).weighted()
         gap = asked(suggestions_of(model, 2))
     passed = [one for one in gap.suggested if not one.reason]
     assert [one.words for one in passed] == ["a filter before the PLL"]

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from ibrid_search.proposers.choose import choose_proposers
+from ibrid_search.proposers.choose import Proposers
 from scripted_search import ended, steps_of
 
 import ibrid
@@ -22,7 +22,7 @@ def course(folder: Path, sweep: str, proposer: str, seed: int) -> dict[str, list
     """Who proposed, on which parent, which structure, and how it ended, of every step."""
     data = ibrid.read_sweep(ibrid.benchmarks()[sweep])
     archive = folder / f"{sweep}-{proposer}-{seed}.sqlite".replace(":", "_")
-    ending, _ = ended(archive, sweep=data, proposers=choose_proposers(proposer), budget=20, seed=seed)
+    ending, _ = ended(archive, sweep=data, proposers=Proposers(proposer).weighted(), budget=20, seed=seed)
     steps = [f"{one.proposer or 'start'} {one.parent} {one.hash[:12]} {one.status}" for one in steps_of(archive)]
     return {"steps": steps, "ending": [ending]}
 

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.job import Job, Result
-from ibrid_search.loop import Goal, Loop
+from ibrid_search.loop import Loop
 from ibrid_search.panel import Panel
 from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.requirements import Requirements
-from ibrid_search.settings import SearchSettings
+from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 from sharing import shared
@@ -178,7 +177,7 @@ def scripted(
     target: float | None = None,
     settings: SearchSettings | None = None,
     evaluator: ScriptedEvaluator | None = None,
-    requirements: Requirements | None = None,
+    require: str = "",
     watch: Callable[[Loop, Step], None] = lambda loop, step: None,
 ) -> Iterator[Loop]:
     """A loop over the store at `path`, new or that of an earlier sitting; `sweep` : in place of the clean benchmark."""
@@ -191,8 +190,7 @@ def scripted(
             evaluator or ScriptedEvaluator(),
             Panel(proposers or ((Rules(looks=1), 1.0),)),
             settings,
-            Goal(budget, target),
-            requirements=requirements or Requirements(),
+            Goal(budget, target, require=require),
             watch=watch,
         )
 

@@ -13,6 +13,7 @@ from ibrid_policy.learning.updates import META, Update, read_updates, updates_js
 from ibrid_policy.proposer import PolicyProposer
 from ibrid_search.first_look import LOOKS
 from ibrid_search.page import write_run_page
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.store import Store
 from page_reader import Reader
 from toy_policy import ToyPolicy
@@ -36,7 +37,7 @@ def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> i
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
     proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
-    return ibrid.search(sweep, folder, proposer=proposer, **given)
+    return ibrid.search(sweep, folder, proposer=Proposers(proposer, learn=given.pop("learn")), **given)
 
 
 @needs_torch
@@ -181,8 +182,9 @@ def test_what_belongs_to_a_language_model_is_refused_for_the_policy(tmp_path, ca
 @needs_torch
 def test_two_that_could_learn_are_refused_in_a_sentence(tmp_path):
     two = [(PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0), (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0)]
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"):
-        ibrid.search(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), tmp_path / "run", proposer=two, learn=True)
+        ibrid.search(sweep, tmp_path / "run", proposer=Proposers(two, learn=True))
     assert replace(LearningSettings(), contexts=4).batch == 64
 
 

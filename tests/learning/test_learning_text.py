@@ -18,6 +18,7 @@ from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.first_look import LOOKS
 from ibrid_search.judging import judge, judge_program
 from ibrid_search.proposal import Proposal
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.step import Status
 from ibrid_search.store import Store
 from scripted_search import NAIVE, context_of, study
@@ -267,11 +268,10 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     from ibrid_policy.learning.learner import Learner
     from ibrid_policy.learning.text_policy import TextPolicy
     from ibrid_search.proposal import Proposer
-    from ibrid_search.proposers.choose import choose_proposers
     from ibrid_search.spending import Limits
 
     settings = LearningSettings(contexts=2, group=3)
-    both = choose_proposers("llm:0.5,rules:0.5", [str(folder)])
+    both = Proposers("llm:0.5,rules:0.5", [str(folder)]).weighted()
     of_run: dict[str, Any] = {"seed": 0, "window": 8, "study": study(), "start": NAIVE, "folder": tmp_path}
     (mine, weight), (other, _) = learning(both, settings, **of_run)
     assert isinstance(mine, Learner)
@@ -281,15 +281,15 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     assert mine.policy.longest == 512
     assert not mine.policy.constrained
     short = LearningSettings(constrained=True, longest=220, question=4000)
-    ((mine, _),) = learning(choose_proposers("llm", [str(folder)]), short, **of_run)
+    ((mine, _),) = learning(Proposers("llm", [str(folder)]).weighted(), short, **of_run)
     assert isinstance(mine, Learner)
     assert isinstance(mine.policy, TextPolicy)
     assert (mine.policy.constrained, mine.policy.longest, mine.policy.prompt_tokens) == (True, 220, 4000)
     assert mine.policy.lines == 3  # 30 tokens of marks, and of each line of SEARCH and REPLACE as many
     with pytest.raises(IbridError, match="limits of tokens and seconds do not hold"):
-        learning(choose_proposers("llm", [str(folder)], Limits(tokens=1000)), settings, **of_run)
+        learning(Proposers("llm", [str(folder)], Limits(tokens=1000)).weighted(), settings, **of_run)
     with pytest.raises(IbridError, match="one of several"):
-        learning(choose_proposers("llm", [str(folder), str(folder)]), settings, **of_run)
+        learning(Proposers("llm", [str(folder), str(folder)]).weighted(), settings, **of_run)
 
 
 @needs_torch
@@ -305,7 +305,7 @@ def test_a_model_without_room_for_question_and_answer_is_told_before_anything_is
     learn = LearningSettings(longest=longest)
     told = rf"^short has {positions} positions .* takes about \d+ tokens and an answer up to {longest}; train"
     with pytest.raises(IbridError, match=told):
-        ibrid.search(sweep, tmp_path / "run", proposer="llm", models=[str(short)], learn=learn)
+        ibrid.search(sweep, tmp_path / "run", proposer=Proposers("llm", [str(short)], learn=learn))
     assert not (tmp_path / "run").exists()
 
 
@@ -333,7 +333,7 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     begun = [one.clone() for one in policy.model().parameters()]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
-    ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=policy), learn=learn, budget=4)
+    ibrid.search(sweep, tmp_path / "run", proposer=Proposers(PolicyProposer(policy=policy), learn=learn), budget=4)
     with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
         updates = read_updates(store.meta[META])
         looks = sum(step.usage.get(LOOKS, 0) for step in store.steps())

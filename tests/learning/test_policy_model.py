@@ -34,7 +34,7 @@ from ibrid_policy.small_policy import SmallPolicy  # noqa: E402
 from ibrid_policy.tokens import TOKENS  # noqa: E402
 from ibrid_policy.training import Trainer, TrainingSettings, answer_loss  # noqa: E402
 from ibrid_policy.weights_folder import load_model, new_model, save_model, shipped_folder  # noqa: E402
-from ibrid_search.proposers.choose import choose_proposers  # noqa: E402
+from ibrid_search.proposers.choose import Proposers  # noqa: E402
 
 TINY = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
 
@@ -294,7 +294,7 @@ def test_the_shipped_weights_speak_this_version_s_language_and_are_small(context
 
 
 def test_policies_are_chosen_by_name_and_mixed():
-    ((policy, one), (rules, other)) = choose_proposers("policy:0.5,rules:0.5")
+    ((policy, one), (rules, other)) = Proposers("policy:0.5,rules:0.5").weighted()
     assert (policy.name, rules.name) == ("policy", "rules")
     assert one == other == 0.5
 
@@ -364,8 +364,8 @@ def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(tmp_path, m
 
 def test_no_other_command_imports_torch():
     code = (
-        "import sys; from ibrid_search.proposers.choose import choose_proposers;"
+        "import sys; from ibrid_search.proposers.choose import Proposers;"
         "import ibrid_policy.interface, ibrid_policy.lessons;"
-        "import ibrid.cli; ibrid.cli.parser(); choose_proposers('rules'); assert 'torch' not in sys.modules"
+        "import ibrid.cli; ibrid.cli.parser(); Proposers('rules').weighted(); assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

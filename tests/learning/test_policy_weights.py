@@ -21,6 +21,7 @@ from ibrid_policy.proposer import PolicyProposer
 from ibrid_policy.small_policy import SmallPolicy
 from ibrid_policy.weights_folder import CONFIG_FILE, VOCABULARY_FILE, WEIGHTS_FILE, shipped_folder
 from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.proposers.choose import Proposers
 from safetensors.torch import load_file, save_file  # pyright: ignore[reportMissingImports]
 from scripted_search import NAIVE, context_of, study
 
@@ -112,7 +113,7 @@ def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, t
 def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
     changed(folder, lambda tensors: tensors.update({name: value * 0 for name, value in tensors.items()}))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    mine = ibrid.search(sweep, tmp_path / "mine", proposer="policy", policy=folder, budget=6)
+    mine = ibrid.search(sweep, tmp_path / "mine", proposer=Proposers("policy", policy=folder), budget=6)
     shipped = ibrid.search(sweep, tmp_path / "shipped", proposer="policy", budget=6)
     assert mine.trajectory != shipped.trajectory
     assert f'policy = "{folder}"' in (mine.folder / "run.toml").read_text(encoding="utf-8")
@@ -122,7 +123,7 @@ def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
 
 def test_a_run_goes_on_with_the_weights_that_it_was_made_with_alone(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    options = {"proposer": "policy", "policy": folder, "budget": 1}
+    options = {"proposer": Proposers("policy", policy=folder), "budget": 1}
     ibrid.search(sweep, tmp_path / "run", **options)
     changed(folder, lambda tensors: tensors.update({ONE: tensors[ONE] * 2}))
     with pytest.raises(IbridError, match="the run was made with policy of other content; resume with the same"):
@@ -132,9 +133,9 @@ def test_a_run_goes_on_with_the_weights_that_it_was_made_with_alone(folder, tmp_
 def test_weights_that_nobody_reads_are_told(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     with pytest.raises(IbridError, match="--policy belongs to the proposer policy, found random, rules alone"):
-        ibrid.search(sweep, tmp_path / "run", proposer="rules,random", policy=folder)
+        ibrid.search(sweep, tmp_path / "run", proposer=Proposers("rules,random", policy=folder))
     with pytest.raises(IbridError, match="found proposers of your own alone"):
-        ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(), policy=folder)
+        ibrid.search(sweep, tmp_path / "run", proposer=Proposers(PolicyProposer(), policy=folder))
 
 
 class Absent:
@@ -152,8 +153,9 @@ class Absent:
 def test_a_model_that_is_to_learn_is_loaded_before_the_start_is_fitted(tmp_path, monkeypatch):
     monkeypatch.setattr(LocalEvaluator, "submit", lambda *_: pytest.fail("nothing is to be fitted"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    absent = PolicyProposer(policy=Absent())  # type: ignore[arg-type]
     with pytest.raises(IbridError, match="the folder cannot be loaded"):
-        ibrid.search(sweep, tmp_path / "run", proposer=PolicyProposer(policy=Absent()), learn=True)  # type: ignore[arg-type]
+        ibrid.search(sweep, tmp_path / "run", proposer=Proposers(absent, learn=True))
     assert not (tmp_path / "run").exists()
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ibrid_search.proposal import Proposal
-from ibrid_search.proposers.choose import choose_proposers
+from ibrid_search.proposers.choose import Proposers
 
 import ibrid
 from ibrid import cli
@@ -122,7 +122,7 @@ def test_a_program_with_a_kind_of_a_plug_in_goes_through_the_commands(
 
 
 def test_a_proposer_is_chosen_by_its_name_and_mixed(installed: Path):
-    (idle, weight), (rules, _) = choose_proposers("idle:0.2,rules")
+    (idle, weight), (rules, _) = Proposers("idle:0.2,rules").weighted()
     assert (idle.name, weight) == ("idle", 0.2)
     assert rules.name == "rules"  # a plug-in takes no shipped name
     assert isinstance(idle.propose(None, np.random.default_rng(0)), Proposal)  # type: ignore[arg-type]
@@ -130,12 +130,12 @@ def test_a_proposer_is_chosen_by_its_name_and_mixed(installed: Path):
 
 def test_a_proposer_that_cannot_be_made_is_one_sentence(installed: Path):
     with pytest.raises(IbridError, match=r"plug-in dead of lagging 1\.2 is left out, RuntimeError: no server anywhere"):
-        choose_proposers("dead")
+        Proposers("dead").weighted()
 
 
 def test_an_unknown_proposer_is_answered_with_those_of_plug_ins(installed: Path):
     with pytest.raises(IbridError, match="did you mean idle"):
-        choose_proposers("idel")
+        Proposers("idel").weighted()
 
 
 def test_a_broken_plug_in_is_one_sentence_and_the_others_work(installed: Path, capsys: pytest.CaptureFixture):

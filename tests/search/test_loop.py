@@ -14,7 +14,6 @@ from ibrid_search.merit import noise_floor
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.requirements import Requirements
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from scripted_search import (
@@ -266,7 +265,7 @@ def test_an_unstable_candidate_is_never_the_best_however_well_it_fits(path):
 
 
 def test_what_is_not_as_required_is_told_and_no_parent(path):
-    _, loop = ended(path, requirements=Requirements(stable=True), budget=40)
+    _, loop = ended(path, require="stable", budget=40)
     steps = steps_of(path)
     refused = [step for step in steps if step.status is Status.REQUIRED]
     assert refused
@@ -278,7 +277,7 @@ def test_what_is_not_as_required_is_told_and_no_parent(path):
 
 def test_a_start_that_is_not_as_required_is_searched_from_but_never_the_best(path):
     evaluator = ScriptedEvaluator(stable=lambda program: program != NAIVE)
-    _, loop = ended(path, evaluator=evaluator, requirements=Requirements(stable=True), budget=12)
+    _, loop = ended(path, evaluator=evaluator, require="stable", budget=12)
     steps = steps_of(path)
     assert steps[0].status is Status.REQUIRED
     assert steps[1].parent == 0

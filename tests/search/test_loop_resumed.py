@@ -14,7 +14,6 @@ from ibrid_search.evaluation.job import Result
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import BUDGET, STOPPED, Loop
 from ibrid_search.progress import Progress
-from ibrid_search.requirements import Requirements
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, Status, Step
 from ibrid_search.store import Store
@@ -43,7 +42,7 @@ COURSES = {
     "tidying": {"budget": 30, "settings": SearchSettings(final_pruning=0.8), "seed": 2},
     "one by one": {"budget": 14, "settings": SearchSettings(window=1)},
     "history": {"budget": 16, "settings": SearchSettings(history=3), "seed": 5},
-    "required": {"budget": 16, "requirements": Requirements(stable=True)},
+    "required": {"budget": 16, "require": "stable"},
 }
 
 

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from ibrid_search.proposers.choose import choose_proposers
+from ibrid_search.proposers.choose import Proposers
 
 from ibrid.errors import IbridError
 
@@ -28,8 +28,8 @@ sys.exit(main(["search", "paper_like", "--out", sys.argv[1], "--proposer", "poli
 def test_the_policy_without_torch_names_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[local-llm\]'"):
-        choose_proposers("policy")
-    assert choose_proposers("rules:0.5,random:0.5")
+        Proposers("policy").weighted()
+    assert Proposers("rules:0.5,random:0.5").weighted()
 
 
 def test_a_search_that_cannot_run_leaves_nothing_behind(tmp_path):

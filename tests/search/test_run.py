@@ -23,7 +23,7 @@ from ibrid_search.report.selection import read_selection
 from ibrid_search.requirements import Requirements
 from ibrid_search.run_file import read_run_toml
 from ibrid_search.running import Run
-from ibrid_search.settings import SearchSettings
+from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.step import EVALUATED, Status
 from ibrid_search.store import Store
 from scripted_search import NAIVE, PLAIN, QUICK, steps_of, study
@@ -52,8 +52,8 @@ def real_fits(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("ibrid_search.running.FitSettings", FitSettings)
 
 
-def ran(folder: Path, **options) -> Run:
-    return ibrid.search(SWEEP, folder, **{"budget": 5, **options})
+def ran(folder: Path, sweep=SWEEP, **options) -> Run:
+    return ibrid.search(sweep, folder, **{"budget": 5, **options})
 
 
 def steps_in(folder: Path):
@@ -187,7 +187,7 @@ def test_a_budget_of_one_is_the_fit_of_the_start(tmp_path):
 
 
 def test_a_target_ends_a_run(tmp_path):
-    assert ran(tmp_path / "run", target=2.0, budget=50).ending == TARGET
+    assert ran(tmp_path / "run", budget=Goal(50, target=2.0)).ending == TARGET
     assert len([step for step in steps_in(tmp_path / "run") if step.status in EVALUATED]) < 50
 
 
@@ -249,15 +249,15 @@ def test_a_folder_with_a_run_is_refused_and_stays_as_it_is(tmp_path):
         ({"parameters": "per-op"}, "parameters = shared, now it is per-op"),
         ({"start": ibrid.textbook("gfl")}, "start of other content"),
         ({"settings": SearchSettings(window=3)}, "settings.window"),
-        ({"require": "stable"}, "require"),
-        ({"history": 2}, "settings.history = 0, now it is 2"),
+        ({"budget": Goal(3, require="stable")}, "require"),
+        ({"settings": SearchSettings(history=2)}, "settings.history = 0, now it is 2"),
     ],
 )
 def test_a_run_goes_on_with_its_own_options_only(tmp_path, change, told):
     ran(tmp_path / "run", budget=1)
     before = steps_in(tmp_path / "run")
     with pytest.raises(IbridError, match="the run was made with") as caught:
-        ran(tmp_path / "run", budget=3, resume=True, **change)
+        ran(tmp_path / "run", **{"budget": 3, "resume": True, **change})
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
     assert steps_in(tmp_path / "run") == before
@@ -357,11 +357,10 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
     ("options", "told"),
     [
         ({"budget": 0}, "budget must be 1"),
-        ({"target": -1.0}, "target must be"),
+        ({"budget": -1}, "budget must be 1"),
         ({"workers": 0}, "workers must be"),
-        ({"history": -1}, "history must be"),
-        ({"choose": "luck"}, "error, frequencies, op"),
-        ({"choose": "op"}, "--holdout-op"),
+        ({"workers": -1}, "workers must be"),
+        ({"budget": Goal(5, choose="op")}, "--holdout-op"),
         ({"proposer": "ruels"}, "did you mean rules"),
         ({"proposer": "rules:-1"}, "a weight is a number above zero"),
         ({"proposer": "llm"}, "needs a model"),
@@ -369,7 +368,6 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
         ({"proposer": 7}, "given by name, as an object"),
         ({"proposer": [(Observer(), float("inf"))]}, "weight above zero"),
         ({"proposer": [(Observer(), "much")]}, "weight above zero"),
-        ({"require": "lively"}, "--require takes"),
         ({"vocabulary": "papr"}, "did you mean paper"),
         ({"equilibrium": "rough"}, "equilibrium"),
         ({"parameters": "own"}, "parameters"),
@@ -384,6 +382,30 @@ def test_a_wrong_option_is_a_sentence_and_leaves_no_run_behind(tmp_path, options
         ran(tmp_path / "run", **options)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "run").exists() or list((tmp_path / "run").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: Goal(target=-1.0), "target must be"),
+        (lambda: Goal(choose="luck"), "error, frequencies, op"),
+        (lambda: Goal(require="lively"), "--require takes"),
+        (lambda: SearchSettings(history=-1), "history must be"),
+        (lambda: Workers(0, "auto"), "workers must be"),
+    ],
+)
+def test_a_wrong_setting_is_refused_where_it_is_written(made, told):
+    with pytest.raises(IbridError, match=told):
+        made()
+
+
+def test_a_study_is_searched_as_its_parts_are(tmp_path):
+    study = ibrid.Study(SWEEP, seed=3, equilibrium="paper", vocabulary="paper")
+    ran(tmp_path / "study", sweep=study, budget=2)
+    ran(tmp_path / "parts", budget=2, seed=3, equilibrium="paper", vocabulary="paper")
+    assert steps_in(tmp_path / "study") == steps_in(tmp_path / "parts")
+    texts = [(tmp_path / name / "run.toml").read_text(encoding="utf-8") for name in ("study", "parts")]
+    assert texts[0] == texts[1]
 
 
 def test_a_start_without_a_fit_leaves_nothing_behind_and_a_better_one_can_follow(tmp_path):
@@ -414,7 +436,7 @@ def test_a_run_without_a_folder_is_refused(folder, tmp_path, monkeypatch):
 
 
 def test_what_is_required_holds_for_the_answer(tmp_path):
-    found = ran(tmp_path / "run", require="stable,passive:100-2000", budget=10, seed=2)
+    found = ran(tmp_path / "run", budget=Goal(10, require="stable,passive:100-2000"), seed=2)
     steps = steps_in(tmp_path / "run")
     assert any(step.status is Status.REQUIRED for step in steps)
     if found.best is not None:
@@ -429,9 +451,9 @@ def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, m
     monkeypatch.setattr(
         "ibrid_search.running.FitSettings", FitSettings
     )  # finds 0.978 where little effort ends at 0.9999
-    monkeypatch.setattr("ibrid_search.running.parse_requirements", lambda _: NotTooGood())
+    monkeypatch.setattr("ibrid_search.settings.parse_requirements", lambda _: NotTooGood())
     found = ran(tmp_path / "picky", budget=1)
-    monkeypatch.setattr("ibrid_search.running.parse_requirements", lambda _: Requirements())
+    monkeypatch.setattr("ibrid_search.settings.parse_requirements", lambda _: Requirements())
     other = ran(tmp_path / "content", budget=1)
     assert found.best is not None
     assert found.best.nrmse is not None
@@ -442,7 +464,7 @@ def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, m
 
 def test_without_a_candidate_that_will_do_there_is_no_answer(tmp_path):
     # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
-    found = ran(tmp_path / "run", require="passive:5-5000", budget=1)
+    found = ran(tmp_path / "run", budget=Goal(1, require="passive:5-5000"))
     assert found.best is None
     assert found.answer_program == ""
     assert found.finished

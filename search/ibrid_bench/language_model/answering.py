@@ -14,6 +14,7 @@ from ibrid_policy.learning.learner import Learner
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_search.judging import verdict_of
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.settings import SearchSettings
 from ibrid_search.store import Store
@@ -114,8 +115,8 @@ def learnt(model: str, policy: Guided, folder: Path, search: Any) -> Row:
     learner = Learner(policy, SETTINGS, seed=LEARNING_SEED, window=SearchSettings().window)
     began = time.process_time()
     search(
-        inverter(LEARNT_ON).sweep, folder, proposer=learner, learn=SETTINGS, budget=LEARNING_BUDGET,
-        seed=LEARNING_SEED, settings=SearchSettings(patience=LEARNING_BUDGET), **MODE,
+        inverter(LEARNT_ON).sweep, folder, proposer=Proposers(learner, learn=SETTINGS),
+        budget=LEARNING_BUDGET, seed=LEARNING_SEED, settings=SearchSettings(patience=LEARNING_BUDGET), **MODE,
     )  # fmt: skip
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         updates = [asdict(one) for one in read_updates(store.meta.get(META, ""))]

@@ -17,6 +17,7 @@ from ibrid_policy.asking import NOTHING_NEW
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.proposer import PolicyProposer
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.step import REFUSED, Step
 from ibrid_search.store import Store
@@ -48,10 +49,12 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
     run = search(
         hidden.sweep,
         folder,
-        proposer=((PolicyProposer(looked_at=0.0), 1.0),) if arm.blind else arm.proposer,
+        proposer=Proposers(
+            ((PolicyProposer(looked_at=0.0), 1.0),) if arm.blind else arm.proposer,
+            learn=_settings(case) if arm.learns else False,
+        ),
         budget=case.budget,
         seed=case.seed,
-        learn=_settings(case) if arm.learns else False,
         **EXACT_MODE,
     )
     if not run.finished:  # a search lets the first Ctrl-C end it softly, but a part of one is no result

@@ -18,6 +18,7 @@ from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.first_look import LOOKING
+from ibrid_search.proposers.choose import Proposers
 from ibrid_search.ranking import Entry
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.settings import SearchSettings
@@ -83,8 +84,8 @@ def policy_step(search: Search, folder: Path, *, answers: int) -> dict[str, floa
     require("torch")
     settings = LearningSettings(contexts=answers // LearningSettings().group)
     search(
-        inverter("paper_like").sweep, folder, proposer="policy", learn=settings, budget=answers, seed=0, holdout_op=(),
-        **EXACT_MODE,
+        inverter("paper_like").sweep, folder, proposer=Proposers("policy", learn=settings), budget=answers,
+        seed=0, holdout_op=(), **EXACT_MODE,
     )  # fmt: skip
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         updates = read_updates(store.meta.get(META, ""))

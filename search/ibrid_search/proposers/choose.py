@@ -1,8 +1,10 @@
 """Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects of one's own."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
+from typing import Any, Protocol
 
 from ibrid.errors import IbridError, near
 from ibrid.plugins import plugin_proposers
@@ -12,6 +14,7 @@ from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.run_file import digest
 from ibrid_search.spending import Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
@@ -19,29 +22,64 @@ Weighted = tuple[tuple[Proposer, float], ...]
 ASKING = ("llm", "agent")
 
 
-def choose_proposers(
-    chosen: str | Proposer | Sequence[tuple[Proposer, float]],
-    models: Sequence[str] = (),
-    limits: Limits | None = None,
-    prices: Prices = (),
-    policy: str | Path | None = None,
-) -> Weighted:
-    """Proposers with their weights.
+class Learning(Protocol):
+    """How a proposer learns; `ibrid_policy.learning.settings.LearningSettings` is one. `steps` : between two updates."""
 
-    chosen : "NAME[:WEIGHT],...", one proposer, or pairs. models, limits, prices : for "llm" and "agent". policy : folder of
-    the weights for "policy"; None: those that ship.
-    Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, a limit
-    of cost without prices, and any of these options where nobody asks a model.
+    @property
+    def steps(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Proposers:
+    """Who has the ideas of a search.
+
+    `chosen` : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", a proposer of one's own, or
+    pairs of proposers and their weights.
+    `models` : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. `limits` : what they may spend in the whole
+    run. `prices` : of a million tokens in and a million out; one pair for all models, or one for each.
+    `policy` : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
+    `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
+    it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
+    `ibrid_policy.learning.settings.LearningSettings`. Needs the distribution ibrid-policy.
     """
-    limits = limits or Limits()
-    if isinstance(chosen, str):
-        named = _parsed(chosen, _makers(models, limits, prices, policy))
-        names = {one for one, _, _ in named}
-        _require_asked(names, models, limits, prices)
-        _require_policy(names, policy)
-        return tuple((make(), weight) for _, make, weight in named)
-    _require_asked(["proposers of your own"], models, limits, prices)
-    _require_policy(["proposers of your own"], policy)
+
+    chosen: str | Proposer | Sequence[tuple[Proposer, float]] = "rules"
+    models: Sequence[str] = ()
+    limits: Limits = field(default_factory=Limits)
+    prices: Prices = ()
+    policy: str | Path | None = None
+    learn: bool | str | Learning = False
+
+    def weighted(self) -> Weighted:
+        """The proposers with their weights, before they learn.
+
+        Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, a limit
+        of cost without prices, and any of these options where nobody asks a model.
+        """
+        named = _parsed(self.chosen, _makers(self)) if isinstance(self.chosen, str) else []
+        names = {one for one, _, _ in named} or {"proposers of your own"}
+        _require_asked(names, self)
+        _require_policy(names, self.policy)
+        return tuple((make(), weight) for _, make, weight in named) or _own(self.chosen)
+
+    def learning(self) -> Learning | None:
+        """How they learn; None when they do not. Raises IbridError for an unknown profile."""
+        if not self.learn and not isinstance(self.learn, str):
+            return None
+        known = policy_part("learning.settings")
+        if self.learn is True or isinstance(self.learn, str):  # an empty name is refused as any other
+            return known.profile("paper" if self.learn is True else self.learn)
+        return self.learn
+
+    def weights(self) -> Mapping[str, str]:
+        """What run.toml says of the weights of the policy."""
+        if self.policy is None:
+            return {}
+        file = Path(self.policy) / policy_part("weights_folder").WEIGHTS_FILE
+        return {"policy": str(self.policy), "policy_sha256": digest(file.read_bytes())}
+
+
+def _own(chosen: Any) -> Weighted:
     pairs = (
         [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
     )
@@ -59,25 +97,21 @@ def _is_weight(weight: object) -> bool:
     return isinstance(weight, int | float) and 0 < weight < float("inf")
 
 
-def _makers(
-    models: Sequence[str], limits: Limits, prices: Prices, policy: str | Path | None
-) -> Mapping[str, Callable[[], Proposer]]:
+def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
+    limits, prices = given.limits, given.prices
+
     def required(name: str) -> Sequence[str]:
-        _require(models, limits, prices, name)
-        return models
+        _require(given, name)
+        return given.models
 
     return {
         **plugin_proposers(),
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),
-        "policy": lambda: _policy(policy),
+        "policy": lambda: policy_part("proposer").PolicyProposer(given.policy),
         "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
     }
-
-
-def _policy(folder: str | Path | None) -> Proposer:
-    return policy_part("proposer").PolicyProposer(folder)
 
 
 def _require_policy(names: Iterable[str], folder: str | Path | None) -> None:
@@ -89,28 +123,29 @@ def _require_policy(names: Iterable[str], folder: str | Path | None) -> None:
         )
 
 
-def _require(models: Sequence[str], limits: Limits, prices: Prices, name: str) -> None:
-    if limits.cost < inf and not any(sum(one) > 0 for one in prices):
+def _require(given: Proposers, name: str) -> None:
+    if given.limits.cost < inf and not any(sum(pair) > 0 for pair in given.prices):
         raise IbridError(
             "a limit of cost is never reached without prices; give --model-price IN,OUT, of a million tokens in and out"
         )
-    if not models:
+    if not given.models:
         raise IbridError(
             f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
             "set, or --model FOLDER"
         )
 
 
-def _require_asked(names: Iterable[str], models: Sequence[str], limits: Limits, prices: Prices) -> None:
+def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     """Raise IbridError for what belongs to language models where no proposer asks one."""
     if not set(ASKING).isdisjoint(names):
         return
+    limits = proposers.limits
     given = {
-        "--model": bool(models),
+        "--model": bool(proposers.models),
         "--model-tokens": limits.tokens < inf,
         "--model-cost": limits.cost < inf,
         "--model-seconds": limits.seconds < inf,
-        "--model-price": bool(prices),
+        "--model-price": bool(proposers.prices),
     }
     if found := [option for option, there in given.items() if there]:
         raise IbridError(
