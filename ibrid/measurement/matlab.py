@@ -4,7 +4,6 @@ import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from zlib import error as ZlibError
 
 import numpy as np
 
@@ -12,9 +11,13 @@ from ibrid.errors import SweepError, near
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.frd import stacked
+from ibrid.measurement.guarded import guarded
 from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, known_keys
 from ibrid.measurement.response import sidecar_keys, sweep_of_response
 from ibrid.measurement.sweep import Sweep
+
+#: What leaves the process that reads the file: variables of these names, whole and other numbers or text.
+_WANTED, _PLAIN = {*HEADER_KEYS, *POINT_KEYS, "w", "frequency", "Y", "Z"}, "iufcU"
 
 
 def read_mat(path: str | Path, **keys: object) -> Sweep:
@@ -52,9 +55,8 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
     )
 
 
-def _variables(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+def _variables(path: Path) -> dict[str, np.ndarray]:
+    from scipy.io.matlab import MatReadError, matfile_version
 
     content = read_bytes(path)
     if not content:
@@ -62,20 +64,30 @@ def _variables(path: Path) -> dict[str, Any]:
     if content[:8] == b"\x89HDF\r\n\x1a\n" or content[512:520] == b"\x89HDF\r\n\x1a\n":
         raise SweepError(f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), save it with -v7.")
     try:
-        return loadmat(io.BytesIO(content), struct_as_record=True)
-    except (MatReadError, ValueError, TypeError, NotImplementedError, OSError, IndexError, KeyError, OverflowError,
-            MemoryError, UnicodeError, AttributeError, ZlibError) as reason:  # fmt: skip
-        raise SweepError(
-            f"{path} must be a MAT file; it cannot be read ({str(reason)[:80]}), save it again with -v7."
-        ) from reason
+        matfile_version(io.BytesIO(content))  # a process is worth its while for a plausible header alone
+    except (MatReadError, ValueError) as reason:
+        raise SweepError(f"{path} must be a MAT file; it cannot be read ({reason}), save it with -v7.") from None
+    return guarded(mat_variables, content, f"{path} must be a MAT file")
 
 
-def _refuse_objects(variables: Mapping[str, Any], path: Path) -> None:
+def mat_variables(content: bytes) -> dict[str, np.ndarray]:
+    """What a sweep may use, by name; of everything else the name of its type, as bytes."""
+    from scipy.io import loadmat
+
+    return {
+        name: value
+        if name in _WANTED and isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN
+        else np.array(type(value).__name__.encode())
+        for name, value in loadmat(io.BytesIO(content), struct_as_record=True).items()
+    }
+
+
+def _refuse_objects(variables: Mapping[str, np.ndarray], path: Path) -> None:
     """MATLAB objects (frd, idfrd, table) are opaque outside MATLAB; only a sweep that depends on one is refused."""
     if "Y" in variables or "Z" in variables:
         return
     opaque = "__function_workspace__" in variables or any(
-        type(value).__name__ in ("MatlabOpaque", "MatlabObject") for value in variables.values()
+        value.dtype.kind == "S" and value.item() in (b"MatlabOpaque", b"MatlabObject") for value in variables.values()
     )
     if opaque:
         raise SweepError(
@@ -84,7 +96,7 @@ def _refuse_objects(variables: Mapping[str, Any], path: Path) -> None:
         )
 
 
-def _frequency(variables: Mapping[str, Any], path: Path) -> np.ndarray:
+def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
     """Hz, from w in rad/s or frequency in Hz; both may be there if they agree."""
     given = [name for name in ("frequency", "w") if name in variables]
     if not given:
@@ -96,17 +108,18 @@ def _frequency(variables: Mapping[str, Any], path: Path) -> np.ndarray:
     return values[0]
 
 
-def _numeric(variables: Mapping[str, Any], name: str, path: Path) -> np.ndarray:
+def _numeric(variables: Mapping[str, np.ndarray], name: str, path: Path) -> np.ndarray:
     value = variables[name]
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufc":
-        raise SweepError(f"{path}: variable {name} must be a full numeric array; found {type(value).__name__}.")
+    if value.dtype.kind not in "iufc":
+        found = value.item().decode() if value.dtype.kind == "S" else "text"
+        raise SweepError(f"{path}: variable {name} must be a full numeric array; found {found}.")
     return value.astype(complex)
 
 
 def _scalar(value: Any, what: str) -> object:
     """A single number or text."""
     array = np.asarray(value)
-    if array.size != 1:
+    if array.size != 1 or array.dtype.kind == "S":
         raise SweepError(f"{what} must be a single number or text; found shape {array.shape}.")
     item = array.ravel()[0]
     return str(item) if array.dtype.kind == "U" else item

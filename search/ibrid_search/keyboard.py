@@ -1,4 +1,4 @@
-"""Ctrl-C during a search: the first lets it finish what is under way, the second stops it at once."""
+"""Ctrl-C, or a scheduler's SIGTERM, during a search: the first ends it after what is under way, the second at once."""
 
 import signal
 import threading
@@ -11,7 +11,7 @@ from ibrid_search.progress import Progress
 
 @contextmanager
 def keyboard(loop: Loop, shown: Progress) -> Iterator[None]:
-    """Ask the loop to stop at the first Ctrl-C and say so, raise KeyboardInterrupt at the second; in the main thread alone."""
+    """Ask the loop to stop at the first signal and say so, raise KeyboardInterrupt at the second; in the main thread alone."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -23,7 +23,7 @@ def keyboard(loop: Loop, shown: Progress) -> Iterator[None]:
         loop.stop_asked = True
         shown.say("Finishing what is under way; a second Ctrl-C stops at once. Go on later with --resume.")
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     except Exception:
@@ -31,4 +31,5 @@ def keyboard(loop: Loop, shown: Progress) -> Iterator[None]:
             raise KeyboardInterrupt from None
         raise
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

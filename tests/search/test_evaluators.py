@@ -20,7 +20,7 @@ from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.evaluation.ray_actors import RayEvaluator
-from ibrid_search.evaluation.ray_session import RaySession, open_session
+from ibrid_search.evaluation.ray_session import RaySession, open_session, sweep_folders
 from ibrid_search.evaluation.turns import Attempt, Turns
 from ibrid_search.step import Status
 
@@ -506,3 +506,23 @@ def processes_that_mention(text: str) -> list[str]:
         if text in line:
             found.append(line)
     return found
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
+def test_folders_that_a_killed_search_left_are_swept_and_no_others(tmp_path):
+    hold = "import fcntl, sys; file = open(sys.argv[1], 'ab'); fcntl.flock(file, fcntl.LOCK_EX); print(flush=True); input()"
+    for name in ("ibrid-ray-left", "ibrid-ray-held", "ibrid-ray-new", "other"):
+        (tmp_path / name).mkdir()
+        if name != "ibrid-ray-new":  # begun by another search a moment ago
+            (tmp_path / name / "lock").touch()
+    (tmp_path / "ibrid-ray-link").symlink_to(tmp_path / "other")
+    command = [sys.executable, "-c", hold, str(tmp_path / "ibrid-ray-held" / "lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        holder.stdout.readline()
+        sweep_folders(tmp_path)
+        kept = {path.name for path in tmp_path.iterdir()}
+        assert kept == {"ibrid-ray-held", "ibrid-ray-new", "ibrid-ray-link", "other"}
+        holder.kill()
+    sweep_folders(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"ibrid-ray-new", "ibrid-ray-link", "other"}

@@ -544,10 +544,11 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert again.trajectory == whole.trajectory
 
 
-def test_ctrl_c_in_a_terminal_says_how_to_go_on(tmp_path):
+@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     process = child(tmp_path / "run", "--budget", "400")
     wait_for(tmp_path / "run", 3, process)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(first)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "a second Ctrl-C stops at once" in out + err

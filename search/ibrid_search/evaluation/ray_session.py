@@ -10,9 +10,9 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ibrid.errors import IbridError
 
@@ -33,12 +33,15 @@ ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICA
 #: a process that connected with it disconnects.
 _JOB = "RAY_JOB_CONFIG_JSON_ENV_VAR"
 
+#: How folders of a local Ray begin, and the file in each that its search holds locked.
+_STEM, _LOCK = "ibrid-ray-", "lock"
+
 
 class RaySession:
     """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be closed here."""
 
-    def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None):
-        self.ray = ray
+    def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None, lock: IO[bytes] | None = None):
+        self.ray, self._lock = ray, lock
         self.owned = owned
         self._folder = folder
 
@@ -49,6 +52,26 @@ class RaySession:
             self.ray.shutdown()
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def sweep_folders(place: Path) -> None:
+    """Remove what searches left in `place` that were killed: nobody holds the lock of their folder."""
+    for folder in place.glob(f"{_STEM}*"):
+        with suppress(OSError):
+            if not folder.is_symlink() and folder.stat().st_uid == os.getuid() and (folder / _LOCK).is_file():
+                with _locked(folder):
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _locked(folder: Path) -> IO[bytes]:
+    """A file in the folder, locked until it is closed or the process ends; OSError when somebody else holds it."""
+    import fcntl
+
+    with ExitStack() as undone:
+        file = undone.enter_context((folder / _LOCK).open("ab"))
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        undone.pop_all()
+    return file
 
 
 def open_session(workers: int, address: str | None = None) -> RaySession:
@@ -129,7 +152,11 @@ def _import_ray(*, local: bool) -> Any:
 
 
 def _start(ray: Any, workers: int) -> RaySession:
-    folder = Path(tempfile.mkdtemp(prefix="ibrid-ray-", dir="/tmp" if os.path.isdir("/tmp") else None))
+    posix, lock = hasattr(os, "getuid") and os.path.isdir("/tmp"), None
+    folder = Path(tempfile.mkdtemp(prefix=_STEM, dir="/tmp" if posix else None))
+    if posix:
+        sweep_folders(folder.parent)
+        lock = _locked(folder)
     started = False
     try:
         ray.init(
@@ -149,7 +176,7 @@ def _start(ray: Any, workers: int) -> RaySession:
         if not started:
             ray.shutdown()
             shutil.rmtree(folder, ignore_errors=True)
-    return RaySession(ray, owned=True, folder=folder)
+    return RaySession(ray, owned=True, folder=folder, lock=lock)
 
 
 def _connect(ray: Any, address: str) -> RaySession:

@@ -1,0 +1,82 @@
+"""Binary files of others are read in a process of its own: what crashes, hangs or fills the memory there is one sentence."""
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ibrid.errors import SweepError
+
+#: Seconds of computation, and of waiting on a busy machine, that reading a file may take.
+COMPUTING, WAITING = 20, 180.0
+#: Bytes of memory that the process may take, and of answer that it may give, where the system keeps to it.
+MEMORY, ANSWER = 2 << 30, 64 << 20
+#: Exit status of a process that understood that the file is damaged.
+_DAMAGED = 3
+
+
+def guarded(reader: Callable[[bytes], Mapping[str, np.ndarray]], content: bytes, what: str) -> dict[str, np.ndarray]:
+    """What a reader makes of the content of a file, read elsewhere.
+
+    reader : a function of a module, from bytes to arrays of numbers or text by name; it may crash.
+    what : how the sentence of an error begins: the file and what it must be.
+
+    Raises SweepError where it raises, is killed, or takes more than the limits above. Windows knows that of waiting
+    alone: there a crash and a hang are a sentence too, but the memory is not bounded.
+    """
+    command = [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()", reader.__module__, reader.__name__]
+    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")  # each thread reserves memory
+    environment = {**os.environ, **single, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with tempfile.TemporaryFile() as answer:
+        streams: dict[str, Any] = {"stdout": answer, "stderr": subprocess.DEVNULL}
+        try:
+            status = subprocess.run(command, input=content, timeout=WAITING, env=environment, **streams).returncode
+        except subprocess.TimeoutExpired:
+            raise SweepError(f"{what}; reading it takes more than {WAITING:g} s, save the sweep alone.") from None
+        except OSError as reason:
+            raise SweepError(f"{what}; no process can be started to read it ({reason.strerror}).") from None
+        answer.seek(0)
+        if status == _DAMAGED:
+            why = "".join(one if one.isprintable() else " " for one in answer.read(80).decode(errors="replace"))
+            raise SweepError(f"{what}; it cannot be read ({why}), save it again.")
+        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, BadZipFile):  # half an answer is none
+            if not status:
+                with np.load(io.BytesIO(answer.read(ANSWER)), allow_pickle=False) as held:
+                    return {str(name): held[f"value{number}"] for number, name in enumerate(held["names"])}
+    raise SweepError(f"{what}; it ends the process that reads it, so it is damaged or huge: save it again.")
+
+
+def serve() -> None:
+    """The other process: limit oneself, read standard input, write the arrays to standard output."""
+    with contextlib.suppress(ImportError, ValueError, OSError):  # Windows, or a lower limit of the user's
+        import resource
+
+        most = {"CORE": 0, "CPU": COMPUTING, "FSIZE": ANSWER, "AS": MEMORY}
+        for name, limit in most.items():
+            resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (limit, limit))
+    reader = getattr(import_module(sys.argv[1]), sys.argv[2])
+    stream = io.BytesIO()
+    try:
+        arrays = reader(sys.stdin.buffer.read())
+        values = {f"value{number}": np.asarray(value) for number, value in enumerate(arrays.values())}
+        np.savez(stream, allow_pickle=False, names=np.array(list(arrays), dtype=str), **values)
+        if len(stream.getbuffer()) > ANSWER:
+            raise MemoryError
+    except MemoryError:
+        stream = io.BytesIO(b"it needs too much memory")
+    except Exception as reason:  # whatever a library makes of a damaged file
+        stream = io.BytesIO((" ".join(str(reason).split()) or type(reason).__name__).encode(errors="replace"))
+    else:
+        sys.stdout.buffer.write(stream.getbuffer())
+        return
+    sys.stdout.buffer.write(stream.getbuffer())
+    sys.stdout.flush()
+    os._exit(_DAMAGED)
