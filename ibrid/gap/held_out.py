@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibrid.gap.refit import Refitter
-from ibrid.gap.trial import Model, Workshop
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.thinning import can_be_thinned, thinned
+
+if TYPE_CHECKING:
+    from ibrid.gap.trial import Model, Workshop
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
     return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)
 
 
-def held_out(shop: Workshop, model: Model) -> HeldOut:
+def held_out(shop: "Workshop", model: "Model") -> HeldOut:
     """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
     sweep = shop.refitter(model.convention).sweep
     thin = _error(shop, model, thinned(sweep, hold=False), thinned(sweep, hold=True)) if can_be_thinned(sweep) else None
@@ -49,7 +52,7 @@ def held_out(shop: Workshop, model: Model) -> HeldOut:
     return HeldOut(thin, points)
 
 
-def _error(shop: Workshop, model: Model, seen: Sweep, left: Sweep) -> float | None:
+def _error(shop: "Workshop", model: "Model", seen: Sweep, left: Sweep) -> float | None:
     refitter = Refitter(replace(shop.noise, sweep=seen), shop.kinds, shop.prior, shop.rng)
     refit = refitter.refit(model.diagram, [model.refit.values, {}])
     if refit is None:

@@ -13,6 +13,8 @@ from ibrid.measurement.sweep import Sweep
 #: Part of the measured change with the amplitude that a describing function may be wrong by: it neglects high harmonics and
 #: what the distortion does elsewhere.
 DISTORTION = 0.05
+#: Allowed error over |Y| of a frequency, operating point and amplitude from which on it is not counted in an NRMSE.
+LOOSE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,25 @@ class AmplitudeData:
     def numbers(self) -> int:
         """Measured real numbers."""
         return 2 * int((self.weight > 0).sum())
+
+    def nrmse(self, response: np.ndarray) -> float:
+        """Mean over operating points and amplitudes of |Y - data| over |data|; response : as `admittance`.
+
+        Where more than `LOOSE` of |Y| is allowed for, as at a resonance that a large amplitude drives beyond 1 pu, nothing
+        counts.
+        """
+        measured = (self.weight > 0)[..., 0, 0]
+        allowed = np.sqrt(2.0 * (np.where(self.weight > 0, self.weight, 1.0) ** -2.0).sum(axis=(-2, -1)))
+        there = measured & (allowed < LOOSE * np.linalg.norm(self.admittance, axis=(-2, -1)))
+        there = there if there.any() else measured
+        error = (np.abs(response - self.admittance) ** 2).sum(axis=(-2, -1)) * there
+        whole = (np.abs(self.admittance) ** 2).sum(axis=(-2, -1)) * there
+        total = whole.sum(axis=0)
+        return float(np.mean(np.sqrt(error.sum(axis=0)[total > 0] / total[total > 0])))
+
+    def linear_nrmse(self, responses: Sequence[np.ndarray]) -> float:
+        """The same of a linear model, (K, 2, 2) for each operating point."""
+        return self.nrmse(np.broadcast_to(np.stack(responses, axis=1)[:, :, None], self.admittance.shape))
 
     def by_cell(self, value: np.ndarray) -> np.ndarray:
         """What operating points have, (M, r), for each of the C = K M L 2 cells (frequency, point, amplitude, axis): (C, r)."""

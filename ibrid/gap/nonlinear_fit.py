@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
 
 from ibrid.errors import IbridError
 from ibrid.fit.least_squares import Descent, Points, carried
+from ibrid.gap.data import Fitted
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_places import Place, values_at_rest
@@ -42,31 +42,20 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearFit:
-    """A nonlinearity at its best threshold and parameters.
-
-    `interval` : of the threshold, 95 %. `values` : fitted parameters by name. `chi2`, `penalty` : of the data and of the
-    prior. `dof` : degrees of freedom of chi2. `state` : the motion behind it.
-    """
+class NonlinearFit(Fitted):
+    """A nonlinearity at its best threshold and parameters. `interval` : of the threshold, 95 %. `state` : the motion there."""
 
     place: Place
     threshold: float
     interval: tuple[float, float]
-    values: Mapping[str, float]
-    chi2: float
-    penalty: float
-    dof: float
     state: State
 
     @property
-    def cost(self) -> float:
-        """chi2 and prior."""
-        return self.chi2 + self.penalty
-
-    @property
-    def p_value(self) -> float:
-        """Probability of so large a misfit if the model is right."""
-        return float(chi2_law.sf(self.chi2, self.dof))
+    def seen(self) -> bool:
+        """True where the data hold the threshold inside its box, and every motion is balanced."""
+        low, high = self.interval
+        inside = np.isfinite(high) and high < 10.0 * self.threshold and low > 0.1 * self.threshold
+        return bool(inside and self.state.motion.converged.all())
 
 
 class NonlinearSearch:
@@ -214,12 +203,14 @@ class NonlinearSearch:
         )
         theta = self.coordinates.to_theta(state.x[:-1])
         return NonlinearFit(
-            place=self.place,
-            threshold=state.threshold,
-            interval=(float(low), float(high)),
             values={one.name: float(theta[k]) for k, one in enumerate(self.parameters)},
             chi2=state.chi2,
             penalty=state.cost - state.chi2,
             dof=max(self.data.numbers - effective, 1.0),
+            numbers=self.data.numbers,
+            free=len(state.x),
+            place=self.place,
+            threshold=state.threshold,
+            interval=(float(low), float(high)),
             state=state,
         )

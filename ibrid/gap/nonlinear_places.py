@@ -15,6 +15,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.paths import packs, path
+from ibrid.parts.practice import Insertion
 from ibrid.parts.view import View, view_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table, parameters_at
@@ -22,15 +23,13 @@ from ibrid.structure.wiring import wire
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """One nonlinearity at one port. `id` : of the effect that this is, "" for one that has no name in the catalogue.
-    `where` : in names of the user's program. `resting` : output channels of the diagram whose sum is minus the value at
-    rest; () where that is zero or does not matter."""
+class Place(Insertion):
+    """One nonlinearity at one port, as an edit that leaves the diagram as it is: no program holds it. `effect` : "" for one
+    that has no name in the catalogue. `resting` : output channels of the diagram whose sum is minus the value at rest; ()
+    where that is zero or does not matter."""
 
-    id: str
     shape: Shape
     port: Port
-    where: str
     resting: tuple[str, ...] = ()
 
     @property
@@ -45,29 +44,32 @@ def places(diagram: Diagram, kinds: Vocabulary) -> tuple[Place, ...]:
     if view is None:
         return ()
     found = {one.name: one for one in ports(diagram, kinds)}
-    return tuple(_places(view, found))
+    return tuple(
+        Place(effect, "add", port.name, diagram, {}, {}, shape, port, resting)
+        for effect, shape, port, resting in _places(view, found)
+    )
 
 
-def _places(view: View, found: Mapping[str, Port]) -> Iterator[Place]:
+def _places(view: View, found: Mapping[str, Port]) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
     for pll in view.draft.having(Element.PLL):
         port = found.get(f"{pll}.e_q")
         if port is not None:
-            yield Place("pll_deadband", DEAD_ZONE, port, port.name)
-            yield Place("", SATURATION, port, port.name)
+            yield "pll_deadband", DEAD_ZONE, port, ()
+            yield "", SATURATION, port, ()
     if view.roles.current_loop is not None:
         for pack in packs(view):
             port, others = found.get(f"{pack}.out"), _beside(view, pack)
             if port is not None and others:
                 for shape in (MAGNITUDE_LIMIT, D_LIMIT, Q_LIMIT):
-                    yield Place("current_limit", shape, port, port.name, others)
-                yield Place("", DEAD_ZONE, port, port.name)
+                    yield "current_limit", shape, port, others
+                yield "", DEAD_ZONE, port, ()
     for block in view.roles.power:
         for name, port in found.items():
             if name.startswith(f"{block}.") and port.words.startswith("the measured"):
-                yield Place("", DEAD_ZONE, port, name)
+                yield "", DEAD_ZONE, port, ()
     command = found.get(view.roles.command)
     if command is not None:
-        yield Place("", MAGNITUDE_LIMIT, command, command.name, (view.roles.command,))
+        yield "", MAGNITUDE_LIMIT, command, (view.roles.command,)
 
 
 def _beside(view: View, pack: str) -> tuple[str, ...]:

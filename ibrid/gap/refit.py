@@ -4,18 +4,18 @@ cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of
 that is missed looks exactly like a missing effect, so starts are many and whoever finds a better one passes it on.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.problem import Misfit, Problem
+from ibrid.gap.data import Fitted, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
@@ -23,8 +23,6 @@ from ibrid.measurement.sweep import measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
-
-Values = Mapping[str, float]
 
 #: Iterations on the logarithm of the response, which leads to the right valley, and on chi2.
 FAR, NEAR = 10, 60
@@ -35,46 +33,13 @@ KEPT = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Refit:
-    """A diagram at its best parameters. `x` : (P,) in search coordinates. `chi2` : of the data alone. `penalty` : of the
-    prior. `effective` : parameters that the data, not the prior, decide."""
+class Refit(Fitted):
+    """A diagram at its best parameters. `x` : (P,) in search coordinates."""
 
     diagram: Diagram
     problem: Problem
     prior: Prior
     x: np.ndarray
-    chi2: float
-    penalty: float
-    effective: float
-
-    @property
-    def cost(self) -> float:
-        """chi2 and prior together."""
-        return self.chi2 + self.penalty
-
-    @property
-    def numbers(self) -> int:
-        """Measured real numbers."""
-        return measured_numbers(self.problem.points)
-
-    @property
-    def dof(self) -> float:
-        """Degrees of freedom of chi2."""
-        return max(self.numbers - self.effective, 1.0)
-
-    @property
-    def free(self) -> int:
-        """Free parameters."""
-        return self.problem.size
-
-    def p_value(self, scale: float = 1.0) -> float:
-        """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
-        return float(chi2_law.sf(self.chi2 / scale**2, self.dof))
-
-    @cached_property
-    def values(self) -> dict[str, float]:
-        """Free parameter -> value."""
-        return self.problem.values_at(self.x, 0)
 
     @cached_property
     def moved(self) -> dict[str, float]:
@@ -163,14 +128,18 @@ class Refitter:
         problem = self.problem(diagram)
         cost, _, hessian = Misfit(problem, "chi2", beliefs_of(problem, self.prior)).parts(x[None])
         data, prior = hessian[0, :-1].sum(axis=0), hessian[0, -1]
+        numbers = measured_numbers(problem.points)
         return Refit(
+            values=problem.values_at(x, 0),
+            chi2=float(cost[0, :-1].sum()),
+            penalty=float(cost[0, -1]),
+            dof=max(numbers - _effective(data, prior), 1.0),
+            numbers=numbers,
+            free=problem.size,
             diagram=diagram,
             problem=problem,
             prior=self.prior,
             x=x,
-            chi2=float(cost[0, :-1].sum()),
-            penalty=float(cost[0, -1]),
-            effective=_effective(data, prior),
         )
 
     def at_values(self, diagram: Diagram, values: Values) -> Refit:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ibrid.gap.convention import Convention
-from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, Workshop, significant
+from ibrid.gap.data import Data
+from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, significant
 from ibrid.parts.practice import Insertion
 from ibrid.telling import Count, untold
 
@@ -28,7 +29,7 @@ BETTER = 1.0
 class Bench:
     """What a repair has at hand. `tell` : is told what is going on, (done, of, words)."""
 
-    shop: Workshop
+    shop: Data
     tell: Count = untold
     steps: list[str] = field(default_factory=list)
     tests: int = 0
@@ -178,8 +179,7 @@ def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, .
                 return None
             model, edit = replace(model, diagram=twin.diagram), twin
         done = (*done, edit)
-    refit = bench.shop.refitter(model.convention).refit(model.diagram, [best.refit.values, {}], draws=TRIAL_DRAWS)
-    return None if refit is None else replace(model, refit=refit, edits=done)
+    return bench.shop.refitted(replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS)
 
 
 def _tried_together(bench: Bench, given: Model, found: Model) -> str:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.gap.amplitude_result import AmplitudeAnswer
 from ibrid.gap.convention import Convention
+from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
+from ibrid.measurement.linearity import Linearity
 from ibrid.measurement.sweep import Sweep
 from ibrid.showing import shown
 from ibrid.structure.program import parse_program
@@ -111,6 +112,36 @@ class Suggested:
     parameters: Mapping[str, float] = field(default_factory=dict)
     held_out: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     reason: str = ""
+
+
+@dataclass(frozen=True)
+class TriedNonlinearity:
+    """A nonlinearity that was fitted. `gain` : fall of the cost below the linear model's. `threshold` : as fitted."""
+
+    id: str
+    words: str
+    where: str
+    gain: float
+    chi2_per_dof: float
+    p_value: float
+    threshold: float
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeAnswer:
+    """`linearity` : the gate. `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
+    nonlinearity, "" where none is believed. `tried` : every place, the best first. `before`, `after`, `floor` : NRMSE over
+    all amplitudes of the linear model, of that with the nonlinearity, and of noise alone. `gain` : of its port."""
+
+    linearity: Linearity
+    kept: int
+    words: str = ""
+    parameter: str = ""
+    tried: tuple[TriedNonlinearity, ...] = ()
+    before: float | None = None
+    after: float | None = None
+    floor: float | None = None
+    port_gain: PortGain | None = None
 
 
 @dataclass(frozen=True, eq=False)

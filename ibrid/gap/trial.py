@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from math import log
+from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -11,9 +13,12 @@ from scipy.stats import chi2 as chi2_law
 
 from ibrid.evaluation.recording import record_at
 from ibrid.gap.convention import Convention, written_otherwise
+from ibrid.gap.data import Fitted, Values
+from ibrid.gap.held_out import HeldOut, held_out
 from ibrid.gap.noise import ADEQUATE, Noise
+from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
-from ibrid.gap.refit import Refit, Refitter, Values
+from ibrid.gap.refit import Refit, Refitter
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion
@@ -34,15 +39,20 @@ WHOLE_FITS = 2
 #: Largest angle of a measuring frame (rad) and largest factor of a per-unit base that are looked for.
 LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
 FRAME = "frame_misalignment"
+#: Frequencies that all operating points must share for a port map.
+LEAST_SHARED = 6
+
+
+Fit = TypeVar("Fit", bound=Fitted)
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Model(Generic[Fit]):
     """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order."""
 
     diagram: Diagram
     convention: Convention
-    refit: Refit
+    refit: Fit
     edits: tuple[Insertion | Convention, ...] = ()
     extra: int = 0
 
@@ -65,7 +75,7 @@ class Model:
 
 
 class Workshop:
-    """Refits models to one set of data, read in any convention."""
+    """A small-signal sweep as a kind of `Data`, read in any convention."""
 
     def __init__(
         self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect],
@@ -101,10 +111,15 @@ class Workshop:
             refit = found if found is not None and found.cost < refit.cost else refit
         return Model(diagram, Convention(), refit)
 
-    def again(self, model: Model, starts: Sequence[Mapping[str, float]], draws: int = 0) -> Model:
+    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
+        """A model refitted from starts; None where it has no response."""
+        refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws, spread=spread)
+        return None if refit is None else replace(model, refit=refit)
+
+    def again(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model refitted from further starts; the better of both."""
-        refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws)
-        return model if refit is None or refit.cost >= model.refit.cost else replace(model, refit=refit)
+        other = self.refitted(model, starts)
+        return model if other is None or other.refit.cost >= model.refit.cost else other
 
     def stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""
@@ -127,12 +142,9 @@ class Workshop:
 
         quick : from these values alone, without further draws.
         """
+        changed = replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
         starts = _starts(insertion, quick or (model.refit.values, {}))
-        draws = 0 if quick else TRIAL_DRAWS
-        refit = self.refitter(model.convention).refit(insertion.diagram, starts, draws=draws, spread=0.5)
-        if refit is None:
-            return None
-        return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
+        return self.refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
     def glance(self, model: Model, insertion: Insertion) -> float:
         """About the information criterion of a model with an edit, by a few steps from its own values."""
@@ -145,10 +157,26 @@ class Workshop:
         yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE)
         yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR)
 
+    def ports(self, given: Model, steps: list[str]) -> tuple[PortFit, ...]:
+        """The port map at the frequencies that all operating points share; empty where there are too few."""
+        sweep = self.noise.sweep
+        shared = reduce(np.intersect1d, [point.frequency for point in sweep.points])
+        if len(shared) < LEAST_SHARED:
+            steps.append(f"no port map: the operating points share {len(shared)} frequencies, it needs {LEAST_SHARED}")
+            return ()
+        points = tuple(point.at(np.isin(point.frequency, shared)) for point in sweep.points)
+        starts = [given.refit.values, {}]
+        return port_map(given.diagram, self.kinds, replace(sweep, points=points), self.prior, starts)
+
+    def held_out(self, model: Model) -> HeldOut:
+        """Errors where a model was not fitted."""
+        return held_out(self, model)
+
     def _in(self, model: Model, convention: Convention, extra: int) -> Iterator[Model]:
-        found = self.refitter(convention).refit(model.diagram, [model.refit.values, {}], draws=TRIAL_DRAWS)
+        other = replace(model, convention=convention, edits=(*model.edits, convention), extra=model.extra + extra)
+        found = self.refitted(other, [model.refit.values, {}], draws=TRIAL_DRAWS)
         if found is not None:
-            yield Model(model.diagram, convention, found, (*model.edits, convention), model.extra + extra)
+            yield found
 
     def _with_number(self, model: Model, name: str, grid: np.ndarray, largest: float) -> Iterator[Model]:
         """The best number of a convention: the best of a grid, then refined by Brent's method."""

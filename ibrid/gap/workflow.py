@@ -1,27 +1,30 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from typing import Unpack
+from typing import TypeVar, Unpack
 
 import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
-from ibrid.gap.amplitude_workflow import GapRequest, gap_at_amplitudes
+from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
+from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
-from ibrid.gap.held_out import held_out, predicts
+from ibrid.gap.convention import Convention
+from ibrid.gap.data import Data, Values
+from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
-from ibrid.gap.port_map import PortFit, port_map
+from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.prior import Nominal, Prior, prior_of
 from ibrid.gap.repair import Bench, first_trials, repair
-from ibrid.gap.result import Gap
+from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, scale_of
-from ibrid.measurement.linearity import linearity
+from ibrid.measurement.amplitudes import at_amplitudes
+from ibrid.measurement.linearity import Linearity, linearity, small_signal
 from ibrid.measurement.sweep import Sweep
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.practice import Effect
@@ -34,8 +37,9 @@ from ibrid.telling import Count, Tell, in_pieces, telling
 
 #: Times at most that everything is tried, each time with the noise that the time before left over.
 PASSES = 3
-#: Frequencies that all operating points must share for a port map.
-LEAST_SHARED = 6
+#: Fewest frequencies of every operating point from which a small-signal answer can be had beside several amplitudes.
+FEWEST = 4
+Kind = TypeVar("Kind", bound=Data)
 
 
 def find_gap(
@@ -77,84 +81,149 @@ def find_gap(
         raise IbridError(
             "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
         )
-    with telling(progress) as tell:
-        return _found(diagram, study, values, catalogue, suggest, in_pieces(tell))
-
-
-def _found(
-    diagram: Diagram,
-    study: Study,
-    values: Nominal | None,
-    catalogue: Sequence[Effect],
-    suggest: Sequence[Suggest],
-    tell: Count,
-) -> Gap:
     kernel.load()
     began = time.perf_counter()
     require_legal(diagram, study.kinds, equilibrium="exact")
     wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
-    amplitudes = linearity(study.fitted)
-    if amplitudes is not None:
-
-        def find(small: Sweep) -> Gap:
-            return _found(diagram, replace(study, sweep=small), values, catalogue, suggest, tell)
-
-        asked = GapRequest(diagram, study, values, prior, find, tell)
-        return replace(gap_at_amplitudes(asked, amplitudes), seconds=time.perf_counter() - began)
-    ask = _Question(diagram, study, prior, tuple(catalogue), tell)
-    found, shop = _findings(ask, noise_of(study.fitted))
-    gap = answer_of(found, shop, diagram, study.sweep, study.held, values, suggest)
+    gate = linearity(study.fitted)
+    with telling(progress) as tell:
+        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, in_pieces(tell))
+        gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     return replace(gap, seconds=time.perf_counter() - began)
 
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What is asked of one set of data."""
+    """What is asked of a study."""
 
     diagram: Diagram
     study: Study
+    values: Nominal | None
     prior: Prior
     catalogue: tuple[Effect, ...]
+    suggest: Sequence[Suggest]
     tell: Count
 
+    @property
+    def rng(self) -> np.random.Generator:
+        """From the seed, anew."""
+        return np.random.default_rng(self.study.seed)
 
-def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop]:
+    def workshop(self, noise: Noise) -> Workshop:
+        """The small-signal sweep at a noise."""
+        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.rng)
+
+    def amplitudes(self, data: AmplitudeData) -> Amplitudes:
+        """All amplitudes."""
+        return Amplitudes(data, self.study.kinds, self.prior, self.rng)
+
+
+def _answered(ask: _Question) -> Gap:
+    """The answer where there is one amplitude."""
+    result = _findings(ask, ask.diagram, ask.workshop, noise_of(ask.study.fitted))
+    if result is None:
+        raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
+    found, shop = result
+    return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, ask.suggest)
+
+
+# --- several amplitudes ----------------------------------------------------------------------------------------------
+
+
+def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
+    """The answer where there are several amplitudes; gate : of the fitted points.
+
+    Where the response depends on the amplitude by more than products of signals cause, a nonlinearity is looked for in all
+    amplitudes together, and the small-signal sweep has the other frequencies alone.
+    """
+    sweep, small = ask.study.sweep, small_signal(ask.study.sweep, gate)
+    answer = AmplitudeAnswer(gate, 0 if small is None else min(len(point.frequency) for point in small.points))
+    if not len(gate.refused) and small is not None:
+        gap = _answered(replace(ask, study=replace(ask.study, sweep=small)))
+        return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
+    small = small if answer.kept >= FEWEST else None
+    data = amplitude_data(ask.study.fitted)
+    nonlinear = None if data is None else _nonlinear(ask, ask.diagram, data, answer)
+    if nonlinear is not None and nonlinear.best is not None and nonlinear.named:
+        gap = _linear(ask, at_amplitudes(sweep)[0] if small is None else small, nonlinear.best.values)
+        return alone(gap, nonlinear, _nominal(ask, nonlinear) if ask.values else None)
+    if small is None:
+        gap = _linear(ask, at_amplitudes(sweep)[0], {} if nonlinear is None else nonlinear.found.given.refit.values)
+        return unnamed(gap, nonlinear, answer)
+    gap = _answered(replace(ask, study=replace(ask.study, sweep=small)))
+    if gap.verdict == "named" and data is not None:
+        again = _nonlinear(ask, gap.diagram, data, answer)
+        if again is not None and again.named:
+            return beside(gap, again)
+    return unnamed(gap, nonlinear, answer)
+
+
+def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
+    """What all amplitudes together tell beside a linear model; None where that has no response."""
+    result = _findings(ask, diagram, lambda _: ask.amplitudes(data), Noise(data.pooled, True, ""))
+    return None if result is None else Nonlinear(*result, gate)
+
+
+def _linear(ask: _Question, sweep: Sweep, values: Values) -> Gap:
+    """The linear model at given values as an answer that names nothing."""
+    fitted = sweep.without(ask.study.held) if ask.study.held else sweep
+    shop = replace(ask, catalogue=CATALOGUE).workshop(noise_of(fitted))
+    given = Model(ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values))
+    found = Findings(shop.noise, given, given, (), (), (), 1.0, 0, ())
+    return answer_of(found, shop, ask.diagram, sweep, ask.study.held, ask.values, ())
+
+
+def _nominal(ask: _Question, nonlinear: Nonlinear) -> float:
+    """Error of the linear model at nominal values over all amplitudes."""
+    data = nonlinear.data
+    return data.data.linear_nrmse(data.refitter.at_values(ask.diagram, {}).responses)
+
+
+# --- any kind of data ------------------------------------------------------------------------------------------------
+
+
+def _findings(
+    ask: _Question, diagram: Diagram, data_at: Callable[[Noise], Kind], noise: Noise
+) -> tuple[Findings, Kind] | None:
     """Everything tried; again with what is left over as the noise, where that is not known and not what was assumed.
 
     A sigma that is too small lets the data pull parameters where no prior would have them, along directions that the
-    data hardly see; whatever stops that seems to be missing.
+    data hardly see; whatever stops that seems to be missing. None where the given model has no response.
     """
-    found, shop = _tried(ask, noise, ())
+    data = data_at(noise)
+    found = _tried(ask, diagram, data, ())
     for _ in range(PASSES - 1):
-        if not found.weighed_wrongly:
+        if found is None or not found.weighed_wrongly:
             break
         noise = found.noise.times(found.scale)
-        found, shop = _tried(ask, noise, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
-    return found, shop
+        data = data_at(noise)
+        found = _tried(ask, diagram, data, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
+    return None if found is None else (found, data)
 
 
-def _tried(ask: _Question, noise: Noise, steps: Sequence[str]) -> tuple[Findings, Workshop]:
-    shop = Workshop(noise, ask.study.kinds, ask.prior, ask.catalogue, np.random.default_rng(ask.study.seed))
+def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
+    noise = data.noise
     ask.tell(0, 1, "the given model refitted")
-    given = shop.given(ask.diagram)
+    given = data.given(diagram)
     if given is None:
-        raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    bench = Bench(shop, ask.tell, list(steps))
+        return None
+    bench = Bench(data, ask.tell, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
     given, trials = first_trials(bench, given)
-    ports = () if given.adequate() else _ports(ask, given, noise, bench.steps)
+    ask.tell(0, 1, "the port map")
+    ports = () if given.adequate() else data.ports(given, bench.steps)
     bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
-    before, after = (held_out(shop, given), held_out(shop, best)) if best is not given else (None, None)
+    before, after = (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
     if before is not None and after is not None and not predicts(before, after, len(noise.sweep.points)):
         bench.steps.append(
             "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
         )
         best, after, rivals = given, None, []
     bench.scale = scale_of(noise, [given, best, *trials], ports)
-    found = Findings(
+    return Findings(
         noise,
         given,
         best,
@@ -166,18 +235,4 @@ def _tried(ask: _Question, noise: Noise, steps: Sequence[str]) -> tuple[Findings
         tuple(bench.steps),
         before,
         after,
-    )
-    return found, shop
-
-
-def _ports(ask: _Question, given: Model, noise: Noise, steps: list[str]) -> tuple[PortFit, ...]:
-    """The port map at the frequencies that all operating points share; empty where there are too few."""
-    shared = reduce(np.intersect1d, [point.frequency for point in noise.sweep.points])
-    if len(shared) < LEAST_SHARED:
-        steps.append(f"no port map: the operating points share {len(shared)} frequencies, it needs {LEAST_SHARED}")
-        return ()
-    points = tuple(point.at(np.isin(point.frequency, shared)) for point in noise.sweep.points)
-    ask.tell(0, 1, "the port map")
-    return port_map(
-        given.diagram, ask.study.kinds, replace(noise.sweep, points=points), ask.prior, [given.refit.values, {}]
     )

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ibrid.gap.amplitude_result import FEWEST
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.gap.workflow import FEWEST
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.bode import bode_svgs
 from ibrid.report.diagrams_beside import drawn_diagrams, readable

@@ -18,7 +18,6 @@ from ibrid.errors import IbridError
 from ibrid.gap.files import gap_json
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.nonlinear_fit import NonlinearSearch, State
-from ibrid.gap.nonlinear_naming import name_nonlinearity
 from ibrid.gap.nonlinear_places import Place, places
 from ibrid.gap.prior import prior_of
 from ibrid.gap.result import Gap
@@ -58,7 +57,7 @@ def searched(kind: NonlinearKind, sweep: Sweep, effect: str) -> tuple[NonlinearS
     diagram = parse_program(case(kind).program)
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case(kind).values, wiring, parameter_table(wiring, "exact"))
-    place = next(one for one in places(diagram, VOCABULARY) if one.id == effect or one.words == effect)
+    place = next(one for one in places(diagram, VOCABULARY) if effect in (one.effect, one.words))
     data = amplitude_data(sweep)
     assert data is not None
     return NonlinearSearch(place, diagram, VOCABULARY, data, prior), data
@@ -178,7 +177,7 @@ def test_where_nothing_nonlinear_is_hidden_neither_is_named():
 def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
     """The data are those of a saturation of e_q, which is no effect of the catalogue."""
     kind, words = "nothing", "a saturation at the input of the PLL"
-    state, data, _ = at_truth(kind, words, 0.004)
+    state, _, _ = at_truth(kind, words, 0.004)
     one = case(kind)
     sweeps = []
     for level, sweep in enumerate(at_amplitudes(one.sweep)):
@@ -187,22 +186,16 @@ def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
             for m, point in enumerate(sweep.points)
         )
         sweeps.append(replace(sweep, points=points))
-    search, data = searched(kind, joined(sweeps), words)
-    found = name_nonlinearity(search.diagram, VOCABULARY, data, prior_of_case(kind), np.random.default_rng(0))
-    assert found is not None
-    assert found.best is not None
-    assert found.best.place.words == words
-    assert not found.named
-    assert found.best.threshold == pytest.approx(0.004, rel=0.05)
+    gap = find_gap(parse_program(one.program), joined(sweeps), one.values, catalogue=())
+    assert gap.verdict == "located-unnamed", gap.sentence
+    assert gap.effects == ()
+    assert gap.amplitude is not None
+    assert gap.amplitude.words == words
+    assert gap.amplitude.tried[0].threshold == pytest.approx(0.004, rel=0.05)
 
 
 def linear(kind: NonlinearKind, words: str) -> State:
     return at_truth(kind, words, 1.0)[0]
-
-
-def prior_of_case(kind: NonlinearKind):
-    wiring = wire(parse_program(case(kind).program), VOCABULARY)
-    return prior_of(case(kind).values, wiring, parameter_table(wiring, "exact"))
 
 
 # the generator and the catalogue

@@ -1,0 +1,110 @@
+"""Sweeps at several injection amplitudes as a kind of data: an edit is a nonlinearity at a port of the linear model."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from ibrid.gap.convention import Convention
+from ibrid.gap.data import Values
+from ibrid.gap.noise import ADEQUATE, Noise
+from ibrid.gap.nonlinear_data import AmplitudeData
+from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
+from ibrid.gap.nonlinear_places import Place, places
+from ibrid.gap.port_map import PortFit, port_map
+from ibrid.gap.prior import Prior
+from ibrid.gap.refit import Refitter
+from ibrid.gap.trial import Model
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.practice import Insertion
+from ibrid.structure.diagram import Diagram
+
+#: Random starts of the linear model, whose parameters the fits begin with.
+DRAWS = 32
+
+
+class Amplitudes:
+    """All amplitudes together, as `Data`. The given model is fitted to their mean; what they differ by is added to its chi2.
+
+    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed.
+    """
+
+    def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, rng: np.random.Generator) -> None:
+        self.data, self.kinds, self.prior = data, kinds, prior
+        self.noise = Noise(data.pooled, True, "")
+        self.refitter = Refitter(self.noise, kinds, prior, rng)
+
+    def given(self, diagram: Diagram) -> Model | None:
+        """The linear model."""
+        refit = self.refitter.refit(diagram, [{}], draws=DRAWS)
+        return (
+            None if refit is None else Model(diagram, Convention(), replace(refit, chi2=refit.chi2 + self.data.within))
+        )
+
+    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
+        """The linear model as it is: what a nonlinearity ends in is no start of it."""
+        return model
+
+    def again(self, model: Model, starts: Sequence[Values]) -> Model:
+        """The same."""
+        return model
+
+    def insertions(self, model: Model) -> tuple[Place, ...]:
+        """Every nonlinearity at every place of the linear model."""
+        return () if model.edits else places(model.diagram, self.kinds)
+
+    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
+        """A nonlinearity, its threshold and the parameters fitted to all amplitudes."""
+        if not isinstance(insertion, Place):
+            return None
+        search = NonlinearSearch(insertion, model.diagram, self.kinds, self.data, self.prior)
+        fit = search.best([model.refit.values, {}])
+        return None if fit is None else replace(model, refit=fit, edits=(insertion,))
+
+    def glance(self, model: Model, insertion: Insertion) -> float:
+        """Nothing is known without a fit."""
+        return inf
+
+    def read_otherwise(self, model: Model) -> Iterator[Model]:
+        """Not asked of amplitudes."""
+        return iter(())
+
+    def stable(self, model: Model) -> bool:
+        """True for a nonlinearity that may be believed: adequate for errors that grow with the measured distortion, and its
+        threshold held by the data."""
+        fit = model.refit
+        return isinstance(fit, NonlinearFit) and fit.p_value() > ADEQUATE and fit.seen
+
+    def ports(self, given: Model, steps: list[str]) -> tuple[PortFit, ...]:
+        """() : no transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either."""
+        return ()
+
+    def held_out(self, model: Model) -> None:
+        """Not asked of amplitudes."""
+
+    def at_each_amplitude(self, diagram: Diagram) -> tuple[PortFit, ...]:
+        """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's
+        fit."""
+        names = list(dict.fromkeys(one.port.name for one in places(diagram, self.kinds)))
+        if not names:
+            return ()
+        data, by_level = self.data, []
+        for level in range(data.amplitude.shape[2]):
+            if not (data.weight[:, :, level] > 0).all():
+                continue
+            points = tuple(
+                replace(
+                    point, admittance=data.admittance[:, m, level], sigma=1.0 / data.weight[:, m, level], amplitude=None
+                )
+                for m, point in enumerate(data.sweep.points)
+            )
+            sweep = replace(data.sweep, points=points)
+            fits = port_map(diagram, self.kinds, sweep, self.prior, [{}], only=names)
+            by_level.append({fit.port.name: fit for fit in fits})
+        worst = [
+            max((level[name] for level in by_level), key=lambda fit: fit.chi2_per_dof)
+            for name in names
+            if all(name in level for level in by_level)
+        ]
+        return tuple(sorted(worst, key=lambda fit: fit.chi2_per_dof))

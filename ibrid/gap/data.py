@@ -1,0 +1,98 @@
+"""Kinds of data in which a gap is sought, and what a fit to any of them ends in.
+
+The workflow (`workflow`, `repair`) is one: fit the given model, see where it misses, try every edit, weigh, go on from the
+best. What it asks, a kind of data answers:
+
+- a small-signal sweep, `trial.Workshop`: edits are those of the catalogue and the ways to read the data otherwise;
+- sweeps at several injection amplitudes, `amplitudes.Amplitudes`: edits are nonlinearities at ports of the linear model;
+- records of events, to come: voltage and current in time. A fit is of the parameters that sweep and records tell together,
+  its chi2 the sum over both; edits are those of the catalogue and the effects of large signals, which a simulation of the
+  edited program plays back; what is left lies at a record, window and component; no port map.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from scipy.stats import chi2 as chi2_law
+
+from ibrid.gap.noise import Noise
+from ibrid.parts.practice import Insertion
+from ibrid.structure.diagram import Diagram
+
+if TYPE_CHECKING:
+    from ibrid.gap.held_out import HeldOut
+    from ibrid.gap.port_map import PortFit
+    from ibrid.gap.trial import Model
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A model at its best parameters. `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the
+    prior. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were fitted."""
+
+    values: Values
+    chi2: float
+    penalty: float
+    dof: float
+    numbers: int
+    free: int
+
+    @property
+    def cost(self) -> float:
+        """chi2 and prior together."""
+        return self.chi2 + self.penalty
+
+    def p_value(self, scale: float = 1.0) -> float:
+        """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
+        return float(chi2_law.sf(self.chi2 / scale**2, self.dof))
+
+
+class Data(Protocol):
+    """One kind of data, weighed by a noise."""
+
+    noise: Noise
+
+    def given(self, diagram: Diagram) -> "Model | None":
+        """The given model, fitted; None where it has no response."""
+        ...
+
+    def refitted(
+        self, model: "Model", starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
+    ) -> "Model | None":
+        """A model fitted from starts, as `Refitter.refit` takes them; None where it has no response."""
+        ...
+
+    def again(self, model: "Model", starts: Sequence[Values]) -> "Model":
+        """A model fitted from further starts; the better of both."""
+        ...
+
+    def insertions(self, model: "Model") -> Sequence[Insertion]:
+        """All edits of a model."""
+        ...
+
+    def edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values] = ()) -> "Model | None":
+        """A model with an edit, fitted; quick : from these values alone."""
+        ...
+
+    def glance(self, model: "Model", insertion: Insertion) -> float:
+        """About the information criterion of a model with an edit."""
+        ...
+
+    def read_otherwise(self, model: "Model") -> "Iterator[Model]":
+        """A model on the data as they read in other conventions, fitted."""
+        ...
+
+    def stable(self, model: "Model") -> bool:
+        """True for a model that a device may be."""
+        ...
+
+    def ports(self, given: "Model", steps: list[str]) -> "tuple[PortFit, ...]":
+        """Where one unknown transfer would explain what is left; () and perhaps a step that says why not."""
+        ...
+
+    def held_out(self, model: "Model") -> "HeldOut | None":
+        """Its errors where it was not fitted; None where the data do not tell."""
+        ...
