@@ -11,7 +11,8 @@ import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.fit.problem import Coordinates
-from ibrid.gap.ports import PORT_KINDS, Port
+from ibrid.gap.port_kinds import PORT_KINDS
+from ibrid.gap.ports import Port
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.wiring import split_port, wire

@@ -7,6 +7,7 @@ current loop alone adds to the command what a path from that current does: such 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from ibrid.gap.port_kinds import QUARTER_TURN, unknown
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit
 from ibrid.parts.feedforward import feedforward
@@ -42,13 +43,13 @@ def places_in_series(view: View) -> Iterator[Place]:
     yield Place(
         roles.command,
         "the whole voltage command",
-        lambda draft: draft.insert_before(roles.command, "Unknown_dq", "port"),
+        lambda draft: draft.insert_before(roles.command, unknown(Signal.DQ_VEC), "port"),
     )
     for pll in draft.having(Element.PLL):
         yield Place(
             f"{pll}.e_q",
             "the input of the PLL",
-            lambda draft, pll=pll: draft.insert_before(f"{pll}.e_q", "Unknown", "port"),
+            lambda draft, pll=pll: draft.insert_before(f"{pll}.e_q", unknown(Signal.SCALAR), "port"),
         )
     for block in roles.power:
         yield from _measured_power(view, block)
@@ -75,8 +76,7 @@ def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
     """A block behind an output, for all that takes it or for some inputs."""
 
     def edit(draft: Edit) -> str:
-        kind = "Unknown_dq" if draft.signal(source) is Signal.DQ_VEC else "Unknown"
-        return draft.insert(source, targets or draft.targets(source), kind, "port")
+        return draft.insert(source, targets or draft.targets(source), unknown(draft.signal(source)), "port")
 
     return edit
 
@@ -89,7 +89,7 @@ def _measured_power(view: View, block: str) -> Iterator[Place]:
         return
 
     def edit(draft: Edit) -> str:
-        pair, name = draft.add(draft.usual(Element.PACK), "port_pair"), draft.add("Unknown_dq", "port")
+        pair, name = draft.add(draft.usual(Element.PACK), "port_pair"), draft.add(unknown(Signal.DQ_VEC), "port")
         draft.connect(f"{pair}.out", f"{name}.in_")
         for axis, element, entry in (("p", Element.SLICE_D, "in_d"), ("q", Element.SLICE_Q, "in_q")):
             out = draft.add(draft.usual(element), f"port_{axis}")
@@ -137,7 +137,7 @@ def _path(source: str, joined: str, targets: Iterable[str], words: str, *, turne
     """Delta times a source, or J times that, added to inputs."""
 
     def start(draft: Edit) -> str:
-        return draft.after(source, "Quarter_turn", "port_J") if turned else source
+        return draft.after(source, QUARTER_TURN.name, "port_J") if turned else source
 
     return Place(f"{'J ' * turned}{source} -> {joined}", words, _added(start, targets))
 
@@ -194,8 +194,7 @@ def _added(
     def edit(draft: Edit) -> str:
         source = start(draft)
         signal = draft.signal(source)
-        unknown = "Unknown_dq" if signal is Signal.DQ_VEC else "Unknown"
-        name, minus = draft.add(unknown, "port"), draft.add(draft.usual(Element.SIGN, signal), "port_minus")
+        name, minus = draft.add(unknown(signal), "port"), draft.add(draft.usual(Element.SIGN, signal), "port_minus")
         for block in (name, minus):
             draft.connect(source, f"{block}.in_")
             for target in targets:

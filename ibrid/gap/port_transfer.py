@@ -12,8 +12,8 @@ import numpy as np
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.evaluation.record import Record
+from ibrid.gap.port_kinds import PORT_KINDS
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.ports import PORT_KINDS
 from ibrid.structure.derived_outputs import derived_outputs
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table

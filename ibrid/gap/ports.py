@@ -3,15 +3,13 @@
 In series, a block 1 + Delta lies in a signal; a missing path is such a block beside -1, so that Delta alone is added.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from ibrid.gap.port_kinds import PORT_KINDS
 from ibrid.gap.port_places import missing_paths, places_in_series
-from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import View, views_of
-from ibrid.signals import Signal
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 
@@ -50,40 +48,3 @@ def _ports_of(view: View) -> list[Port]:
         if not violations(drawn.diagram, view.kinds):
             found.append(Port(place.name, place.words, drawn.diagram, drawn.result))
     return found
-
-
-def _unknown() -> Matrices:
-    return [[-1]], [[1]], [[1]], [[0]]
-
-
-def _unknown_dq() -> Matrices:
-    return [[-1, 0], [0, -1]], [[1, 0], [0, 1]], [[1, 0], [0, 1]], [[0, 0], [0, 0]]
-
-
-def _quarter_turn() -> Matrices:
-    return [], [], [[], []], [[0, -1], [1, 0]]
-
-
-def _kind(name: str, law: str, signal: Signal, state_space: Callable[[], Matrices], states: tuple[str, ...] = ()):
-    return ModuleKind(
-        name=name,
-        family="dynamic control" if states else "static",
-        law=law,
-        inputs={"in_": signal},
-        outputs={"out": signal},
-        states=states,
-        parameters={},
-        state_space=state_space,
-        dc_gain=1.0 if states else None,
-        extended=True,
-        reference="the port map of the gap workflow",
-    )
-
-
-_LAW = "out = (1 + Delta) in_, Delta unknown at each frequency; where a diagram asks for numbers, a lag of 1 s"
-#: What the diagrams of ports have beside the vocabulary: the unknown transfer, on a scalar and on both axes, and J.
-PORT_KINDS: Vocabulary = (
-    _kind("Unknown", _LAW, Signal.SCALAR, _unknown, ("through",)),
-    _kind("Unknown_dq", _LAW, Signal.DQ_VEC, _unknown_dq, ("through_d", "through_q")),
-    _kind("Quarter_turn", "out = J in_", Signal.DQ_VEC, _quarter_turn),
-)

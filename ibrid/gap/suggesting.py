@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.held_out import HeldOut, held_out, weighed
+from ibrid.gap.port_kinds import PORT_KINDS
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.ports import PORT_KINDS
 from ibrid.gap.result import Suggested
 from ibrid.gap.trial import Model, Workshop, significant
 from ibrid.gap.verdict import Findings, fits

@@ -35,10 +35,6 @@ class Wiring:
         kinds = self.kinds.items()
         return tuple(name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal))
 
-    def named(self, kind: str) -> tuple[str, ...]:
-        """Names of the instances of a kind."""
-        return tuple(name for name, value in self.kinds.items() if value.name == kind)
-
 
 def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
     """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""

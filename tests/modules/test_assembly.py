@@ -14,6 +14,7 @@ from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.errors import DiagramError, OperatingPointError
 from ibrid.fit.kernel import respond
 from ibrid.modules import VOCABULARY
+from ibrid.modules.behaviour import Element
 from ibrid.modules.delay import pade_order
 from ibrid.structure import Diagram, parse_program, textbook, textbook_names, violations, wire
 from ibrid.structure.algebraic_loops import algebraic_loops
@@ -168,8 +169,8 @@ def test_the_random_diagrams_have_delays_direct_loops_rotations_and_both_plants(
     wirings = [wire(diagram, VOCABULARY) for diagram in RANDOM]
     assert sum(any(kind.delay for kind in one.kinds.values()) for one in wirings) >= 15
     assert sum(bool(algebraic_loops(one)) for one in wirings) >= 15
-    assert sum(bool(one.named("Rot_v")) for one in wirings) >= 20
-    assert 20 <= sum(bool(one.named("LCL")) for one in wirings) <= len(RANDOM) - 20
+    assert sum(bool(one.having(Element.ROTATION_IN)) for one in wirings) >= 20
+    assert 20 <= sum("LCL" in {kind.name for kind in one.kinds.values()} for one in wirings) <= len(RANDOM) - 20
     assert sum(not violations(one, equilibrium="paper") for one in RANDOM) >= 100
 
 

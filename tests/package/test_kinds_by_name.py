@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from ibrid.gap.port_kinds import PORT_KINDS, UNKNOWN
 from ibrid.modules.vocabulary import VOCABULARY
 
 ROOT = Path(__file__).parents[2]
@@ -12,6 +13,7 @@ ROOMS = ("ibrid", "search/ibrid_search", "search/policy/ibrid_policy")
 #: Declarations, programs (the textbook, the true ones, those drawn for training) and control practice.
 NAMED_HERE = (
     "ibrid/modules/",
+    "ibrid/gap/port_kinds.py",
     "ibrid/structure/programs/",
     "ibrid/parts/",
     "ibrid/plants/true_program.py",
@@ -19,7 +21,8 @@ NAMED_HERE = (
 )
 #: "LCL" and "L" are the two filters of the reference inverters' own parameters, whatever diagrams call them.
 FILTER_WORDS = "ibrid/plants/"
-NAMES = {kind.name for kind in VOCABULARY}
+#: UNKNOWN's is an element of FMI's model description as well.
+NAMES = {kind.name for kind in (*VOCABULARY, *PORT_KINDS) if kind is not UNKNOWN}
 #: Names that are no English words: no sentence holds them either.
 WORDS = re.compile(
     r"\b(" + "|".join(sorted(NAMES - {"Gain", "Delay", "Share", "Notch", "PI", "LCL"}, key=len)) + r")\b"

@@ -11,6 +11,7 @@ from ibrid.errors import DiagramError
 from ibrid.fit.kernel import respond
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
 from ibrid.plants.sweeping import frequency_grid
@@ -115,14 +116,14 @@ def draw_inverter(rng: np.random.Generator, choices: Choices) -> Inverter | None
     physics = {"equilibrium": "exact", "power_node": node, "omega_0": 2 * pi * f0_hz}
     points = _operating_points(rng)
     names = parameter_table(wiring, "exact").names
-    in_seconds = [f"{name}.L" for name in wiring.named("JMul")]
+    in_seconds = [f"{name}.L" for name in wiring.having(Element.COUPLING)]
     try:
-        matrices = symbolic_matrices(wiring, dict.fromkeys(wiring.named("Delay"), 3), **physics)
+        matrices = symbolic_matrices(wiring, dict.fromkeys(wiring.having(Element.DELAY), 3), **physics)
     except DiagramError:
         return None
     for _ in range(_TRIES):
         values = _drawn_values(rng, names)
-        # JMul counts its inductance in seconds, JMul_omega in per unit
+        # at the nominal frequency it counts in seconds, at the measured one in per unit
         values |= {name: values[name] / (2 * pi * f0_hz) for name in in_seconds}
         theta = np.array([values[name] for name in names])
         if all(_stable(matrices, theta, op) for op in points):
