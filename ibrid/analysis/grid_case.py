@@ -4,8 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrid.analysis.grid import MeasuredGrid, SeriesRL
-from ibrid.analysis.modes import Mode
+from ibrid.analysis.modes import Mode, least_damped
 from ibrid.analysis.nyquist import Nyquist
+
+#: What is stable is barely so below one of these: gain margin, phase margin (degrees), damping ratio of a mode.
+GAIN, PHASE, DAMPING = 1.25, 10.0, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,38 @@ class GridCase:
         """By the poles; for a measured impedance by the Nyquist count."""
         return self.nyquist.stable if self.modes is None else all(one.stable for one in self.modes)
 
+    @property
+    def margins(self) -> dict[str, float | None]:
+        """Gain and phase (degrees) to instability, the frequency of the smallest distance from -1 (Hz), the least damping
+        ratio of a closed-loop mode; None where there is none."""
+        oscillating = least_damped(self.modes or ())
+        return {
+            "gain": self.nyquist.gain_margin,
+            "phase_deg": self.nyquist.phase_margin,
+            "frequency_hz": self.nyquist.vector_margin_hz,
+            "least_damping": oscillating[0].damping if oscillating else None,
+        }
+
+    @property
+    def slim(self) -> tuple[str, ...]:
+        """In words, the margins that are too small to trust; also that poles and Nyquist count disagree."""
+        gain, phase, _, damping = self.margins.values()
+        found = []
+        if phase is not None and phase < PHASE:
+            found.append(f"phase margin {phase:.2g} degrees")
+        if gain is not None and gain < GAIN:
+            found.append(f"gain margin {gain:.3g}")
+        if damping is not None and damping < DAMPING:
+            found.append(f"damping {100 * damping:.2g} %")
+        if self.nyquist.stable != self.stable:
+            found.append("poles and Nyquist count disagree")
+        return tuple(found)
+
+    @property
+    def grade(self) -> str:
+        """stable, barely stable or unstable."""
+        return ("barely stable" if self.slim else "stable") if self.stable else "unstable"
+
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         rl = self.grid if isinstance(self.grid, SeriesRL) else None
@@ -36,6 +71,8 @@ class GridCase:
             "file": None if isinstance(self.grid, SeriesRL) else self.grid.name,
             "thevenin_voltage": self.thevenin,
             "stable": self.stable,
+            "grade": self.grade,
+            "margins": self.margins,
             "modes": None if self.modes is None else [one.plain() for one in self.modes],
             "nyquist": {
                 "stable": self.nyquist.stable,

@@ -19,10 +19,11 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
     if isinstance(first, MeasuredGrid) or isinstance(last, MeasuredGrid) or len(cases) == 1:
         where = f"on {first.name}" if isinstance(first, MeasuredGrid) else f"at SCR {first.scr:.4g}"
         by = ", by the Nyquist count alone" if isinstance(first, MeasuredGrid) else ""
-        return f"{op}: {'stable' if stable[0] else 'UNSTABLE'} {where}{by}"
+        slim = f", {' and '.join(cases[0].slim)} at {_where(cases[0])}" if cases[0].grade == "barely stable" else ""
+        return f"{op}: {graded(cases[0].grade)} {where}{by}{slim}"
     if not critical:
         word = "stable" if all(stable) else "UNSTABLE"
-        return f"{op}: {word} on every grid from SCR {first.scr:.4g} to {last.scr:.4g}"
+        return f"{op}: {word} on every grid from SCR {first.scr:.4g} to {last.scr:.4g}{_barely(cases)}"
     parts = []
     for found in critical:
         band = ""
@@ -31,7 +32,27 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
         kind = "without oscillation" if found.mode.frequency == 0 else f"at {hertz(found.mode.frequency)}"
         names = " and ".join(name for name, _ in found.mode.states[:2])
         parts.append(f"unstable {found.unstable} SCR {found.scr:.4g}{band}, {kind} ({names})")
-    return f"{op}: {'; '.join(parts)}"
+    return f"{op}: {'; '.join(parts)}{_barely(cases)}"
+
+
+def graded(grade: str) -> str:
+    """The word for a grade that a reader cannot pass over."""
+    return "UNSTABLE" if grade == "unstable" else grade
+
+
+def _barely(cases: Sequence[GridCase]) -> str:
+    """Where it is barely stable, and the worst of it."""
+    found = [case for case in cases if case.grade == "barely stable"]
+    if not found:
+        return ""
+    worst = min(found, key=lambda case: case.nyquist.vector_margin)
+    listed = ", ".join(f"{case.grid.scr:.4g}" for case in found[:4] if not isinstance(case.grid, MeasuredGrid))
+    more = f" and {len(found) - 4} more" if len(found) > 4 else ""
+    return f"; barely stable at SCR {listed}{more}, at worst {' and '.join(worst.slim)} at {_where(worst)}"
+
+
+def _where(case: GridCase) -> str:
+    return hertz(case.nyquist.vector_margin_hz)
 
 
 def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> str:

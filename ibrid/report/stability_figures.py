@@ -94,10 +94,35 @@ def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
     plane.set_xlim(-reach, reach)
     plane.set_ylim(-reach, reach)
     plane.set_aspect("equal")
-    plane.set_xticks([])
-    plane.set_yticks([])
+    plane.set_xticks([-1.0, 0.0, 1.0])
+    plane.set_yticks([-1.0, 0.0, 1.0])
+    plane.set_xlabel("real part of the eigenvalue  (squeezed)")
+    plane.set_ylabel("imaginary part  (squeezed)")
+    _draw_near(plane.inset_axes((0.66, 0.09, 0.32, 0.32)), shown_cases(one))
     plane.axhline(0, color=MUTED, linewidth=0.6)
     plane.axvline(0, color=MUTED, linewidth=0.6)
+
+
+def _draw_near(near: "Axes", cases: Sequence[GridCase]) -> None:
+    """The surroundings of -1, true to scale, an arrow along rising frequency where each grid's locus is nearest to it."""
+    half = 3.0 * max(min(case.nyquist.vector_margin for case in cases), 1e-6)
+    for index, case in enumerate(cases):
+        colour, _, dashes = series(index)
+        loci = case.nyquist.loci + 1.0
+        for locus in loci.T:
+            near.plot(locus.real, locus.imag, color=colour, linestyle=dashes, linewidth=1.4)
+            near.plot(locus.real, -locus.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)
+        row, column = np.unravel_index(int(np.argmin(np.abs(loci))), loci.shape)
+        at, along = loci[row, column], np.diff(loci[max(row - 1, 0) : row + 2, column]).sum()
+        along *= 0.3 * half / max(abs(along), 1e-300)
+        near.annotate("", (at.real + along.real, at.imag + along.imag), (at.real, at.imag),
+                      arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6})  # fmt: skip
+    near.plot(0.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
+    near.set_xlim(-half, half)
+    near.set_ylim(-half, half)
+    near.set_xticks([])
+    near.set_yticks([])
+    near.set_xlabel(f"-1 ± {half:.2g}", fontsize=9, labelpad=2)
 
 
 def draw_passivity(axes: Sequence["Axes"], points: Sequence[PointStability]) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import QUANTILE, Mode
 from ibrid.analysis.stability import PointStability, Stability
+from ibrid.analysis.stability_words import graded
 from ibrid.report.figure import inline_svg
 from ibrid.report.numbers import interval, number
 from ibrid.report.prediction_text import shown_modes
@@ -70,7 +71,7 @@ def _ratios(point: PointStability) -> bool:
 
 def _line_names(point: PointStability) -> list[str]:
     first = "SCR " if _ratios(point) else ""
-    return [f"{first}{grid_name(case)}: {'stable' if case.stable else 'UNSTABLE'}" for case in shown_cases(point)]
+    return [f"{first}{grid_name(case)}: {graded(case.grade)}" for case in shown_cases(point)]
 
 
 def _locus(name: str, point: PointStability) -> str:

@@ -42,7 +42,7 @@ def case_cells(case: GridCase) -> list[str]:
         poles, mode = "-", "-"
     else:
         lost = sum(1 if one.frequency == 0 else 2 for one in case.modes if not one.stable)
-        poles = "stable" if case.stable else f"{lost} UNSTABLE"
+        poles = case.grade if case.stable else f"{lost} UNSTABLE"
         first = case.modes[0]
         mode = f"{number(first.pole.real, 3)} 1/s, {hertz(first.frequency)}" if lost else _least(case)
     count = "stable" if nyquist.stable else f"{nyquist.unstable_poles} UNSTABLE"

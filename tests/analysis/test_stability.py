@@ -359,11 +359,24 @@ def test_the_command_prints_the_answer_and_writes_json_and_page(record_file, cap
     (point,) = content["points"]
     assert point["critical"][0]["scr"] == pytest.approx(1.122, abs=1e-3)
     assert len(point["grids"]) == 5
+    for grid in point["grids"]:
+        assert set(grid["margins"]) == {"gain", "phase_deg", "frequency_hz", "least_damping"}
+        slim = (
+            grid["margins"]["phase_deg"] < 10
+            or grid["margins"]["gain"] < 1.25
+            or grid["margins"]["least_damping"] < 0.01
+        )
+        assert grid["grade"] == ("unstable" if not grid["stable"] else "barely stable" if slim else "stable")
+    assert "barely stable" in {grid["grade"] for grid in point["grids"]}  # phase margins of 1 degree
+    assert "barely stable at SCR" in " ".join(printed.split())
+    assert " degrees" in printed
     assert len(point["passivity"]["index"]) == len(point["passivity"]["frequency_hz"])
     text = page.read_text()
     assert "http" not in text.replace("http-equiv", "")
     assert text.count("<svg role") == 3
     assert "critical SCR" in Reader(text).text
+    assert '<span class="good">stable' not in text
+    assert "real part of the eigenvalue" in text
 
 
 def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):

@@ -48,7 +48,7 @@ def test_a_reader_that_hangs_is_left(monkeypatch):
 
 def test_a_process_starts_for_a_plausible_header_alone(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("ibrid.measurement.matlab.guarded", lambda *_: pytest.fail("a process was started"))
-    for content in (b"x", b"time,value\n1,2\n", b"\x00" * 3, b"MATLAB 5.0".ljust(124) + b"\x00\x09IM" + bytes(50)):
+    for content in (b"x", b"time,value\n1,2\n", b"\x00" * 3, b"MATLAB 5.0".ljust(124) + b"\x00\x01XY" + bytes(50)):
         (tmp_path / "scan.mat").write_bytes(content)
         with pytest.raises(SweepError, match="must be a MAT file"):
             read_mat(tmp_path / "scan.mat")
