@@ -36,7 +36,7 @@ def main() -> int:
 
 
 def _search() -> Path:
-    """Search from the naive start, as `ibrid search paper_like --out out/search --truth gfl_pll_filter_exact` does."""
+    """As `ibrid search paper_like --out out/search --start naive --truth gfl_pll_filter_exact` does."""
     from ibrid_search.running import search  # on top of ibrid, like the command line
 
     sweep = read_sweep(benchmarks()["paper_like"])
@@ -48,7 +48,7 @@ def _search() -> Path:
     if RUN.is_dir():
         shutil.rmtree(RUN)
     workers = (os.cpu_count() or 1) if find_spec("ray") is not None else 1
-    run = search(sweep, RUN, workers=workers, truth=textbook(TRUTH), progress="auto")
+    run = search(sweep, RUN, start=textbook("naive"), workers=workers, truth=textbook(TRUTH), progress="auto")
     print(f"\n{run.evaluations} evaluations in {run.seconds:.0f} s; {run.ending}.")
     if run.best is None:
         raise IbridError("the search found no valid candidate; see out/search/report.html")

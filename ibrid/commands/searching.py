@@ -62,15 +62,27 @@ LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    search = commands.add_parser("search", help="find the hidden controller: evaluated edits of a naive diagram")
+    search = commands.add_parser("search", help="find the hidden controller: evaluated edits of shipped diagrams")
     search.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
     search.add_argument("--out", required=True, metavar="RUN", help="folder of the run; a new one, unless --resume")
-    search.add_argument("--start", metavar="PROGRAM", help="where to begin (naive): " + inputs.PROGRAM_HELP)
+    search.add_argument(
+        "--start",
+        metavar="PROGRAM",
+        help="where to begin, and nowhere else (the shipped diagrams that a first look finds best; naive is the paper's start): "
+        + inputs.PROGRAM_HELP,
+    )
+    search.add_argument(
+        "--devices",
+        type=inputs.natural,
+        default=1,
+        metavar="N",
+        help="inverters behind the terminals, without --start (1)",
+    )
     search.add_argument(
         "--proposer",
-        default="rules",
-        help="rules (default) | random | policy | llm | agent, or one of a plug-in (ibrid modules lists them), or a mix with "
-        "weights such as rules:0.7,random:0.3",
+        default="diagnosis",
+        help="diagnosis (default) | rules | random | policy | llm | agent, or one of a plug-in (ibrid modules lists them), or a "
+        "mix with weights such as rules:0.7,random:0.3",
     )
     search.add_argument(
         "--model",
@@ -196,7 +208,7 @@ def run_search(arguments: Namespace) -> int:
             proposer=proposers,
             budget=goal,
             workers=Workers(_workers(arguments.workers, arguments.ray), arguments.ray),
-            settings=SearchSettings(history=arguments.history),
+            settings=SearchSettings(history=arguments.history, devices=arguments.devices),
             seed=arguments.seed,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,

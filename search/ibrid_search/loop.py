@@ -124,7 +124,7 @@ class Loop:
             return None
         if not self.appraisal.criterion.floor.known:
             return EXACT_FIT
-        return FLOOR if len(self.steps) - self.best.number >= self.settings.settled else None
+        return FLOOR if len(self.steps) - self.best.number >= self.panel.settled(self.settings.settled) else None
 
     @property
     def _under_way(self) -> bool:
@@ -229,7 +229,7 @@ class Loop:
         if pruned is not None:
             yield self.appraisal.entry(pruned), pruned.island, self.panel.tidying, "module"
             return
-        if best is not None and rng.random() < self.settings.pruning:
+        if best is not None and proposer is not self.panel.starts and rng.random() < self.settings.pruning:
             yield best, best.island, self.panel.pruning, "module"
         yield parent, island, proposer, scale
 

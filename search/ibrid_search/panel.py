@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid_search.diagnosis import Edited
 from ibrid_search.proposal import Context, Origin, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.proposers.shipped import Shipped
 from ibrid_search.step import Step
 from ibrid_search.store import Store
 
@@ -15,19 +17,21 @@ from ibrid_search.store import Store
 class Panel:
     """What the loop knows of its proposers, which is their interface alone (`ibrid_search.proposal`).
 
-    `proposers` : with their weights. `pruning` : takes something away from the best now and then; a step in which it finds
-    nothing is an ordinary one. `tidying` : does so thoroughly, at the end.
+    `proposers` : with their weights. `starts` : further diagrams to begin from, each a step before anybody is asked; none where a
+    proposer wants to be undisturbed. `pruning` :
+    takes something away from the best now and then; a step in which it finds nothing is an ordinary one. `tidying` : does so
+    thoroughly, at the end.
     """
 
-    def __init__(
-        self,
-        proposers: Sequence[tuple[Proposer, float]],
-        *,
-        pruning: Proposer | None = None,
-        tidying: Proposer | None = None,
-    ) -> None:
+    def __init__(self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[Edited] = ()) -> None:
         self.proposers = tuple(proposers)
-        self.pruning, self.tidying = pruning or Pruning(), tidying or Pruning(thorough=True)
+        self.starts = Shipped(() if self.undisturbed else starts)
+        self.pruning = self._remover(thorough=False) or Pruning()
+        self.tidying = self._remover(thorough=True) or Pruning(thorough=True)
+
+    def _remover(self, *, thorough: bool) -> Proposer | None:
+        found = (one.remover(thorough=thorough) for one in self.taking_part)
+        return next((one for one in found if one is not None), None)
 
     @cached_property
     def taking_part(self) -> tuple[TakesPart, ...]:
@@ -53,6 +57,10 @@ class Panel:
         """Proposal k sees the results up to k - window."""
         return min([usual, *(one.window for one, _ in self.proposers if one.window is not None)])
 
+    def settled(self, usual: int) -> int:
+        """Steps for which the best must stay the best before a noise floor ends the search."""
+        return min([usual, *(one.settled for one in self.taking_part if one.settled is not None)])
+
     def horizon(self, usual: int) -> int:
         """The last step whose result the next proposal sees: `usual`, unless a proposer says another."""
         said = [found for one in self.taking_part if (found := one.horizon()) is not None]
@@ -74,7 +82,9 @@ class Panel:
             one.learn(steps, context)
 
     def drawn(self, rng: np.random.Generator, number: int) -> tuple[Proposer, Origin]:
-        """Whom step `number` asks, by the weights, and where its parent comes from."""
+        """Whom step `number` asks, a further start or by the weights, and where its parent comes from."""
+        if number <= len(self.starts):
+            return self.starts, Origin(number, like=0)
         weights = np.array([weight for _, weight in self.proposers])
         proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
         return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(number)

@@ -110,10 +110,16 @@ class Origin:
 class TakesPart:
     """What a run tells a proposer beside its questions and asks of it; inherit from it, and override what matters.
 
-    `undisturbed` : True where nothing is taken away from the best between its steps.
+    `undisturbed` : True where nothing is taken away from the best between its steps. `settled` : steps for which the best must
+    stay the best before a noise floor ends the search; None leaves it to the settings.
     """
 
     undisturbed: bool = False
+    settled: int | None = None
+
+    def remover(self, *, thorough: bool) -> Proposer | None:
+        """Who takes away from the best what does not pay, now and then or `thorough` at the end; None: who usually does."""
+        return None
 
     def begin(self, store: Store, folder: Path) -> None:
         """A run begins or goes on: the store with its earlier steps, and the folder for files of the proposer's own."""

@@ -19,11 +19,13 @@ from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
 from ibrid.writing import inside, write_whole
+from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
+from ibrid_search.merit import criterion
 from ibrid_search.page import write_run_page
 from ibrid_search.panel import Panel
 from ibrid_search.policy_package import policy_part
@@ -80,7 +82,7 @@ def search(
     folder: str | Path,
     *,
     start: Diagram | str | None = None,
-    proposer: str | Proposer | Sequence[tuple[Proposer, float]] | Proposers = "rules",
+    proposer: str | Proposer | Sequence[tuple[Proposer, float]] | Proposers = "diagnosis",
     budget: int | Goal = 500,
     workers: int | Workers = 1,
     truth: Diagram | None = None,
@@ -95,9 +97,10 @@ def search(
     ----------
     sweep : measured operating points, or a study of them. folder : where the run lives; refused when it holds one already, and
         with `resume` when it holds none.
-    start : diagram or program text to begin from; the naive one when not given.
-    proposer : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of one's own;
-        `ibrid_search.Proposers` also says which models, what they may spend, which weights, and whether they learn.
+    start : diagram or program text to begin from, and nowhere else; when not given, the shipped diagrams that a first look at
+        the data finds best.
+    proposer : "diagnosis", "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of
+        one's own; `ibrid_search.Proposers` also says which models, what they may spend, which weights, and whether they learn.
     budget : evaluations at most, the start included; `ibrid_search.Goal` also says which error is enough, what a candidate
         must be, and how the answer is chosen.
     workers : evaluate so many candidates at once; `ibrid_search.Workers` also names a Ray cluster.
@@ -120,9 +123,11 @@ def search(
     proposers = proposer if isinstance(proposer, Proposers) else Proposers(proposer)
     settings = settings or SearchSettings()
     study = Study.of(sweep, **options)
-    first = _program(start)
-    require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     weighted = proposers.weighted()
+    if goal.choose == "op" and not study.held:
+        raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
+    first, others = _starts(start, study, settings)
+    require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     learnt: dict[str, Any] = dict(proposers.weights())
     if (lesson := proposers.learning()) is not None:
         weighted = policy_part("learning.choose").learning(
@@ -130,11 +135,9 @@ def search(
         )
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         learnt["learning"] = vars(lesson)
-    panel = Panel(weighted)
+    panel = Panel(weighted, others)
     if panel.undisturbed:
         settings = replace(settings, pruning=0.0)
-    if goal.choose == "op" and not study.held:
-        raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
     texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
     stated = {
         "seed": study.seed, "budget": goal.budget, "target": goal.target, "proposer": panel.names,
@@ -180,10 +183,15 @@ def _folder(folder: str | Path) -> Path:
     return Path(folder)
 
 
-def _program(start: Diagram | str | None) -> str:
-    if start is None:
-        return textbook_text("naive")
-    return program_text(start) if isinstance(start, Diagram) else start
+def _starts(start: Diagram | str | None, study: Study, settings: SearchSettings) -> tuple[str, tuple[Edited, ...]]:
+    """Text of the program to begin from, and further diagrams: none where a start is given."""
+    if start is not None:
+        return program_text(start) if isinstance(start, Diagram) else start, ()
+    looks = Looker(study.blind, criterion(study.blind, settings)).textbooks(settings.devices)[: settings.starts]
+    if not looks:
+        return textbook_text("naive"), ()
+    first, *others = (look.edit for look in looks)
+    return program_text(first.diagram), tuple(others)
 
 
 def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -> Evaluator:

@@ -83,11 +83,12 @@ class SearchSettings:
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees.
 
-    Loop: `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
-    `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in
-    a row without a new structure that end the search. `settled` : steps for which the best must stay the best before the
-    search ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose
-    workers die; it is tried again when the run goes on. `wall` : seconds after which the process of a candidate is killed.
+    Loop: `devices` : inverters behind the terminals. `starts` : shipped diagrams at most to begin from, where no start is
+    given. `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
+    `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in a row
+    without a new structure that end the search. `settled` : steps for which the best must stay the best before the search
+    ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose workers die; it
+    is tried again when the run goes on. `wall` : seconds after which the process of a candidate is killed.
 
     Raises IbridError for a number that means nothing.
     """
@@ -113,6 +114,8 @@ class SearchSettings:
     )
     pruning: float = 0.15
     history: int = 0
+    devices: int = 1
+    starts: int = 5
     window: int = 8
     final_pruning: float = 0.1
     patience: int = 200
@@ -146,6 +149,8 @@ def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
 
 def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     shares = dict(one.scales)
+    yield one.devices >= 1, "devices must be 1 or more", one.devices
+    yield one.starts >= 1, "starts must be 1 or more", one.starts
     yield one.history >= 0, "history must be 0 or more", one.history
     yield one.window >= 1, "window must be 1 or more", one.window
     yield one.patience >= 1, "patience must be 1 or more", one.patience

@@ -53,7 +53,7 @@ def real_fits(monkeypatch: pytest.MonkeyPatch):
 
 
 def ran(folder: Path, sweep=SWEEP, **options) -> Run:
-    return ibrid.search(sweep, folder, **{"budget": 5, **options})
+    return ibrid.search(sweep, folder, **{"budget": 5, "start": NAIVE, "proposer": "rules", **options})
 
 
 def steps_in(folder: Path):
@@ -90,7 +90,9 @@ def test_the_public_names_stay_what_they_are_whatever_is_imported():
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A small run with everything written, its page too."""
-    return ibrid.search(SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", budget=8, seed=1)
+    return ibrid.search(
+        SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", start=NAIVE, proposer="rules", budget=8, seed=1
+    )
 
 
 def test_a_run_leaves_the_files_of_the_contract(finished):
@@ -267,7 +269,7 @@ def test_a_run_does_not_go_on_with_other_data(tmp_path):
     ran(tmp_path / "run", budget=1)
     other = ibrid.read_sweep(ibrid.benchmarks()["random_00"])
     with pytest.raises(IbridError, match="the run was made with data"):
-        ibrid.search(other, tmp_path / "run", budget=2, resume=True)
+        ibrid.search(other, tmp_path / "run", start=NAIVE, proposer="rules", budget=2, resume=True)
 
 
 def test_a_truth_that_comes_when_a_run_goes_on_is_on_its_page_and_changes_nothing_else(tmp_path):
@@ -431,7 +433,7 @@ def test_a_file_of_somebody_else_is_not_overwritten(tmp_path, name):
 def test_a_run_without_a_folder_is_refused(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(IbridError, match="needs a folder"):
-        ibrid.search(SWEEP, folder, budget=1)
+        ibrid.search(SWEEP, folder, start=NAIVE, budget=1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -509,9 +511,13 @@ def test_the_second_ctrl_c_stops_at_once_and_nothing_is_lost(tmp_path):
 # a process that dies
 
 
+#: The plainest search: its steps cost least.
+BASELINE = ("--start", "naive", "--proposer", "rules", "--workers", "1")
+
+
 def child(folder: Path, *words: str) -> subprocess.Popen[str]:
     """`ibrid search` in a process of its own."""
-    command = [sys.executable, "-m", "ibrid", "search", "paper_like", "--out", str(folder), "--workers", "1", *words]
+    command = [sys.executable, "-m", "ibrid", "search", "paper_like", "--out", str(folder), *BASELINE, *words]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
@@ -537,8 +543,8 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert process.returncode == -signal.SIGKILL
     assert any(step.status is Status.PENDING for step in steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = ibrid.search(sweep, tmp_path / "killed", budget=11, resume=True)
-    whole = ibrid.search(sweep, tmp_path / "whole", budget=11)
+    again = ibrid.search(sweep, tmp_path / "killed", start=NAIVE, proposer="rules", budget=11, resume=True)
+    whole = ibrid.search(sweep, tmp_path / "whole", start=NAIVE, proposer="rules", budget=11)
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program
     assert again.trajectory == whole.trajectory

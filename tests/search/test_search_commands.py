@@ -24,6 +24,10 @@ def make_quick(patched: pytest.MonkeyPatch) -> None:
     patched.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
 
 
+#: The plainest search: its steps cost least.
+BASELINE = ("--start", "naive", "--proposer", "rules", "--workers", "1")
+
+
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch):
     make_quick(monkeypatch)
@@ -35,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands") / "run"
     with pytest.MonkeyPatch.context() as patched:
         make_quick(patched)
-        assert cli.main(["search", DATA, "--out", str(path), "--budget", "3", "--workers", "1"]) == 0
+        assert cli.main(["search", DATA, "--out", str(path), "--budget", "3", *BASELINE]) == 0
     return path
 
 
@@ -55,7 +59,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *words: str, status: int = 2) 
 
 def test_a_search_tells_its_course_and_its_answer(tmp_path, capsys):
     out = tmp_path / "run"
-    words = ["search", DATA, "--out", str(out), "--budget", "4", "--workers", "1", "--truth", "gfl_exact"]
+    words = ["search", DATA, "--out", str(out), "--budget", "4", *BASELINE, "--truth", "gfl_exact"]
     assert cli.main(words) == 0
     told = capsys.readouterr().out
     assert "what changed" in told  # the milestone table
@@ -68,7 +72,7 @@ def test_a_search_tells_its_course_and_its_answer(tmp_path, capsys):
 
 def test_the_options_reach_the_run(tmp_path):
     out = tmp_path / "run"
-    words = f"search {DATA} --out {out} --budget 1 --workers 1 --seed 7 --vocabulary paper --equilibrium paper"
+    words = f"search {DATA} --out {out} --budget 1 --workers 1 --start naive --seed 7 --vocabulary paper --equilibrium paper"
     words += " --parameters per-op --proposer rules:0.7,random:0.3 --history 2 --require stable --choose frequencies"
     assert cli.main(words.split()) == 0
     text = (out / "run.toml").read_text(encoding="utf-8")
@@ -85,7 +89,9 @@ def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tm
     out = tmp_path / "run"
     usage = {"prompt_tokens": 100_000, "completion_tokens": 50_000}
     with scripted(says("no edit today", usage)) as script:
-        words = f"search {DATA} --out {out} --budget 40 --workers 1 --proposer llm --model small@{script.url}"
+        words = (
+            f"search {DATA} --out {out} --budget 40 --workers 1 --start naive --proposer llm --model small@{script.url}"
+        )
         assert cli.main([*words.split(), "--model-price", "1,4", "--model-cost", "1"]) == 0
         # an answer costs 0.1 + 0.2, a step asks twice; each question is asked unless the limit of 1 is spent
         assert len(script.requests) == 4
@@ -105,7 +111,7 @@ def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tm
 def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
-    assert cli.main(["search", DATA, "--out", str(out), "--budget", "5", "--workers", "1", "--resume"]) == 0
+    assert cli.main(["search", DATA, "--out", str(out), "--budget", "5", *BASELINE, "--resume"]) == 0
     assert "5 evaluations" in capsys.readouterr().out
     assert cli.main(["check", str(out / "best.py")]) == 0
     assert cli.main(["compare", str(out / "best.py"), "naive"]) == 0
@@ -118,7 +124,7 @@ def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, c
 def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
-    assert cli.main(["search", DATA, "--out", str(out), "--budget", "2", "--workers", "1", "--resume"]) == 0
+    assert cli.main(["search", DATA, "--out", str(out), "--budget", "2", *BASELINE, "--resume"]) == 0
     told = capsys.readouterr()
     assert "3 evaluations in" in told.out
     assert "the budget of 2 was spent already, a larger one goes on" in told.out
@@ -127,7 +133,7 @@ def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
 
 def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
     # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
-    words = ["search", DATA, "--out", str(tmp_path / "run"), "--budget", "1", "--workers", "1"]
+    words = ["search", DATA, "--out", str(tmp_path / "run"), "--budget", "1", *BASELINE]
     assert cli.main([*words, "--require", "passive:5-5000"]) == 1
     assert capsys.readouterr().err.splitlines()[-1].startswith("ibrid: no candidate was valid and stable")
 
@@ -139,8 +145,8 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
     ("words", "told"),
     [
         ("--proposer ruels", "did you mean rules"),
-        ("--proposer oracle", "known are: rules, random, llm, policy, agent"),
-        ("--model a", "--model belongs to the proposers llm and agent, found rules alone"),
+        ("--proposer oracle", "known are: diagnosis, rules, random, llm, policy, agent"),
+        ("--model a", "--model belongs to the proposers llm and agent, found diagnosis alone"),
         ("--proposer rules,random --model-cost 2", "--model-cost belongs to the proposers llm and agent"),
         ("--model-price 1,2", "--model-price belongs to"),
         ("--model-tokens 100 --model-seconds 5", "--model-tokens belongs to"),
@@ -177,7 +183,9 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
     ],
 )
 def test_a_wrong_option_is_one_sentence_and_no_folder(tmp_path, capsys, words, told):
-    assert told in complaint(capsys, DATA, "--out", str(tmp_path / "run"), "--workers", "1", *words.split())
+    assert told in complaint(
+        capsys, DATA, "--out", str(tmp_path / "run"), "--workers", "1", "--start", "naive", *words.split()
+    )
     assert not (tmp_path / "run").exists()
 
 
@@ -220,11 +228,11 @@ def test_an_unwritable_folder_is_one_sentence(capsys):
 
 
 def test_a_run_is_not_begun_twice(folder, capsys):
-    assert "--resume" in complaint(capsys, DATA, "--out", str(folder), "--workers", "1")
+    assert "--resume" in complaint(capsys, DATA, "--out", str(folder), *BASELINE)
 
 
 def test_a_run_does_not_go_on_with_another_seed(folder, capsys):
-    told = complaint(capsys, DATA, "--out", str(folder), "--workers", "1", "--seed", "5", "--resume")
+    told = complaint(capsys, DATA, "--out", str(folder), *BASELINE, "--seed", "5", "--resume")
     assert "seed = 0, now it is 5" in told
 
 
@@ -243,7 +251,7 @@ def test_a_damaged_archive_is_one_sentence(folder, tmp_path, capsys, damage):
     else:
         with Store.open(archive) as store:
             store._database.run("UPDATE evaluations SET record = x'00' WHERE number = 0")
-    told = complaint(capsys, DATA, "--out", str(out), "--workers", "1", "--budget", "6", "--resume")
+    told = complaint(capsys, DATA, "--out", str(out), *BASELINE, "--budget", "6", "--resume")
     assert "archive.sqlite" in told
     assert "damaged" in told
 
@@ -252,7 +260,7 @@ def test_two_processes_do_not_write_one_run(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
     with Store.open(out / "archive.sqlite"):
-        told = complaint(capsys, DATA, "--out", str(out), "--workers", "1", "--budget", "6", "--resume")
+        told = complaint(capsys, DATA, "--out", str(out), *BASELINE, "--budget", "6", "--resume")
     assert "another live run is writing it" in told
 
 
@@ -298,5 +306,6 @@ def test_the_tools_need_data(capsys):
 
 def test_the_command_and_the_function_give_the_same_run(folder, tmp_path):
 
-    ibrid.search(ibrid.read_sweep(ibrid.benchmarks()[DATA]), tmp_path / "run", budget=3)
+    sweep = ibrid.read_sweep(ibrid.benchmarks()[DATA])
+    ibrid.search(sweep, tmp_path / "run", start=ibrid.textbook("naive"), proposer="rules", budget=3)
     assert steps_of(tmp_path / "run" / "archive.sqlite") == steps_of(folder / "archive.sqlite")

@@ -11,6 +11,7 @@ from ibrid.plugins import plugin_proposers
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
+from ibrid_search.proposers.diagnosis import Diagnosis
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
@@ -106,6 +107,7 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
 
     return {
         **plugin_proposers(),
+        "diagnosis": Diagnosis,
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),

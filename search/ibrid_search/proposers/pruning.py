@@ -17,6 +17,7 @@ from ibrid.parts.inner_loops import loop_removals
 from ibrid.parts.view import Move, View, views_of
 from ibrid.parts.wiring import cut_wires, shared_parameters
 from ibrid.signals import Signal
+from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import split_port
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.edited import edited, new_structure, proposal_of
@@ -24,19 +25,22 @@ from ibrid_search.proposers.plain_forms import plain_forms
 
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
+#: What a look may lose, in ln(error): a fit finds more than a look.
+AFFORDABLE = 1.0
 
 
 class Pruning:
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
     usual controller, first. `thorough` : what is drawn in a roundabout way is drawn plainly before that, and two things go at
-    once after it."""
+    once after it. `loss` : in ln(error), of a diagram, from a look at the data; what loses least
+    goes first, and what loses more than `AFFORDABLE` stays."""
 
     name = "pruning"
     attempts = 1
     window: int | None = None
 
-    def __init__(self, *, thorough: bool = False) -> None:
-        self.thorough = thorough
+    def __init__(self, *, thorough: bool = False, loss: Callable[[Context, Diagram], float] | None = None) -> None:
+        self.thorough, self.loss = thorough, loss
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The first removal that leads to a legal structure not met before; no edit when none is left."""
@@ -53,6 +57,11 @@ class Pruning:
             return bool(words & unseen) + bool(words & unrecognised_modules(view))
 
         ranked = sorted((edits[index] for index in rng.permutation(len(edits))), key=doubt, reverse=True)
+        if self.loss is not None:
+            looked = [
+                (self.loss(context, after), edit) for edit in ranked if new_structure(after := edited(*edit), context)
+            ]
+            ranked = [edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE]
         for view, move in chain(_plain(views, record), ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
             found = edited(view, move)
             if new_structure(found, context):

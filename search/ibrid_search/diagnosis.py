@@ -1,0 +1,234 @@
+"""What a fitted program lacks, ranked: a few warm steps of every edit that control practice knows, instead of a fit of each.
+
+A look descends from where the parent's fit ended, from the usual strengths of what is new, and from some fresh draws: first on
+the logarithm of the response, which leads to the right valley, then on the error itself. It costs a hundredth of a fit and is
+an upper end of what the fit will find, so the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import inf, log, sqrt
+
+import numpy as np
+
+from ibrid.assembly.symbolic import symbolic_model
+from ibrid.errors import DiagramError
+from ibrid.evaluation.time_limit import time_limit
+from ibrid.fit import kernel
+from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.objective import objective_for
+from ibrid.fit.problem import Misfit, Problem
+from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
+from ibrid.measurement.sweep import PointSweep
+from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
+from ibrid.parts.device import device_parts
+from ibrid.parts.edit import NotInVocabulary
+from ibrid.parts.view import views_of
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook, textbook_names
+from ibrid.structure.wiring import wire
+from ibrid.study import Study
+from ibrid_search.merit import EXACT, Criterion
+
+#: Per operating point, name -> value.
+Values = Sequence[Mapping[str, float]]
+#: From a problem and what draws its starts to the ends of some descents.
+Descend = Callable[[Problem, StartDrawer, np.random.Generator], Batch]
+
+#: Draws of the numbers that the parent lacks, and of all numbers; starts that descend on the logarithm, and steps; ends that
+#: go on, as many straight from the parent's values, and steps.
+DRAWS, FRESH, KEPT, FAR, CARRIED, NEAR = 8, 64, 6, 16, 3, 16
+#: Draws of a whole diagram of which nothing is known, those that descend, and steps on the logarithm and on the error.
+SCREENED, DESCENDING, STEPS = 96, 8, 24
+#: Operating points and frequencies of each that a look takes at most, evenly chosen; a fit takes all.
+MOST_POINTS, MOST_FREQUENCIES = 3, 32
+#: Seconds after which a look is given up; it takes some hundredths.
+LIMIT = 10.0
+#: What a free number must gain in ln(error) where the noise is not known.
+PRICE = 0.05
+#: What an unusual edit costs beside a usual one, in free numbers.
+UNUSUAL = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """An edit of a diagram. `words` : what changes, in a line. `part` : the idea behind it. `strengths` : new free parameter ->
+    values to begin from. `usual` : False for a block or a wire anywhere."""
+
+    diagram: Diagram
+    words: str
+    part: str
+    strengths: Mapping[str, tuple[float, ...]]
+    usual: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How far a few steps lead. `error` : as the run measures it, infinite without a response. `free` : numbers of an operating
+    point. `values` : where they lead. `worth` : by what looks are ranked, the lower the better."""
+
+    edit: Edited
+    error: float
+    free: int
+    worth: float
+    values: Values = ()
+
+
+def edits_of(diagram: Diagram, study: Study) -> tuple[list[Edited], ...]:
+    """Every edit that control practice knows of a legal diagram, each new structure once: the effects of the catalogue, the
+    other ideas of a search, a block or a wire anywhere."""
+    seen = {study.hash_of(diagram)}
+    effects, ideas, anywhere = [], [], []
+    for one in insertions(diagram, study.kinds, CATALOGUE):
+        seen.add(study.hash_of(one.diagram))
+        effects.append(Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters))
+    views = views_of(diagram, study.kinds)
+    for family, view in product(FAMILIES, views):
+        usual = family.name not in ANYWHERE
+        for move in family.moves(view):
+            try:
+                drawn = view.drawn(move.draw)
+                key = study.hash_of(drawn.diagram)
+            except (NotInVocabulary, DiagramError):
+                continue
+            if key not in seen:
+                seen.add(key)
+                banks = {name: strength.bank for name, strength in drawn.strengths.items()}
+                edit = Edited(drawn.diagram, view.words(move), family.name, banks, usual)
+                (ideas if usual else anywhere).append(edit)
+    return effects, ideas, anywhere
+
+
+#: Families of a block or a wire anywhere.
+ANYWHERE = (
+    "any wire",
+    "sign",
+    "measured signal",
+    "injection point",
+    "one wire less",
+    "shared parameters",
+    "other feedback",
+)
+
+
+class Looker:
+    """Looks at diagrams against one study; the same look twice is the same."""
+
+    def __init__(self, study: Study, criterion: Criterion) -> None:
+        kernel.load()
+        self.study, self.criterion = study, criterion
+        self.groups = [coarse(group) for group in study.groups]
+
+    def textbooks(self, devices: int = 1) -> tuple[Look, ...]:
+        """The shipped diagrams of so many devices that have a response, the best first."""
+        looks: list[Look] = []
+        for name in textbook_names():
+            diagram = textbook(name)
+            number = len(device_parts(diagram, self.study.kinds))
+            if number == devices and not self.study.examined(diagram, name).violations:
+                looks.append(self.fresh(Edited(diagram, f"the shipped diagram {name}", name, {})))
+        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+
+    def ranked(self, edits: Iterable[Edited], values: Values) -> list[Look]:
+        """Looks at edits of a diagram with fitted values, the best first."""
+        return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
+
+    def fresh(self, edit: Edited) -> Look:
+        """A look at a diagram of which no values are known."""
+
+        def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
+            far, near = self._misfits(problem)
+            x = drawer.draw(rng, SCREENED, TEXTBOOK_DECADES[0])
+            batch = LEVENBERG.go(far, LEVENBERG.begin(far, x).best(DESCENDING), FAR).best(KEPT)
+            ends = LEVENBERG.go(far, batch, FAR).best(KEPT)
+            return LEVENBERG.go(near, LEVENBERG.begin(near, ends.x), STEPS)
+
+        return self._looked(edit, [descend] * len(self.groups))
+
+    def look(self, edit: Edited, values: Values) -> Look:
+        """A look at an edit from its parent's values, one mapping for each fitted operating point."""
+        length = max((len(bank) for bank in edit.strengths.values()), default=0)
+        banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
+
+        def descend(known: Values) -> Descend:
+            def run(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
+                far, near = self._misfits(problem)
+                starts = [drawer.completed(rng, [{**one, **bank} for one in known], 1) for bank in banks]
+                x = np.concatenate([*starts, drawer.completed(rng, known, DRAWS)])
+                own = LEVENBERG.go(near, LEVENBERG.begin(near, x).best(CARRIED), NEAR)
+                fresh = drawer.draw(rng, FRESH, TEXTBOOK_DECADES[0])
+                order = np.argsort(problem.costs(fresh, "log").sum(axis=1), kind="stable")[:KEPT]
+                led = LEVENBERG.go(far, LEVENBERG.begin(far, np.concatenate([own.x, fresh[order]])), FAR).best(CARRIED)
+                led = LEVENBERG.go(near, LEVENBERG.begin(near, led.x), NEAR)
+                return own if own.cost.min() <= led.cost.min() else led
+
+            return run
+
+        return self._looked(edit, [descend(part) for part in self._by_group(values)])
+
+    def _by_group(self, values: Values) -> list[Values]:
+        """Values of the points that are looked at, group by group."""
+        by_name = dict(zip(self.study.fitted.names, values, strict=True))
+        return [[by_name[point.op.name] for point in group] for group in self.groups]
+
+    def _looked(self, edit: Edited, ways: Sequence[Descend]) -> Look:
+        """Whatever the code of a user's own kind raises makes an edit look worthless; its evaluation would say why."""
+        study = self.study
+        errors: list[float] = []
+        found: dict[str, Mapping[str, float]] = {}
+        free = 0
+        try:
+            with time_limit(LIMIT):
+                rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
+                wiring = wire(edit.diagram, study.kinds)
+                model = symbolic_model(
+                    wiring,
+                    equilibrium=study.equilibrium,
+                    power_node=study.sweep.power_node,
+                    omega_0=study.sweep.omega_0,
+                )
+                for group, descend in zip(self.groups, ways, strict=True):
+                    problem = Problem(model, group)
+                    batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
+                    best = int(np.argmin(batch.cost))
+                    errors.append(sqrt(batch.cost[best] / len(group)) * self._scale(group))
+                    found |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
+                    free = problem.size
+        except (Exception, SystemExit):
+            return Look(edit, inf, 0, inf)
+        error = float(np.mean(errors))
+        if not np.isfinite(error):
+            return Look(edit, inf, free, inf)
+        first = next(iter(found.values()))
+        values = tuple(found.get(name, first) for name in study.fitted.names)
+        return Look(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL)), values)
+
+    def worth(self, error: float, free: float) -> float:
+        """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""
+        return log(max(error, EXACT)) + self.price * free
+
+    @property
+    def price(self) -> float:
+        """Of a free number, in ln(error)."""
+        return self.criterion.price / self.criterion.alone if self.criterion.floor.known else PRICE
+
+    def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
+        return Misfit(problem, "log"), Misfit(problem, objective_for(problem.points))
+
+    def _scale(self, group: Sequence[PointSweep]) -> float:
+        """From the objective to the error of the run: the level of the noise where errors are measured against it."""
+        return self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
+
+
+def coarse(points: Sequence[PointSweep]) -> tuple[PointSweep, ...]:
+    """A few operating points with a few frequencies each, evenly chosen, ends included."""
+
+    def chosen(number: int, most: int) -> list[int]:
+        return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(int)).tolist()
+
+    few = [points[index] for index in chosen(len(points), MOST_POINTS)]
+    return tuple(
+        point.at(np.isin(np.arange(len(point.frequency)), chosen(len(point.frequency), MOST_FREQUENCIES)))
+        for point in few
+    )

@@ -1,0 +1,33 @@
+"""Further starts of a search: the shipped diagrams that a first look finds best, so that other families are in the archive."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ibrid.structure.program import program_text
+from ibrid_search.diagnosis import Edited
+from ibrid_search.edits import edit_between
+from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.edited import new_structure
+
+
+class Shipped:
+    """Proposes the first of some diagrams that the run has not met, whatever the parent is."""
+
+    name = "shipped"
+    attempts = 1
+    window: int | None = None
+
+    def __init__(self, starts: Sequence[Edited]) -> None:
+        self.starts = tuple(starts)
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit that turns the parent into that diagram."""
+        for start in self.starts:
+            if new_structure(start.diagram, context):
+                edit = edit_between(program_text(context.parent.diagram), program_text(start.diagram))
+                return Proposal(edit, note=start.words)
+        return Proposal("", failure="every shipped diagram that a first look speaks for has been tried")

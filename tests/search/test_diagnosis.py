@@ -1,0 +1,140 @@
+"""Diagnosis: a few warm steps of every edit rank first what the data hide, and a search by it needs a handful of evaluations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from collecting import each_of
+from ibrid_bench.search.inverters import inverter
+from ibrid_search.diagnosis import MOST_FREQUENCIES, MOST_POINTS, Edited, Looker, coarse, edits_of
+from ibrid_search.merit import criterion
+from ibrid_search.proposal import Context, Evaluated
+from ibrid_search.proposers.diagnosis import Diagnosis
+from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.settings import SearchSettings
+from scripted_search import steps_of
+from sharing import shared
+
+import ibrid
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.compare import compare
+from ibrid.study import Study
+
+
+def looker_of(sweep: Sweep) -> Looker:
+    study = Study(sweep)
+    return Looker(study, criterion(study, SearchSettings()))
+
+
+@shared
+def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
+    """A hidden inverter's study, and a shipped diagram fitted to it."""
+    study = Study(inverter(name).sweep)
+    return study, Evaluated(0, ibrid.textbook(parent), ibrid.evaluate(ibrid.textbook(parent), study))
+
+
+@each_of("name", ("gfl_l_filter", "gfl_dc_link", "gfm_dvoc"))
+def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
+    looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()[name])).textbooks()
+    assert looks[0].edit.part == name
+    assert [look.worth for look in looks] == sorted(look.worth for look in looks)
+    assert "parallel_gfl_gfm" not in {look.edit.part for look in looks}
+
+
+def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
+    looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
+    assert [look.edit.part for look in looks] == ["parallel_gfl_gfm"]
+
+
+def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
+    study, parent = fitted("no_decoupling", "gfl_pll_filter_exact")
+    values = [parent.record.parameters[name] for name in study.fitted.names]
+    edit = next(one for one in edits_of(parent.diagram, study)[0] if one.part == "decoupling")
+    one, other = (Looker(study, criterion(study, SearchSettings())).look(edit, values) for _ in range(2))
+    assert one.error == other.error
+    assert one.values == other.values
+    assert 0.0 <= one.error < np.inf
+
+
+@pytest.mark.parametrize(
+    ("hidden", "parent", "part"),
+    [
+        ("no_decoupling", "gfl_pll_filter_exact", "decoupling"),
+        ("pll_and_power_filters", "gfl_pll_filter_exact", "power_filter"),
+    ],
+)
+def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_fit(
+    hidden: str, parent: str, part: str
+):
+    study, given = fitted(hidden, parent)
+    values = [given.record.parameters[name] for name in study.fitted.names]
+    looks = Looker(study, criterion(study, SearchSettings())).ranked(edits_of(given.diagram, study)[0], values)
+    assert looks[0].edit.part == part
+    assert looks[0].error < 0.01 * given.record.nrmse
+
+
+def test_every_edit_is_a_structure_of_its_own_and_says_how_strong_it_usually_is():
+    study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
+    stages = edits_of(given.diagram, study)
+    edits = [one for stage in stages for one in stage]
+    hashes = [study.hash_of(one.diagram) for one in edits]
+    assert len(set(hashes) | {study.hash_of(given.diagram)}) == len(hashes) + 1
+    assert all(one.usual for one in (*stages[0], *stages[1]))
+    assert not any(one.usual for one in stages[2])
+    assert all(bank for one in edits for bank in one.strengths.values())
+
+
+def test_a_proposal_is_the_best_edit_that_the_run_has_not_met():
+    study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
+    proposer, context = Diagnosis(), Context(study, given)
+    first = proposer.propose(context, np.random.default_rng(0))
+    assert first.note.startswith("decoupling: remove")
+    truth = inverter("no_decoupling").truth
+    assert truth is not None
+    met = study.hash_of(truth)
+    second = proposer.propose(replace(context, seen={met}.__contains__), np.random.default_rng(0))
+    assert second.edit
+    assert second.edit != first.edit
+
+
+def test_what_a_look_cannot_do_without_is_not_taken_away():
+    truth = inverter("no_decoupling").truth
+    assert truth is not None
+    study = Study(inverter("no_decoupling").sweep)
+    context = Context(study, Evaluated(1, truth, ibrid.evaluate(truth, study)))
+    assert Pruning().propose(context, np.random.default_rng(0)).edit
+    assert not Diagnosis().remover(thorough=False).propose(context, np.random.default_rng(0)).edit
+
+
+def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
+    study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
+    values = [given.record.parameters[name] for name in study.fitted.names]
+    unfit = Edited(ibrid.parse_program('def build(g):\n    g.add("PI", "alone")\n'), "", "", {})
+    look = Looker(study, criterion(study, SearchSettings())).look(unfit, values)
+    assert look.worth == np.inf
+
+
+def test_much_data_is_thinned_for_looks_with_its_ends_kept():
+    point = ibrid.read_sweep(ibrid.benchmarks()["paper_like"]).points[0]
+    many = replace(
+        point, frequency=np.geomspace(1.0, 2000.0, 200), admittance=np.ones((200, 2, 2), dtype=complex), sigma=None
+    )
+    chosen = coarse([many] * 10)
+    assert len(chosen) == MOST_POINTS
+    assert [len(one.frequency) for one in chosen] == [MOST_FREQUENCIES] * MOST_POINTS
+    assert (chosen[0].frequency[0], chosen[0].frequency[-1]) == (1.0, 2000.0)
+
+
+def test_a_search_from_the_data_alone_ends_at_the_hidden_diagram_and_goes_on_as_if_never_stopped(tmp_path):
+    hidden = inverter("no_decoupling")
+    assert hidden.truth is not None
+    whole = ibrid.search(hidden.sweep, tmp_path / "whole", budget=40)
+    assert whole.ending == "the fit is exact"
+    assert whole.evaluations <= 15
+    assert whole.best is not None
+    assert compare(whole.best.diagram, hidden.truth).same
+    ibrid.search(hidden.sweep, tmp_path / "again", budget=3)
+    again = ibrid.search(hidden.sweep, tmp_path / "again", budget=40, resume=True)
+    assert again.trajectory == whole.trajectory
+    shown = [step.proposer for step in steps_of(tmp_path / "whole" / "archive.sqlite")]
+    assert shown[1:5] == ["shipped"] * 4
