@@ -88,5 +88,5 @@ def any_wire(view: View) -> Iterator[Move]:
 FAMILIES = (
     Family("exchange", "module", (0.5, 0.5, 0.5, 0.5), 3.0, exchange),
     Family("one block less", "module", (0.3, 0.3, 0.3, 0.3), 0.3, removals),
-    Family("any wire", "module", (0.3, 0.3, 0.3, 0.3), 0.2, any_wire),
+    Family("any wire", "module", (0.3, 0.3, 0.3, 0.3), 0.2, any_wire, usual=False),
 )

@@ -84,7 +84,8 @@ class Family:
     matters in each frequency band, 0 to 1, in the order of the record. `weight` : how readily an engineer tries it.
     `moves` : the edits that apply to a diagram, each with a `note`. `first` : it puts in a part that every controller
     has, so it comes before the rest. `any_time` : it need not wait for those. `if_gross` : its weight while the error is
-    gross; None: the same. Another structure is tried then, and details later.
+    gross; None: the same. Another structure is tried then, and details later. `usual` : False for a block or a wire put
+    anywhere, which a diagnosis looks at last.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Family:
     first: bool = False
     any_time: bool = False
     if_gross: float | None = None
+    usual: bool = True
 
     def __post_init__(self) -> None:
         if self.weight <= 0 or (self.if_gross is not None and self.if_gross <= 0):

@@ -151,4 +151,4 @@ FAMILIES = (
     Family("virtual impedance", "module", _BANDS, 4.0, where_missing(virtual_drop, _virtual_or_following)),
     Family("other virtual impedance", "module", _BANDS, 0.2, where_present(virtual_drop, _virtual_or_following)),
 )
-FEEDBACK = (Family("other feedback", "module", (0.3, 0.7, 1.0, 0.7), 0.7, feedback),)
+FEEDBACK = (Family("other feedback", "module", (0.3, 0.7, 1.0, 0.7), 0.7, feedback, usual=False),)

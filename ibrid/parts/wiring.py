@@ -102,11 +102,11 @@ def _alike(view: View) -> Iterator[tuple[str, str]]:
 
 
 FAMILIES = (
-    Family("sign", "local", (0.5, 0.5, 0.5, 0.5), 0.5, _signs),
-    Family("measured signal", "local", (0.3, 0.6, 1.0, 0.7), 0.8, _measurements),
+    Family("sign", "local", (0.5, 0.5, 0.5, 0.5), 0.5, _signs, usual=False),
+    Family("measured signal", "local", (0.3, 0.6, 1.0, 0.7), 0.8, _measurements, usual=False),
     *OTHER_CURRENT,
-    Family("injection point", "local", (0.4, 0.6, 0.8, 0.5), 0.8, _injection_points),
-    Family("one wire less", "local", (0.4, 0.4, 0.4, 0.4), 0.4, cut_wires),
-    Family("shared parameters", "local", (0.5, 0.5, 0.5, 0.5), 0.3, shared_parameters),
+    Family("injection point", "local", (0.4, 0.6, 0.8, 0.5), 0.8, _injection_points, usual=False),
+    Family("one wire less", "local", (0.4, 0.4, 0.4, 0.4), 0.4, cut_wires, usual=False),
+    Family("shared parameters", "local", (0.5, 0.5, 0.5, 0.5), 0.3, shared_parameters, usual=False),
     Family("freed parameters", "local", (0.5, 0.5, 0.5, 0.5), 0.3, _freed_parameters),
 )

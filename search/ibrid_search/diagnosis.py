@@ -5,14 +5,13 @@ the logarithm of the response, which leads to the right valley, then on the erro
 an upper end of what the fit will find, so the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import inf, log, sqrt
 
 import numpy as np
 
-from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
@@ -27,8 +26,8 @@ from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.wiring import wire
 from ibrid.study import Study
+from ibrid_search.first_look import LIMIT, PRICE, problems_of
 from ibrid_search.merit import EXACT, Criterion
 
 #: Per operating point, name -> value.
@@ -43,10 +42,6 @@ DRAWS, FRESH, KEPT, FAR, CARRIED, NEAR = 8, 64, 6, 16, 3, 16
 SCREENED, DESCENDING, STEPS = 96, 8, 24
 #: Operating points and frequencies of each that a look takes at most, evenly chosen; a fit takes all.
 MOST_POINTS, MOST_FREQUENCIES = 3, 32
-#: Seconds after which a look is given up; it takes some hundredths.
-LIMIT = 10.0
-#: What a free number must gain in ln(error) where the noise is not known.
-PRICE = 0.05
 #: What an unusual edit costs beside a usual one, in free numbers.
 UNUSUAL = 2
 
@@ -64,7 +59,7 @@ class Edited:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class RankedEdit:
     """How far a few steps lead. `error` : as the run measures it, infinite without a response. `free` : numbers of an operating
     point. `values` : where they lead. `worth` : by what looks are ranked, the lower the better."""
 
@@ -75,17 +70,27 @@ class Look:
     values: Values = ()
 
 
-def edits_of(diagram: Diagram, study: Study) -> tuple[list[Edited], ...]:
-    """Every edit that control practice knows of a legal diagram, each new structure once: the effects of the catalogue, the
-    other ideas of a search, a block or a wire anywhere."""
-    seen = {study.hash_of(diagram)}
-    effects, ideas, anywhere = [], [], []
-    for one in insertions(diagram, study.kinds, CATALOGUE):
-        seen.add(study.hash_of(one.diagram))
-        effects.append(Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters))
+def effects_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """Every edit by an effect of the catalogue."""
+    found = insertions(diagram, study.kinds, CATALOGUE)
+    return [Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters) for one in found]
+
+
+def ideas_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """Every edit by another idea that a search tries, each new structure once."""
+    return [one for one in _searched(diagram, study) if one.usual]
+
+
+def anywhere_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """Every block or wire anywhere that makes a structure of its own."""
+    return [one for one in _searched(diagram, study) if not one.usual]
+
+
+def _searched(diagram: Diagram, study: Study) -> Iterator[Edited]:
+    """What no effect of the catalogue makes, what is usual first."""
+    seen = {study.hash_of(one) for one in (diagram, *(effect.diagram for effect in effects_of(diagram, study)))}
     views = views_of(diagram, study.kinds)
-    for family, view in product(FAMILIES, views):
-        usual = family.name not in ANYWHERE
+    for family, view in product(sorted(FAMILIES, key=lambda family: not family.usual), views):
         for move in family.moves(view):
             try:
                 drawn = view.drawn(move.draw)
@@ -95,21 +100,12 @@ def edits_of(diagram: Diagram, study: Study) -> tuple[list[Edited], ...]:
             if key not in seen:
                 seen.add(key)
                 banks = {name: strength.bank for name, strength in drawn.strengths.items()}
-                edit = Edited(drawn.diagram, view.words(move), family.name, banks, usual)
-                (ideas if usual else anywhere).append(edit)
-    return effects, ideas, anywhere
+                yield Edited(drawn.diagram, view.words(move), family.name, banks, family.usual)
 
 
-#: Families of a block or a wire anywhere.
-ANYWHERE = (
-    "any wire",
-    "sign",
-    "measured signal",
-    "injection point",
-    "one wire less",
-    "shared parameters",
-    "other feedback",
-)
+def itself_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """The diagram as it is: what is left of another."""
+    return [Edited(diagram, "", "", {})]
 
 
 class Looker:
@@ -120,9 +116,9 @@ class Looker:
         self.study, self.criterion = study, criterion
         self.groups = [coarse(group) for group in study.groups]
 
-    def textbooks(self, devices: int = 1) -> tuple[Look, ...]:
+    def textbooks(self, devices: int = 1) -> tuple[RankedEdit, ...]:
         """The shipped diagrams of so many devices that have a response, the best first."""
-        looks: list[Look] = []
+        looks: list[RankedEdit] = []
         for name in textbook_names():
             diagram = textbook(name)
             number = len(device_parts(diagram, self.study.kinds))
@@ -130,11 +126,11 @@ class Looker:
                 looks.append(self.fresh(Edited(diagram, f"the shipped diagram {name}", name, {})))
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 
-    def ranked(self, edits: Iterable[Edited], values: Values) -> list[Look]:
+    def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first."""
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
-    def fresh(self, edit: Edited) -> Look:
+    def fresh(self, edit: Edited) -> RankedEdit:
         """A look at a diagram of which no values are known."""
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
@@ -146,7 +142,7 @@ class Looker:
 
         return self._looked(edit, [descend] * len(self.groups))
 
-    def look(self, edit: Edited, values: Values) -> Look:
+    def look(self, edit: Edited, values: Values) -> RankedEdit:
         """A look at an edit from its parent's values, one mapping for each fitted operating point."""
         length = max((len(bank) for bank in edit.strengths.values()), default=0)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
@@ -172,7 +168,7 @@ class Looker:
         by_name = dict(zip(self.study.fitted.names, values, strict=True))
         return [[by_name[point.op.name] for point in group] for group in self.groups]
 
-    def _looked(self, edit: Edited, ways: Sequence[Descend]) -> Look:
+    def _looked(self, edit: Edited, ways: Sequence[Descend]) -> RankedEdit:
         """Whatever the code of a user's own kind raises makes an edit look worthless; its evaluation would say why."""
         study = self.study
         errors: list[float] = []
@@ -181,28 +177,21 @@ class Looker:
         try:
             with time_limit(LIMIT):
                 rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
-                wiring = wire(edit.diagram, study.kinds)
-                model = symbolic_model(
-                    wiring,
-                    equilibrium=study.equilibrium,
-                    power_node=study.sweep.power_node,
-                    omega_0=study.sweep.omega_0,
-                )
-                for group, descend in zip(self.groups, ways, strict=True):
-                    problem = Problem(model, group)
+                wiring, problems = problems_of(edit.diagram, study, self.groups)
+                for group, problem, descend in zip(self.groups, problems, ways, strict=True):
                     batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
                     best = int(np.argmin(batch.cost))
                     errors.append(sqrt(batch.cost[best] / len(group)) * self._scale(group))
                     found |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
                     free = problem.size
         except (Exception, SystemExit):
-            return Look(edit, inf, 0, inf)
+            return RankedEdit(edit, inf, 0, inf)
         error = float(np.mean(errors))
         if not np.isfinite(error):
-            return Look(edit, inf, free, inf)
+            return RankedEdit(edit, inf, free, inf)
         first = next(iter(found.values()))
         values = tuple(found.get(name, first) for name in study.fitted.names)
-        return Look(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL)), values)
+        return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL)), values)
 
     def worth(self, error: float, free: float) -> float:
         """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""

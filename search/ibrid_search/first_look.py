@@ -3,6 +3,7 @@
 An upper end of what the fit will find, at a tenth of its cost: enough to tell which of several usual edits the data ask for.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, log, sqrt
 
@@ -15,9 +16,10 @@ from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import StartDrawer
-from ibrid.measurement.sweep import measured_numbers
+from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import Wiring, wire
+from ibrid.study import Study
 from ibrid_search.merit import EXACT, information_price
 from ibrid_search.proposal import Context
 from ibrid_search.settings import SearchSettings
@@ -59,13 +61,8 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     kernel.load()
     try:
         with time_limit(LIMIT):
-            wiring = wire(diagram, study.kinds)
-            model = symbolic_model(
-                wiring, equilibrium=study.equilibrium, power_node=study.sweep.power_node, omega_0=study.sweep.omega_0
-            )
-            points = study.sweep.points
-            groups = study.groups
-            problems = [Problem(model, group) for group in groups]
+            points, groups = study.sweep.points, study.groups
+            wiring, problems = problems_of(diagram, study, groups)
             error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
     except (Exception, SystemExit):
         return Look(inf)
@@ -74,6 +71,14 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     known = objective_for(points) == "sigma"
     price = information_price(measured_numbers(points), len(groups)) if known else PRICE
     return Look(log(max(error, EXACT)), price * problems[0].size)
+
+
+def problems_of(diagram: Diagram, study: Study, groups: Sequence[Sequence[PointSweep]]) -> tuple[Wiring, list[Problem]]:
+    """The fits of a diagram to groups of operating points, and how it is wired; DiagramError where it has no matrices."""
+    wiring = wire(diagram, study.kinds)
+    sweep = study.sweep
+    model = symbolic_model(wiring, equilibrium=study.equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0)
+    return wiring, [Problem(model, group) for group in groups]
 
 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:

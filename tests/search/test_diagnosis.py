@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import inverter
-from ibrid_search.diagnosis import MOST_FREQUENCIES, MOST_POINTS, Edited, Looker, coarse, edits_of
+from ibrid_search.diagnosis import (
+    MOST_FREQUENCIES,
+    MOST_POINTS,
+    Edited,
+    Looker,
+    anywhere_of,
+    coarse,
+    effects_of,
+    ideas_of,
+)
 from ibrid_search.merit import criterion
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.diagnosis import Diagnosis
@@ -49,7 +58,7 @@ def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
 def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
     study, parent = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [parent.record.parameters[name] for name in study.fitted.names]
-    edit = next(one for one in edits_of(parent.diagram, study)[0] if one.part == "decoupling")
+    edit = next(one for one in effects_of(parent.diagram, study) if one.part == "decoupling")
     one, other = (Looker(study, criterion(study, SearchSettings())).look(edit, values) for _ in range(2))
     assert one.error == other.error
     assert one.values == other.values
@@ -68,14 +77,14 @@ def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_
 ):
     study, given = fitted(hidden, parent)
     values = [given.record.parameters[name] for name in study.fitted.names]
-    looks = Looker(study, criterion(study, SearchSettings())).ranked(edits_of(given.diagram, study)[0], values)
+    looks = Looker(study, criterion(study, SearchSettings())).ranked(effects_of(given.diagram, study), values)
     assert looks[0].edit.part == part
     assert looks[0].error < 0.01 * given.record.nrmse
 
 
 def test_every_edit_is_a_structure_of_its_own_and_says_how_strong_it_usually_is():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
-    stages = edits_of(given.diagram, study)
+    stages = [edits(given.diagram, study) for edits in (effects_of, ideas_of, anywhere_of)]
     edits = [one for stage in stages for one in stage]
     hashes = [study.hash_of(one.diagram) for one in edits]
     assert len(set(hashes) | {study.hash_of(given.diagram)}) == len(hashes) + 1

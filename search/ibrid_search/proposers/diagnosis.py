@@ -1,13 +1,14 @@
 """The default: asks the data what the parent lacks, and proposes the edit that explains most of what is left."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import log
 
 import numpy as np
 
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
-from ibrid_search.diagnosis import Edited, Look, Looker, Values, edits_of
+from ibrid.study import Study
+from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, anywhere_of, effects_of, ideas_of, itself_of
 from ibrid_search.edits import edit_between
 from ibrid_search.merit import criterion
 from ibrid_search.proposal import Context, Proposal, Proposer, TakesPart
@@ -24,6 +25,8 @@ LOOKED_EXACT = 1e-5
 PROMISES = 0.7
 #: Single edits, of least error, from which pairs are looked at when no single one promises anything.
 AHEAD = 3
+#: Rankings that are kept: a parent is asked about more than once.
+REMEMBERED = 400
 
 
 class Diagnosis(TakesPart):
@@ -41,7 +44,7 @@ class Diagnosis(TakesPart):
     def __init__(self) -> None:
         self.rules = Rules()
         self._looker: Looker | None = None
-        self._known: dict[str, list[Look]] = {}
+        self._known: dict[str, list[RankedEdit]] = {}
 
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
@@ -51,7 +54,7 @@ class Diagnosis(TakesPart):
         """An edit of the parent that leads to a structure which the run has not met."""
         if rng.random() < CURIOSITY:
             return self.rules.propose(context, rng)
-        best: Look | None = None
+        best: RankedEdit | None = None
         record, looker = context.parent.record, self._of(context)
         error = looker.criterion.floor.error(record)
         worth = looker.worth(error, record.free_parameters)
@@ -65,34 +68,36 @@ class Diagnosis(TakesPart):
 
     def _loss(self, context: Context, diagram: Diagram) -> float:
         """What the parent loses when something is taken away, in ln(error) above the floor, by a look."""
-        key = f"less {context.study.hash_of(diagram)} {context.parent.step}"
-        if key not in self._known:
-            self._known[key] = self._of(context).ranked([Edited(diagram, "", "", {})], _values(context))
+        without = self._ranked(context, diagram, _values(context), itself_of)
         floor = self._of(context).criterion.floor
         least = floor.most if floor.known else LOOKED_EXACT
-        return log(max(self._known[key][0].error, least) / max(floor.error(context.parent.record), least))
+        return log(max(without[0].error, least) / max(floor.error(context.parent.record), least))
 
-    def _stages(self, context: Context) -> Iterator[list[Look]]:
+    def _stages(self, context: Context) -> Iterator[list[RankedEdit]]:
         """Looks at effects, at other ideas, at pairs of effects, at blocks and wires anywhere; each the best first."""
         parent, values = context.parent, _values(context)
-        effects = self._ranked(context, parent.diagram, values, 0)
+        effects = self._ranked(context, parent.diagram, values, effects_of)
         yield effects
-        ideas = self._ranked(context, parent.diagram, values, 1)
+        ideas = self._ranked(context, parent.diagram, values, ideas_of)
         yield ideas
-        pairs: list[Look] = []
+        pairs: list[RankedEdit] = []
         for first in sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD]:
-            for second in self._ranked(context, first.edit.diagram, first.values, 0):
+            for second in self._ranked(context, first.edit.diagram, first.values, effects_of):
                 words = f"{first.edit.words}; {second.edit.words}"
                 both = Edited(second.edit.diagram, words, f"{first.edit.part} + {second.edit.part}", {})
-                pairs.append(Look(both, second.error, second.free, second.worth, second.values))
+                pairs.append(RankedEdit(both, second.error, second.free, second.worth, second.values))
         yield sorted(pairs, key=_worth)
-        yield self._ranked(context, parent.diagram, values, 2)
+        yield self._ranked(context, parent.diagram, values, anywhere_of)
 
-    def _ranked(self, context: Context, diagram: Diagram, values: Values, stage: int) -> list[Look]:
-        key = f"{stage} {context.study.hash_of(diagram)} {[sorted(one.items()) for one in values]}"
+    def _ranked(
+        self, context: Context, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
+    ) -> list[RankedEdit]:
+        """Edits of a diagram with fitted values, by looks; the last ones are kept."""
+        key = f"{edits.__name__} {context.study.hash_of(diagram)} {[sorted(one.items()) for one in values]}"
         if key not in self._known:
-            edits = edits_of(diagram, context.study)[stage]
-            self._known[key] = self._of(context).ranked(edits, values)
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[key] = self._of(context).ranked(edits(diagram, context.study), values)
         return self._known[key]
 
     def _of(self, context: Context) -> Looker:
@@ -105,11 +110,11 @@ def _values(context: Context) -> Values:
     return [context.parent.record.parameters[name] for name in context.study.fitted.names]
 
 
-def _worth(look: Look) -> float:
+def _worth(look: RankedEdit) -> float:
     return look.worth
 
 
-def _proposal(context: Context, look: Look) -> Proposal:
+def _proposal(context: Context, look: RankedEdit) -> Proposal:
     edit = edit_between(program_text(context.parent.diagram), program_text(look.edit.diagram))
     said = f"a first look leads to an error of {look.error:.3g} with {look.free} free numbers"
     return Proposal(edit, note=look.edit.words, diagnosis=said, usage={"family": look.edit.part})
