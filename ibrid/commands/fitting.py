@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
         {"--json": arguments.json, "--report": arguments.report},
         {"PROGRAM": arguments.program, "DATA": inputs.sweep_file(arguments.data)},
     )
-    diagram, sweep = inputs.program(arguments.program), inputs.data(arguments.data)
+    diagram, sweep = inputs.program(arguments.program), inputs.measured(arguments.data)
 
     from dataclasses import replace
 

@@ -58,7 +58,7 @@ def run(arguments: Namespace) -> int:
     from ibrid.telling import telling
 
     folder = _folder(arguments)
-    sweep = inputs.data(arguments.data)
+    sweep = inputs.measured(arguments.data)
     values = None if arguments.values is None else read_values(arguments.values)
     suggest = _suggest(arguments)
     with telling("auto") as tell:

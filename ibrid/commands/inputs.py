@@ -40,6 +40,16 @@ def data(text: str) -> "Sweep":
     return read_sweep(text if file is None else file)
 
 
+def measured(text: str) -> "Sweep":
+    """`data`, whose labels are contradicted on the error stream where its lowest frequencies allow."""
+    from ibrid.measurement.conventions import check_conventions
+
+    sweep = data(text)
+    for sentence in check_conventions(sweep).warnings:
+        complain(f"of the data: {sentence}")
+    return sweep
+
+
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of `data` lies; None when there is none."""
     return text if _exists(text) else _known_sweeps().get(text)

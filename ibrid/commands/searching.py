@@ -176,7 +176,7 @@ def declare(commands: Any) -> None:
 
 def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
-    sweep = inputs.data(arguments.data)
+    sweep = inputs.measured(arguments.data)
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
 from ibrid.measurement.noise_estimate import PointNoise, estimate
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.tail import Tail, inductive_tail
@@ -49,7 +50,8 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     Each mistake changes signs in it. A verdict needs all operating points to follow one pattern, up to one factor, and
     their lowest points (up to 1.25 times the lowest frequency, two at least) to have settled on it within 8 % plus the
     noise: at a few Hz another pattern often matches unsettled data by chance. Independently, where the highest points
-    fall like an inductance, Y = -1 / (j omega L) shows the direction of the current.
+    fall like an inductance, Y = -1 / (j omega L) shows the direction of the current. Where that finds nothing, the law of
+    `ibrid.measurement.angle_law` is asked, which holds for any control.
 
     noise : result of noise_estimate.estimate, if already known.
     """
@@ -72,8 +74,12 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     factor = _common_factor([match[common[0]] for match in matches]) if common else None
     if factor is not None:
         warnings.append(
-            f"the lowest frequencies have settled on {factor:.3g} times {_LAWS[common[0]]}: {_scale_reason(factor)}."
+            f"the lowest frequencies have settled on {factor:.3g} times {_LAWS[common[0]]}: {scale_reason(factor)}."
         )
+    if not warnings:
+        readings = [angle_reading(point, noise[point.op.name]) for point in sweep.points]
+        settled = [one for one in readings if one is not None]
+        warnings += contradictions(settled, direction, sweep.power_node) if len(settled) == len(readings) else ()
     if warnings:
         return Conventions("doubt", f"they do not hold together: {warnings[0]}", tuple(warnings))
     return _without_complaint(common, direction)
@@ -135,18 +141,6 @@ def _mistake(signs: Signs, direction: int) -> str:
     both = "current and q axis are both declared the wrong way round"
     swap = "d and q are exchanged"
     return {1: f"{power}, or {swap}", -1: both, 0: f"{power}, or {both}, or {swap}"}[direction]
-
-
-def _scale_reason(factor: float) -> str:
-    for value, reason in (
-        (3.0, "impedances may be three times too small, line for phase values"),
-        (1 / 3, "impedances may be three times too large, line for phase values"),
-        (1.5, "a factor 3/2 of the Park transformation may be counted once too often"),
-        (2 / 3, "a factor 3/2 of the Park transformation may be missing"),
-    ):
-        if abs(factor / value - 1) < 0.06:
-            return reason
-    return "the unit or the base (s_base_va, v_base_v) of Y or of p, q is probably wrong"
 
 
 def _without_complaint(common: list[Signs], direction: int) -> Conventions:

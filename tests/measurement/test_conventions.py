@@ -16,8 +16,13 @@ from ibrid.measurement import (
     hardware_sweeps,
     read_sweep,
 )
+from ibrid.measurement.angle_law import angle_reading
+from ibrid.measurement.noise_estimate import estimate_point
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.tail import inductive_tail
+from ibrid.plants.benchmarks import recipes
+from ibrid.plants.equilibrium import capacitor_voltage
+from ibrid.plants.sweeping import sweep as sweep_of
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data").glob("*.csv"))
 T = np.diag([1.0, -1.0])
@@ -129,6 +134,59 @@ def test_unsettled_low_end_gives_no_verdict():
     # at 5 Hz integral power control of 2 rad/s still moves; the delayed feedforward hides the inductance
     sweep = measured(lambda Y: T @ Y @ T, frequency=np.geomspace(5, 5000, 16), power=2.0)
     assert check_conventions(sweep).status == "undecided"
+
+
+ROOT_2 = 2**0.5
+
+
+def frame_turned(Y: np.ndarray, degrees: float) -> np.ndarray:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[c, s], [-s, c]])
+    return turn @ Y @ turn.T
+
+
+UNSETTLED_POWER = {
+    "p and q, peak as rms": (lambda Y: Y, ROOT_2, "peak and rms values confused (sqrt 2)"),
+    "p and q, rms as peak": (lambda Y: Y, 1 / ROOT_2, "peak and rms values confused (sqrt 2)"),
+    "p and q, line and phase": (lambda Y: Y, 3**0.5, "line and phase values confused (sqrt 3)"),
+    "base": (lambda Y: 1.5 * Y, 1.0, "the factor 3/2 of the Park transformation"),
+    "q axis": (lambda Y: T @ Y @ T, 1.0, "the q axis points the other way"),
+    "current": (lambda Y: -Y, 1.0, "the current is counted the other way"),
+    "frame": (lambda Y: frame_turned(Y, -15), 1.0, "the measuring frame is turned by about -1"),
+}
+
+
+@each_of("name", UNSETTLED_POWER)
+@each_of("noise_db", [None, 60, 40])
+def test_the_angle_tells_what_power_loops_that_have_not_settled_do_not(name, noise_db):
+    wrong, factor, sentence = UNSETTLED_POWER[name]
+    powers = [(1.0, 0.3), (0.6, -0.3), (0.8, 0.1)]
+    sweep = measured(wrong, lambda p, q: (factor * p, factor * q), powers, np.geomspace(0.5, 5000, 40), power=2.0)
+    sweep = replace(sweep, power_node="pcc")
+    sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(1))
+    assert sentence in check_conventions(sweep).warnings[0]
+
+
+def test_the_second_column_of_an_inverter_at_rest_reads_p_and_q_with_any_kind_of_control():
+    for benchmark in recipes():
+        slow = sweep_of(benchmark.plant, None, np.geomspace(1e-4, 1e-3, 8))
+        for point in slow.points:
+            reading = angle_reading(point, estimate_point(point))
+            power = complex(point.op.p, point.op.q)
+            if slow.power_node == "capacitor":  # what the grid-side inductor takes lies between
+                filter_ = benchmark.plant.parameters
+                current = abs(power) / capacitor_voltage(filter_, point.op)
+                power -= (filter_.R_g + 1j * filter_.L_g) * current**2
+            assert reading is not None, benchmark.name
+            assert abs(reading.power - power) < 1e-4, (benchmark.name, reading.power, power)
+
+
+@each_of("noise_db", [None, 60, 40, 26])
+def test_correct_sweeps_of_every_inverter_raise_no_doubt_from_two_hertz_on(noise_db):
+    for benchmark in recipes():
+        for lowest in (0.2, 2.0, 7.0):
+            sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=noise_db)
+            assert check_conventions(sweep).warnings == (), (benchmark.name, lowest)
 
 
 def test_one_point_that_disagrees_forbids_a_verdict():
