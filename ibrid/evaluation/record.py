@@ -13,11 +13,11 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.rebuilding import complaint, malformed
 from ibrid.fit.kernel import respond
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.schemas import breach
 from ibrid.showing import shown
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
@@ -95,24 +95,11 @@ class Record:
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
             found = repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
             raise IbridError(f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate --json")
+        if (reason := breach(data, "record") or _broken_link(data)) is not None:
+            raise IbridError(f"the record {reason}; make it again with ibrid evaluate --json")
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
-        values = {name: value for name, value in data.items() if name in names}
-        if "outcome" not in values or "program" not in values:
-            raise IbridError("the record has no outcome or no program; make it again with ibrid evaluate --json")
-        for name, value in values.items():
-            wanted = _JSON_TYPES[name]
-            if not isinstance(value, wanted) or isinstance(value, bool):
-                raise IbridError(f"the record's {name} has the wrong type; make it again with ibrid evaluate --json")
-        if values["outcome"] == Outcome.OK:
-            found = complaint(values.get("settings", {}), values.get("parameters", {}))
-            if found is not None:
-                raise IbridError(f"the record {found}; make it again with ibrid evaluate --json")
-        for name in _TUPLES:
-            values[name] = tuple(values.get(name, ()))
-        record = cls(**values, vocabulary=choose_vocabulary(vocabulary))
-        if (found := malformed(vars(record))) is not None:
-            raise IbridError(f"the record {found}; make it again with ibrid evaluate --json")
-        return record
+        values = {name: tuple(value) if name in _TUPLES else value for name, value in data.items() if name in names}
+        return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
@@ -193,22 +180,22 @@ class Record:
 
 
 _TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins")
-_NUMBERS = (
-    "nrmse",
-    "reward",
-    "modules",
-    "sums",
-    "order",
-    "residual_modules",
-    "free_parameters",
-    "seconds",
-    "noise_floor",
-    "misfit",
-)
-_JSON_TYPES: dict[str, Any] = {
-    one.name: list if one.name in _TUPLES else (int, float, type(None)) if one.name in _NUMBERS else dict
-    for one in dataclasses.fields(Record)
-} | {"outcome": str, "program": str}
+
+
+def _broken_link(data: Mapping[str, Any]) -> str | None:
+    """What does not belong together in a record that its schema admits; wording as of `breach`."""
+    settings, values = data["settings"], data["parameters"]
+    points = settings.get("operating_points", {})
+    if data["outcome"] != Outcome.OK:
+        return None
+    for name in (*values, *settings["fitted_points"]):
+        if name not in points or name not in values:
+            return f"lacks the parameters, or p, q and v, of the operating point {name[:40]}"
+    covariance = {"names": [], "matrix": []} | data.get("covariance", {})
+    size = len(covariance["names"])
+    if [len(row) for row in covariance["matrix"]] != [size] * size:
+        return "has a covariance that does not fit its names"
+    return None
 
 
 def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:

@@ -1,6 +1,6 @@
 """The measurement behind a record: given, or read again from where the record says it was."""
 
-from pathlib import Path
+from os.path import isfile
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, st
     """The sweep to show, if there is one, and a sentence about it, "" when all is as it should be."""
     if sweep is None:
         path = str(record.settings.get("data") or "")
-        if not path or not Path(path).is_file():
+        if not isfile(path):  # unlike a Path it bears any text
             missing = f"the data file {path} is not there" if path else "the record does not say where its data are"
             return None, f"Only model lines are shown: {missing}; give the sweep to show the measured dots."
         try:

@@ -66,7 +66,7 @@ def _parts(record: Record) -> Iterator[list[str]]:
             yield blocks[0]
             continue
         width = max(map(len, blocks[0]))
-        yield [f"{one:<{width}}    {other}".rstrip() for one, other in zip(*blocks, strict=True)]
+        yield [f"{one:<{width}}    {other}".rstrip() for one, other in zip_longest(*blocks, fillvalue="")]
 
 
 def _part(record: Record, op: str) -> list[str]:

@@ -142,7 +142,10 @@ class Store:
 
     def retried(self) -> dict[int, int]:
         """Steps that were begun more than once, since the wall limit stopped them or a worker was lost, and how often."""
-        return dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
+        found = dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
+        if not all(isinstance(attempts, int) for attempts in found.values()):
+            raise IbridError(f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run")
+        return found
 
     def close(self) -> None:
         """End; the right to write is free again. Twice is once."""

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_type_hints
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
@@ -21,6 +21,11 @@ SCHEMA = (
     "CREATE TABLE evaluations (number INTEGER PRIMARY KEY, attempts INTEGER NOT NULL, record BLOB)",
     "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
 )
+#: What the fields of a step are; a whole number is a number too.
+_TYPES = {
+    name: Mapping if name == "usage" else hint | int if hint == float | None or hint is float else hint
+    for name, hint in get_type_hints(Step).items()
+}
 SET_META = "INSERT OR REPLACE INTO meta VALUES (?, ?)"
 
 
@@ -52,6 +57,9 @@ def step_of(row: tuple[Any, ...]) -> Step:
     found["status"] = Status(found["status"])
     found["usage"] = json.loads(found["usage"])
     found["stable"] = None if found["stable"] is None else bool(found["stable"])
+    for name, value in found.items():
+        if not isinstance(value, _TYPES[name]):
+            raise TypeError(f"{name} must not be {value!r:.40}")
     return Step(**found)
 
 

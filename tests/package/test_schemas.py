@@ -16,13 +16,10 @@ import ibrid
 from ibrid.analysis.linear_model import linear_model
 from ibrid.export.control_json import control_json
 from ibrid.gap.files import gap_json
+from ibrid.schemas import schema
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs" / "schemas"
+FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"
 NAMES = ("compare", "gap", "record", "state-space")
-
-
-def schema(name: str) -> dict[str, Any]:
-    return json.loads((FOLDER / f"{name}-1.json").read_text(encoding="utf-8"))
 
 
 def complaints(name: str, data: Any) -> list[str]:
@@ -48,7 +45,7 @@ def test_every_schema_is_valid_itself(name: str):
 
 
 def test_the_folder_holds_these_schemas():
-    assert sorted(path.name for path in FOLDER.iterdir()) == [f"{name}-1.json" for name in NAMES]
+    assert sorted(path.name for path in FOLDER.glob("*.json")) == [f"{name}-1.json" for name in NAMES]
 
 
 @pytest.mark.parametrize("name", ["gfl_pll_filter_exact", "gfl_delay", "naive"])

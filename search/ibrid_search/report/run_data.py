@@ -186,7 +186,7 @@ def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> S
 
 
 def _number(text: str) -> int | None:
-    return int(text) if text.isascii() and text.isdecimal() else None
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 19 else None
 
 
 def _archive(text: str) -> dict[str, Any]:

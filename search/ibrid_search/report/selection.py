@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.schemas import writable
 from ibrid_search.step import Step
 from ibrid_search.trajectory import ROUNDING, TIE, best_step, eligible
 
@@ -42,6 +43,8 @@ def read_selection(path: Path) -> Selection | None:
     """The selection of a run, None where it has none yet; IbridError, one sentence, for a file that is damaged."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
+        if not writable(found):
+            raise ValueError
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):

@@ -1,0 +1,82 @@
+"""The JSON that ibrid writes, as published schemas (2020-12) beside this file, and what in a document of others breaks one."""
+
+import json
+from functools import cache
+from importlib.resources import files
+from math import isfinite
+from typing import Any
+
+_TYPES = {
+    "number": "a finite number",
+    "integer": "a whole number",
+    "string": "text",
+    "array": "a list",
+    "object": "a table",
+    "boolean": "true or false",
+    "null": "null",
+}
+_SHOWN = 60
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The schema of record, gap, compare or state-space."""
+    return json.loads(files(__name__).joinpath(f"{name}-1.json").read_text(encoding="utf-8"))
+
+
+def breach(data: Any, name: str) -> str | None:
+    """Where plain data first break the schema of that name, as the rest of a sentence that begins with what they are.
+
+    Numbers are finite and whole ones written so; texts can be written as UTF-8. None: the data are whole.
+    """
+    from jsonschema.exceptions import best_match
+
+    error = best_match(_validator(name).iter_errors(data))
+    if error is None:
+        return None if writable(data) else "holds text that cannot be written as UTF-8"
+    while error.context:
+        error = max(error.context, key=lambda one: len(one.absolute_path))
+    where = ", ".join(str(one)[:_SHOWN] for one in error.absolute_path)
+    wanted, instance = error.validator_value, error.instance
+    if error.validator == "required":
+        lacking = [one for one in wanted if one not in instance]
+        return f"{f'lacks, in {where}, ' if where else 'lacks '}{', '.join(lacking)}"
+    if error.validator == "type":
+        words = " or ".join(_TYPES[one] for one in ([wanted] if isinstance(wanted, str) else wanted))
+    elif error.validator in ("enum", "const"):
+        words = " or ".join(map(repr, wanted)) if error.validator == "enum" else repr(wanted)
+    else:
+        words = f"as the schema says ({error.validator} {str(wanted)[:_SHOWN]})"
+    return f"has {where or 'content'} that must be {words}, found {_shown(instance)}"
+
+
+@cache
+def _validator(name: str) -> Any:
+    from jsonschema import Draft202012Validator
+    from jsonschema.validators import extend
+
+    types = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_number, "integer": _is_integer})
+    return extend(Draft202012Validator, type_checker=types)(schema(name))
+
+
+def _is_number(_: Any, value: Any) -> bool:
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False
+
+
+def _is_integer(_: Any, value: Any) -> bool:
+    return isinstance(value, int) and _is_number(_, value)
+
+
+def writable(data: Any) -> bool:
+    """Whether all text in plain data can be written as UTF-8: JSON can spell half a surrogate pair, which cannot."""
+    try:
+        json.dumps(data, ensure_ascii=False).encode()
+    except (TypeError, ValueError, RecursionError):
+        return False
+    return True
+
+
+def _shown(value: Any) -> str:
+    return "null" if value is None else repr(value)[:_SHOWN]
