@@ -7,7 +7,7 @@ point exists the square root is of a negative number and the result is not a num
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.assembly.numbers import square_root
+from ibrid.assembly.numbers import is_zero, square_root
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
@@ -38,16 +38,19 @@ def plant_equilibrium(
 
     Parameters
     ----------
-    kind : a plant that declares its `branches`. parameters : of the plant, per unit. p, q, v : per unit, delivered, q = e' J i.
+    kind : a plant that declares its `branches` or `plant_at_rest`. parameters : of the plant, per unit. p, q, v : per unit,
+    delivered, q = e' J i.
     power_node : "capacitor" or "pcc", where p and q of the plant are measured; what branches draw beside it is not in them.
 
     Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
+    if kind.plant_at_rest is not None:
+        return dict(kind.plant_at_rest(**parameters, p=p, q=q, v=v, power_node=power_node))
     if kind.branches is None:
         *first, last = (one.name for one in VOCABULARY if one.branches is not None)
         raise DiagramError(
-            f"the operating point is known for {', '.join(first)} or {last}, found {kind.name}; use one of these, "
-            'or equilibrium="paper", where it is fitted'
+            f"the operating point is known for {', '.join(first)} or {last}, found {kind.name}; use one of these, declare its "
+            'branches or plant_at_rest, or take equilibrium="paper", where it is fitted'
         )
     v_in = (v, 0.0)
     i_g = (p / v, -q / v)  # of power at the terminals
@@ -58,8 +61,9 @@ def plant_equilibrium(
     else:
         e, i_g = _behind_line(parameters["R_g"], parameters["L_g"], p, q, v)
     i_c: Pair = (0.0, 0.0)
-    for resistance, capacitance in kind.branches:
-        i_c = add(i_c, _branch_current(parameters[resistance] if resistance else 0.0, parameters[capacitance], e))
+    for resistance, capacitance, *inductance in kind.branches:
+        values = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
+        i_c = add(i_c, _branch_current(*values, e) if not inductance else _trap_current(*values, e))
     i_ti = add(i_g, i_c)
     u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"], i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}
@@ -70,6 +74,13 @@ def _branch_current(resistance: Any, capacitance: Any, e: Pair) -> Pair:
     x = resistance * capacitance
     scale = capacitance / (1 + x * x)
     return scale * (x * e[0] - e[1]), scale * (x * e[1] + e[0])
+
+
+def _trap_current(resistance: Any, capacitance: Any, inductance: Any, e: Pair) -> Pair:
+    """Current of a series R, C, L: (R I - X J) e / (R^2 + X^2), X = L - 1/C; C of zero stands for no capacitor."""
+    x = inductance - (0.0 if is_zero(capacitance) else 1 / capacitance)
+    square = resistance * resistance + x * x
+    return (resistance * e[0] + x * e[1]) / square, (resistance * e[1] - x * e[0]) / square
 
 
 def _behind_line(r_g: Any, l_g: Any, p: Any, q: Any, v: Any) -> tuple[Pair, Pair]:

@@ -5,13 +5,15 @@ filters and delays; what drives the plant's command has the plant's u_r. Which c
 alone, so that it never depends on values.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 from ibrid.assembly.numbers import weighted_sum
 from ibrid.modules.declaration import trial_arguments
-from ibrid.modules.kind import Matrices, ModuleKind
+from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
+from ibrid.modules.large_signal import Motion
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.steady_state import carries, command_inputs, steady_inputs
@@ -138,6 +140,11 @@ def signals_at_rest(
         name, port = split_port(channel[0])
         kind = wiring.kinds[name]
         entering = {one: _arriving(wiring, flow, found, one) for one in inputs}
+        if kind.rests_by_law and kind.large_signal is not None:
+            found[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[
+                _row(kind, port, channel[1])
+            ]
+            continue
         if not kind.static:
             gains: Mapping[Channel, Any] = dict.fromkeys(inputs, kind.dc_gain)
         else:
@@ -210,6 +217,22 @@ def _at_ports(name: str, kind: ModuleKind, entering: Mapping[Channel, Any]) -> d
         for port in kind.equilibrium_ports
         if port in kind.inputs
     }
+
+
+def _by_law(
+    law: Callable[..., Motion],
+    kind: ModuleKind,
+    name: str,
+    parameters: Mapping[str, Any],
+    omega_0: float,
+    entering: Mapping[Channel, Any],
+) -> Sequence[Any]:
+    """All outputs of a memoryless kind whose law, not its linearisation, says where it rests."""
+    ports = _at_ports(name, kind, entering)
+    known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": pair for port, pair in ports.items()}}
+    inputs = {port: ports[port] if signal.width == 2 else ports[port][0] for port, signal in kind.inputs.items()}
+    names = signature(law).parameters
+    return law((), **inputs, **{key: value for key, value in known.items() if key in names})[1]
 
 
 def _row(kind: ModuleKind, port: str, axis: int) -> int:

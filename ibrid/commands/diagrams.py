@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
+from ibrid.commands.own_kinds import add_kinds_option
 
 if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
@@ -17,11 +18,13 @@ def declare(commands: Any) -> None:
     check.add_argument("program", metavar="PROGRAM", help=inputs.PROGRAM_HELP)
     check.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
     check.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
+    add_kinds_option(check)
     check.set_defaults(run=run_check)
     compare = commands.add_parser("compare", help="two diagrams matched up to naming: precision, recall, F1")
     compare.add_argument("first", metavar="PROGRAM", help="the diagram that was found: " + inputs.PROGRAM_HELP)
     compare.add_argument("second", metavar="PROGRAM", help="the one it is held against, likewise")
     compare.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
+    add_kinds_option(compare)
     add_json_option(compare)
     compare.set_defaults(run=run_compare)
 
@@ -33,7 +36,7 @@ def run_check(arguments: Namespace) -> int:
     from ibrid.structure.parameters import parameter_table
     from ibrid.structure.wiring import wire
 
-    diagram, vocabulary = inputs.program(arguments.program), inputs.vocabulary(arguments.vocabulary)
+    diagram, vocabulary = inputs.program(arguments.program), inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     if _complain_of_violations(diagram, arguments.program, vocabulary, arguments.equilibrium):
         return 2
     from ibrid.modules.vocabulary import choose_vocabulary
@@ -62,7 +65,7 @@ def run_compare(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"the first PROGRAM": arguments.first, "the second": arguments.second})
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
-    vocabulary = inputs.vocabulary(arguments.vocabulary)
+    vocabulary = inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):
         if _complain_of_violations(diagram, source, vocabulary, "paper"):  # the equilibrium plays no part
             return 2

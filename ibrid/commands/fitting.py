@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
+from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.writing import require_place
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ def declare(commands: Any) -> None:
     parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
     parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
     parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    add_kinds_option(parser)
     parser.add_argument(
         "--objective",
         help="sigma: error over the measured noise (default where that is known) | nrmse: error over the size of the whole "
@@ -61,7 +63,7 @@ def run(arguments: Namespace) -> int:
         sweep,
         parameters=arguments.parameters,
         equilibrium=arguments.equilibrium,
-        vocabulary=inputs.vocabulary(arguments.vocabulary),
+        vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
         objective=arguments.objective,
         restarts=arguments.restarts,
         seed=arguments.seed,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.commands.searching import MODEL_HELP
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
@@ -45,6 +46,7 @@ def declare(commands: Any) -> None:
         help="where the catalogue has no name: ask rules | random | llm | agent for edits, which pass the same tests or fail",
     )
     parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
+    add_kinds_option(parser)
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.set_defaults(run=run)
 
@@ -84,7 +86,7 @@ def _answer(
 
     options = {
         "holdout_op": arguments.holdout_op,
-        "vocabulary": inputs.vocabulary(),
+        "vocabulary": inputs.vocabulary(files=arguments.kinds),
         "catalogue": extended_catalogue(complain),
         "seed": arguments.seed,
         "suggest": suggest,

@@ -1,7 +1,7 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
 from argparse import ArgumentTypeError
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,12 +21,13 @@ DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped
 
 def program(text: str) -> "Diagram":
     """The diagram in a program file, else the textbook diagram of that name."""
-    from ibrid.structure.library import textbook, textbook_names
+    from ibrid.structure.library import published_names, textbook, textbook_names
     from ibrid.structure.program import read_program
 
-    if not _exists(text) and text in textbook_names():
+    names = (*textbook_names(), *published_names())
+    if not _exists(text) and text in names:
         return textbook(text)
-    _require_file(text, textbook_names(), "a program file or a textbook diagram", ProgramError)
+    _require_file(text, names, "a program file or a textbook diagram", ProgramError)
     return read_program(text)
 
 
@@ -55,18 +56,21 @@ def sweep_file(text: str) -> str | Path | None:
     return text if _exists(text) else _known_sweeps().get(text)
 
 
-def vocabulary(text: str = "extended") -> "str | Vocabulary":
-    """The vocabulary of that name; the extended one has the kinds of plug-ins too."""
+def vocabulary(text: str = "extended", files: Sequence[str] = ()) -> "str | Vocabulary":
+    """The vocabulary of that name, the extended one with the kinds of plug-ins; and those in files of the user's own."""
+    from ibrid.commands.own_kinds import with_own_kinds
+    from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.plugins import extended_vocabulary
 
-    return extended_vocabulary(complain) if text == "extended" else text
+    known = extended_vocabulary(complain) if text == "extended" else text
+    return with_own_kinds(choose_vocabulary(known), files) if files else known
 
 
-def record(path: str | Path) -> "Record":
-    """The record in a file, whose program may have kinds of plug-ins."""
+def record(path: str | Path, files: Sequence[str] = ()) -> "Record":
+    """The record in a file, whose program may have kinds of plug-ins and of the user's own files."""
     from ibrid.evaluation.record import read_record
 
-    return read_record(path, vocabulary())
+    return read_record(path, vocabulary(files=files))
 
 
 def positive(text: str) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
+from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
@@ -32,6 +33,7 @@ def declare(commands: Any) -> None:
     predict.add_argument(
         "--out", required=True, metavar="DATA", help="the sweep file to write, sigma being one deviation"
     )
+    add_kinds_option(predict)
     add_json_option(predict)
     predict.set_defaults(run=run_predict)
     stability = commands.add_parser(
@@ -52,6 +54,7 @@ def declare(commands: Any) -> None:
         "--freq", metavar="A:B:N", help="frequencies of the passivity index (default: the measured range)"
     )
     stability.add_argument("--report", metavar="OUT.html", help="write a page with figures")
+    add_kinds_option(stability)
     add_json_option(stability)
     stability.set_defaults(run=run_stability)
 
@@ -66,7 +69,7 @@ def run_predict(arguments: Namespace) -> int:
     from ibrid.report.prediction_text import format_predictions
 
     frequency = frequency_grid(arguments.freq)
-    record = inputs.record(arguments.record)
+    record = inputs.record(arguments.record, arguments.kinds)
     found = [predict(record, op, frequency) for op in arguments.op]
     sweep = predicted_sweep(record, found)
     made = f"predicted, not measured: {_command(arguments)}"
@@ -97,7 +100,7 @@ def run_stability(arguments: Namespace) -> int:
 
     scr = () if arguments.scr is None else ratios(arguments.scr)
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
-    record = inputs.record(arguments.record)
+    record = inputs.record(arguments.record, arguments.kinds)
     grid = None if arguments.grid is None else _grid(arguments.grid, record)
     found = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
     printed = give_json(found.plain(), arguments.json)

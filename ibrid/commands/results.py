@@ -6,6 +6,7 @@ from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_place
 
@@ -30,6 +31,7 @@ def declare(commands: Any) -> None:
     )
     export.add_argument("--nonlinear", action="store_true", help="of modelica: the averaged model before linearisation")
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
+    add_kinds_option(export)
     export.set_defaults(run=run_export)
     report = commands.add_parser("report", help="(re)write the HTML page of a record")
     report.add_argument(
@@ -37,6 +39,7 @@ def declare(commands: Any) -> None:
     )
     report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
     report.add_argument("--out", metavar="OUT.html", help="default: beside the record")
+    add_kinds_option(report)
     report.set_defaults(run=run_report)
 
 
@@ -49,7 +52,7 @@ def run_export(arguments: Namespace) -> int:
     from ibrid.plants.sweeping import frequency_grid
 
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
-    record = inputs.record(arguments.record)
+    record = inputs.record(arguments.record, arguments.kinds)
     model = export(
         record,
         arguments.out,
@@ -75,7 +78,7 @@ def run_report(arguments: Namespace) -> int:
     data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
     require_distinct({"--out": out}, {"RECORD": source, "--data": data_file})
 
-    record = inputs.record(source)
+    record = inputs.record(source, arguments.kinds)
     measured = record.settings.get("data")
     require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
@@ -101,9 +104,7 @@ def _run_page(arguments: Namespace) -> int:
 
     from ibrid_search.page import write_run_page
 
-    from ibrid.plugins import extended_vocabulary
-
-    print(write_run_page(folder, out, sweep=sweep, vocabulary=extended_vocabulary(complain)))
+    print(write_run_page(folder, out, sweep=sweep, vocabulary=inputs.vocabulary(files=arguments.kinds)))
     return 0
 
 

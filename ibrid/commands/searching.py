@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
+from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def declare(commands: Any) -> None:
     search.add_argument("--workers", type=inputs.natural, metavar="N", help="evaluate on so many cores (all)")
     search.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster: auto, or HEAD:6379")
     search.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    add_kinds_option(search)
     search.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
     search.add_argument("--parameters", default="shared", help="shared (default) | per-op")
     search.add_argument(
@@ -212,7 +214,7 @@ def run_search(arguments: Namespace) -> int:
             seed=arguments.seed,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,
-            vocabulary=inputs.vocabulary(arguments.vocabulary),
+            vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
             holdout_op=arguments.holdout_op,
             truth=truth,
             resume=arguments.resume,

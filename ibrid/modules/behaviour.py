@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ibrid.modules.declaration import trial_arguments, width
+from ibrid.modules.declaration import TRIAL_OMEGA_0, trial_arguments, width
 from ibrid.signals import Signal
 
 if TYPE_CHECKING:
@@ -27,13 +27,18 @@ class Element(StrEnum):
     """What a block is to a control engineer. The first lines are in the order in which linear blocks of a row are drawn.
 
     In line, from in_ to out, on a scalar or on each axis of a dq vector: GAIN k, PI kP + kI/s, DELAY exp(-s T), INTEGRATOR
-    1/s, LOW_PASS with a gain of 1 at rest, NOTCH of one frequency, PADE a delay's rational form (all-pass), SIGN -1; COUPLING
-    J times a number and the nominal frequency, COUPLING_AT_FREQUENCY the same at a measured frequency.
+    1/s, LOW_PASS with a gain of 1 at rest, HOLD of a sampled signal in rational form, NOTCH of one frequency, PADE a delay's
+    rational form (all-pass), SIGN -1; COUPLING J times a number and the nominal frequency, COUPLING_AT_FREQUENCY the same at
+    a measured frequency.
+    On the space vector: TURN by a constant angle, BAND_PASS of the fundamental, POSITIVE_SEQUENCE without the negative one;
+    RESONATOR on each axis, nothing at rest.
     Axes: PACK two scalars to dq, SLICE_D and SLICE_Q back, MAGNITUDE of a dq vector. ZERO : a constant source.
     Frames: ROTATION_IN from the grid's frame into the controller's, ROTATION_OUT back.
     Power: POWER p and q of e and i. Synchronisation: PLL frequency and angle from e_q, FREQUENCY_METER the frequency of a
     voltage, OSCILLATOR frequency and voltage from a voltage and a current.
-    Circuit: FILTER between converter and grid (the plant), SHUNT beside it, DC_LINK, SHARE of two devices behind one PCC.
+    REFERENCE of current from set-points of power and a voltage.
+    Circuit: FILTER between converter and grid (the plant), SHUNT beside it, CONVERTER_LOSS of voltage against a current,
+    DC_LINK, SHARE of two devices behind one PCC.
     """
 
     GAIN = "gain"
@@ -43,6 +48,7 @@ class Element(StrEnum):
     DELAY = "delay"
     INTEGRATOR = "integrator"
     LOW_PASS = "low-pass"
+    HOLD = "hold"
     NOTCH = "notch"
     PADE = "rational delay"
     SIGN = "sign"
@@ -61,6 +67,12 @@ class Element(StrEnum):
     SHUNT = "shunt"
     DC_LINK = "DC link"
     SHARE = "share"
+    TURN = "turn"
+    BAND_PASS = "band-pass at the fundamental"
+    POSITIVE_SEQUENCE = "positive-sequence filter"
+    RESONATOR = "resonator"
+    REFERENCE = "current reference from power"
+    CONVERTER_LOSS = "converter loss"
 
 
 #: J times a signal, by the nominal frequency or a measured one.
@@ -122,14 +134,14 @@ class Behaviour:
     def passes(self) -> bool:
         """True for a block in line that hands a signal on at rest, axis by axis: a sign, gain, filter or delay, no integrator."""
         kind = _of(self)
-        if not self.in_line or not (self.static or kind.dc_gain is not None):
+        if not self.in_line or not (self.static or kind.dc_gain):
             return False
-        return not self.static or _diagonal(_matrices(kind, _arguments(kind))[3])
+        return not self.static or self.element is Element.TURN or _diagonal(_matrices(kind, _arguments(kind))[3])
 
     @property
     def shapes(self) -> bool:
-        """True for a filter or delay in line: it hands a signal on as it is at rest, and not above its corner."""
-        return self.in_line and not self.static and _of(self).dc_gain == 1.0
+        """True for a filter or delay in line: it hands a signal on as it is at rest, and not above its corner; or turned."""
+        return (self.in_line and not self.static and _of(self).dc_gain == 1.0) or self.element is Element.TURN
 
     @property
     def regulates(self) -> bool:
@@ -196,6 +208,8 @@ def _of_circuit(kind: "ModuleKind") -> Element | None:
         return Element.FILTER
     if _signals(kind.inputs) == "vv" and _signals(kind.outputs) == "s":
         return Element.DC_LINK
+    if kind.static:
+        return Element.CONVERTER_LOSS if (_signals(kind.inputs), _signals(kind.outputs)) == ("v", "v") else None
     return Element.SHUNT if kind.signal is Signal.DQ_VEC and len(kind.inputs) == len(kind.outputs) == 1 else None
 
 
@@ -215,13 +229,17 @@ def _in_line(kind: "ModuleKind") -> Element | None:
         d = _matrices(kind, _arguments(kind))[3]
         if law is not None and not names:
             return Element.SIGN if _near(law, -1.0) else None
-        if len(names) != 1 or kind.equilibrium_ports or kind.uses_frame or not _proportional(kind, d):
+        if len(names) != 1 or kind.equilibrium_ports or kind.uses_frame:
             return None
+        if not _proportional(kind, d):
+            return Element.TURN if _turns(d) and _near(d @ d.T, np.eye(len(d))) else None
         return Element.GAIN if law is not None else Element.COUPLING if _quarter_turn(d) else None
     if law is None:
-        return None
+        return _of_sequence(kind) if kind.dc_gain == 1.0 else None
     if kind.dc_gain == 1.0:
         return _filter(kind, law)
+    if kind.dc_gain == 0.0 and len(kind.states) == 2 * width(kind.inputs):
+        return Element.RESONATOR
     if len(kind.states) != width(kind.inputs):
         return None
     values = [_arguments(kind)[name] for name in names]
@@ -233,12 +251,25 @@ def _in_line(kind: "ModuleKind") -> Element | None:
 def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
     a, b, c, d = _matrices(kind, _arguments(kind))
     if not d.any():
-        return Element.LOW_PASS
+        held = len(a) == 3 * len(d) and (c @ b).any()  # order 3 and falling as slowly as order 1
+        return Element.HOLD if held else Element.LOW_PASS
     if _near(np.abs(law), 1.0):
         return Element.PADE
     if _near(d, np.eye(len(d))):
         zeros = np.linalg.eigvals(a - b @ c)
         return Element.NOTCH if np.all(np.abs(zeros.real) <= _ROUNDING * np.abs(zeros)) else None
+    return None
+
+
+def _of_sequence(kind: "ModuleKind") -> Element | None:
+    """Filters of the space vector, known by the frequency that they stop: that of a DC offset, or the negative sequence."""
+    if kind.signal is not Signal.DQ_VEC or not all(_turns(one) for one in _responses(kind)):
+        return None
+    stopped = {Element.BAND_PASS: -1j, Element.POSITIVE_SEQUENCE: -2j}
+    for element, multiple in stopped.items():
+        response = _responses(kind, points=np.array([multiple * TRIAL_OMEGA_0]))[0]
+        if abs(response[0, 0] + 1j * response[1, 0]) <= _ROUNDING:
+            return element
     return None
 
 
@@ -255,6 +286,9 @@ def _static(kind: "ModuleKind") -> Element | None:
         return Element.COUPLING_AT_FREQUENCY if len(kind.parameters) == 1 and _quarter_turn(d[:, :2]) else None
     if kind.parameters:
         return None
+    if (entering, leaving) == ("vv", "v"):
+        rested = {*kind.equilibrium_ports} == {*kind.inputs} and kind.rests_by_law
+        return Element.REFERENCE if rested and not d[:, 2:].any() else None
     if (entering, leaving) == ("ss", "v"):
         return Element.PACK if _near(d, np.eye(2)) else None
     if (entering, leaving) == ("v", "s"):
@@ -283,10 +317,12 @@ def _matrices(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarray
     return a, b, c, d
 
 
-def _responses(kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
+def _responses(
+    kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({}), points: np.ndarray = _POINTS
+) -> np.ndarray:
     """(points, outputs, inputs) at typical parameters but for the values given."""
     a, b, c, d = _matrices(kind, _arguments(kind) | dict(values))
-    return np.array([c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in _POINTS])
+    return np.array([c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in points])
 
 
 def _scalar_law(responses: np.ndarray) -> np.ndarray | None:
@@ -304,6 +340,11 @@ def _proportional(kind: "ModuleKind", d: np.ndarray) -> bool:
 def _quarter_turn(d: np.ndarray) -> bool:
     """True for a number times J = [[0, -1], [1, 0]]."""
     return d.shape == (2, 2) and d[1, 0] != 0 and _near(d, d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
+
+
+def _turns(d: np.ndarray) -> bool:
+    """True for a I + b J."""
+    return d.shape == (2, 2) and _near(d, d[0, 0] * np.eye(2) + d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
 
 
 def _diagonal(d: np.ndarray) -> bool:

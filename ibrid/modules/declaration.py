@@ -28,6 +28,11 @@ def check_declaration(kind: "ModuleKind", words: Sequence[str], context: Sequenc
     _check_names(kind, words)
     _check_arguments(kind, context, suffix)
     a, b, c, d = _trial_matrices(kind)
+    if kind.rests_by_law and (kind.states or kind.large_signal is None):
+        raise ModuleError(
+            f"{kind.name}: rests_by_law is for a kind without states and with a large_signal law, got {len(kind.states)} states"
+            f"{'' if kind.large_signal else ' and no law'}; leave it out"
+        )
     if kind.delay is not None:
         _check_delay(kind, d)
     elif kind.states and kind.dc_gain is not None:

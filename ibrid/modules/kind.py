@@ -81,12 +81,17 @@ class ModuleKind(Behaviour):
     delay : parameter that is a transport delay exp(-s T); the port then carries it exactly in frequency responses.
     shares : parameters that set the operating point of a device and no matrix, as the fraction of p that it delivers.
     bilinear : True for a product of its inputs, whose operating point is not that of its linearisation.
+    rests_by_law : True for a memoryless kind that rests where `large_signal.law` says, at the operating points of its
+        inputs; others rest where their linearisation does.
     reference : where the law comes from.
     extended : True for kinds beyond the 23 of the paper.
     large_signal : the law in absolute quantities, for kinds whose matrices depend on the operating point; others are
         linear. A kind may leave it out: then diagrams with it have no nonlinear export.
-    branches : of a plant, the parameters (resistance, capacitance) of each series branch at the node of the measured voltage
-        e, None for no resistor; with them its operating point is known in closed form from p, q and v.
+    branches : of a plant, the parameters (resistance, capacitance) or (resistance, capacitance, inductance) of each series
+        branch at the node of the measured voltage e, None for what is not there; with them its operating point is known in
+        closed form from p, q and v.
+    plant_at_rest : of a plant of another shape, the same as a function of its parameters (by name), p, q, v and power_node:
+        port -> (D, Q) in the grid frame for v_in, u_r, e, i_g, i_ti and i_C, with + - * / and `square_root`.
 
     Raises ModuleError where the declaration contradicts itself; `ibrid.testing.check_kind` asks more.
     """
@@ -105,9 +110,11 @@ class ModuleKind(Behaviour):
     delay: str | None = None
     shares: tuple[str, ...] = ()
     bilinear: bool = False
+    rests_by_law: bool = False
     extended: bool = False
     large_signal: LargeSignal | None = None
-    branches: tuple[tuple[str | None, str], ...] | None = None
+    branches: tuple[tuple[str | None, ...], ...] | None = None
+    plant_at_rest: Callable[..., Mapping[str, tuple[Any, Any]]] | None = None
 
     def __post_init__(self) -> None:
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)

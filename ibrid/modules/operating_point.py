@@ -7,7 +7,7 @@ these are the printed matrices of the paper; with the full operating point they 
 from dataclasses import replace
 
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, cosine, sine, square_root
+from ibrid.modules.large_signal import LargeSignal, cosine, reciprocal, sine, square_root
 from ibrid.signals import Signal
 
 APPENDIX = "paper, appendix A.5"
@@ -161,4 +161,33 @@ MAGNITUDE = ModuleKind(
     extended=True,
     reference="AC-voltage control; the d component where the frame lies on the vector",
     large_signal=LargeSignal(_magnitude_law),
+)
+
+
+def _ref_pq(v_eq, i_eq):
+    scale = reciprocal(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1])
+    rows = [[-scale * i * v_eq[0], -scale * i * v_eq[1], 0, 0] for i in i_eq]
+    return [], [], [[], []], rows
+
+
+def _ref_pq_law(x, v, i, v_eq, i_eq):
+    size = square_root((v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]) * reciprocal(v[0] * v[0] + v[1] * v[1]))
+    return (), (size * i_eq[0], size * i_eq[1])
+
+
+REF_PQ = ModuleKind(
+    name="Ref_pq",
+    family="operating point",
+    law="out = (p*/|v|, -q*/|v|): a current reference from set-points of power and the measured voltage, filtered or not; the "
+    "set-points are those that let the controlled current i rest, p* = |v_eq| i_d_eq, q* = -|v_eq| i_q_eq",
+    inputs={"v": Signal.DQ_VEC, "i": Signal.DQ_VEC},
+    outputs={"out": Signal.DQ_VEC},
+    states=(),
+    parameters={},
+    state_space=_ref_pq,
+    equilibrium={"v": "E0d", "i": "I0d"},
+    rests_by_law=True,
+    extended=True,
+    reference="open-loop power control: A. Yazdani and R. Iravani, Voltage-Sourced Converters in Power Systems (2010), 8.3",
+    large_signal=LargeSignal(_ref_pq_law),
 )

@@ -1,4 +1,4 @@
-"""Output filters beside those of the paper: an LCL whose capacitor is damped, an L filter behind a line.
+"""Output filters beside those of the paper: an LCL whose capacitor is damped or has a trap, an L filter behind a line.
 
 Conventions as in `ibrid.modules.plant`. What a further branch holds at rest follows from the equilibria of the ports:
 a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1 + R C J).
@@ -116,6 +116,62 @@ LCL_RC = replace(
     reference="passive damping of LCL filters; equation (1) of the paper with the branch",
     large_signal=LargeSignal(_lcl_rc_law, _lcl_rc_at_rest),
     branches=((None, "C_F"), ("R_d", "C_d")),
+)
+
+
+def _trap_at_rest(L_t, C_t, R_t, e):
+    x, square = L_t - 1 / C_t, R_t * R_t + (L_t - 1 / C_t) * (L_t - 1 / C_t)
+    i = (R_t * e[0] + x * e[1]) / square, (R_t * e[1] - x * e[0]) / square
+    return i, (i[1] / C_t, -i[0] / C_t)
+
+
+def _lcl_trap(L_F, R_F, C_F, L_g, R_g, L_t, C_t, R_t, omega_0, i_ti_eq, e_eq, i_g_eq):
+    i_eq, v_eq = _trap_at_rest(L_t, C_t, R_t, e_eq)
+    a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq)
+    h, f, k, w = omega_0 / C_F, omega_0 / L_t, omega_0 / C_t, omega_0
+    a = [[*row, 0, 0, 0, 0] for row in a]
+    a[2][6] = a[3][7] = -h
+    a += [[0, 0, f, 0, 0, 0, -f * R_t, w, -f, 0], [0, 0, 0, f, 0, 0, -w, -f * R_t, 0, -f]]
+    a += [[0, 0, 0, 0, 0, 0, k, 0, 0, w], [0, 0, 0, 0, 0, 0, 0, k, -w, 0]]
+    b = [*b, *([0, 0, 0, 0, turned] for z in (i_eq, v_eq) for turned in (z[1], -z[0]))]
+    return a, b, [[*row, 0, 0, 0, 0] for row in c], d
+
+
+def _lcl_trap_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, L_t, C_t, R_t, omega_0):
+    i_ti, e, i_g, i_t, v_t, omega = x[0:2], x[2:4], x[4:6], x[6:8], x[8:10], omega_0 + delta_omega
+    rates = (
+        *series_rate(u_r, e, i_ti, R_F, omega_0 / L_F, omega),
+        *series_rate((i_ti[0] - i_t[0], i_ti[1] - i_t[1]), i_g, e, 0, omega_0 / C_F, omega),
+        *series_rate(e, v_in, i_g, R_g, omega_0 / L_g, omega),
+        *series_rate(e, v_t, i_t, R_t, omega_0 / L_t, omega),
+        *series_rate(i_t, (0, 0), v_t, 0, omega_0 / C_t, omega),
+    )
+    return rates, lcl_outputs(i_ti, e, i_g)
+
+
+def _lcl_trap_at_rest(L_t, C_t, R_t, i_ti_eq, e_eq, i_g_eq):
+    i_t, v_t = _trap_at_rest(L_t, C_t, R_t, e_eq)
+    return (*i_ti_eq, *e_eq, *i_g_eq, *i_t, *v_t)
+
+
+LCL_TRAP = replace(
+    LCL,
+    name="LCL_trap",
+    law="LCL with a series L_t, R_t, C_t beside its capacitor, tuned to the switching frequency: C_F/omega_0 e' = i_ti - i_g "
+    "- i_t - C_F J e, L_t/omega_0 i_t' = e - v_t - (R_t + L_t J) i_t, C_t/omega_0 v_t' = i_t - C_t J v_t; each state also "
+    "- J x_eq delta_omega; i_C = i_ti - i_g is the current of both branches",
+    states=(*LCL.states, "i_t_d", "i_t_q", "v_t_d", "v_t_q"),
+    parameters={
+        **LCL.parameters,
+        "L_t": Range(1e-6, 1.0, 2e-3, "pu", "inductance of the trap", divides=True),
+        "C_t": replace(CAPACITANCE, typical=0.02),
+        "R_t": replace(DAMPING, typical=2e-3),
+    },
+    state_space=_lcl_trap,
+    extended=True,
+    reference="trap filter: W. Wu, Y. He and F. Blaabjerg, IEEE TPEL 27 (2012); equation (1) of the paper with the branch",
+    large_signal=LargeSignal(_lcl_trap_law, _lcl_trap_at_rest),
+    branches=((None, "C_F"), ("R_t", "C_t", "L_t")),
 )
 
 

@@ -6,12 +6,14 @@ from ibrid.errors import DiagramError, near
 from ibrid.modules.behaviour import Element
 from ibrid.modules.branch import DC_LINK, SHUNT_RC
 from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
+from ibrid.modules.converter import DEAD_TIME, TURN, ZERO_ORDER_HOLD
 from ibrid.modules.delay import DELAY
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, ROT_I, ROT_V, SHARE
+from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, REF_PQ, ROT_I, ROT_V, SHARE
 from ibrid.modules.plant import L_FILTER, LCL
-from ibrid.modules.plant_variants import LCL_R, LCL_RC, LL_FILTER
+from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_TRAP, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
+from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, RESONANT_DQ, SOGI_DQ
 from ibrid.modules.static import (
     CONST_ZERO,
     GAIN,
@@ -69,6 +71,15 @@ VOCABULARY: Vocabulary = (
     PLL_FREQUENCY,
     DVOC,
     SHARE,
+    DEAD_TIME,
+    TURN,
+    ZERO_ORDER_HOLD,
+    SOGI_DQ,
+    DSOGI_DQ,
+    DDSRF_DQ,
+    RESONANT_DQ,
+    REF_PQ,
+    LCL_TRAP,
 )
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

@@ -8,6 +8,7 @@ from ibrid.parts import (
     axis_loops,
     blocks,
     command,
+    converter,
     current_measurement,
     damping,
     decoupling,
@@ -18,6 +19,8 @@ from ibrid.parts import (
     pll_filter,
     power_filter,
     power_loops,
+    references,
+    sequence,
     synchronisation,
     virtual_impedance,
     voltage_measurement,
@@ -61,6 +64,16 @@ CATALOGUE: Catalogue = (
     voltage_measurement.VOLTAGE_SENSOR,
     current_measurement.CURRENT_SENSOR,
     at_the_pcc.FRAME_MISALIGNMENT,
+    converter.DEAD_TIME,
+    converter.DELAY_ANGLE,
+    converter.ZERO_ORDER_HOLD,
+    sequence.PLL_SEQUENCE_FILTER,
+    sequence.FEEDFORWARD_BAND_PASS,
+    sequence.RESONANT_CONTROL,
+    references.POWER_REFERENCE,
+    references.REFERENCE_FEEDFORWARD,
+    references.MEASUREMENT_FILTER,
+    output_filter.TRAP_FILTER,
 )
 
 #: What a search tries: sub-loops, then single blocks, then wires.
@@ -86,6 +99,10 @@ FAMILIES: tuple[Family, ...] = (
     *droops.FREQUENCY,
     *blocks.FAMILIES,
     *wiring.FAMILIES,
+    *converter.FAMILIES,
+    *sequence.FAMILIES,
+    *references.FAMILIES,
+    *output_filter.TRAPS,
 )
 
 

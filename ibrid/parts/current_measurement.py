@@ -71,7 +71,7 @@ CURRENT_FILTER = Effect(
     law="the controller gets omega_c/(s + omega_c) i",
     places="behind the measured current: for loop and decoupling together, for the loop alone",
     signature="above 100 Hz, around the current loop's bandwidth; all entries alike, the same at every operating point",
-    confused_with=("command_filter", "control_delay", "current_sensor", "measurement_delay"),
+    confused_with=("command_filter", "control_delay", "current_sensor", "measurement_delay", "measurement_filter"),
     told_apart_by="the resonance, where the feedforward is not filtered, and points above the corner frequency",
     moves=_current_filter,
 )

@@ -74,7 +74,7 @@ DECOUPLING = Effect(
     places="from the measured current to the command; one form for the other",
     signature="mild: 20 to 500 Hz, at the current loop's crossover and the resonance; dq and qd. The frequency's part: "
     "below the PLL's bandwidth, in proportion to the current",
-    confused_with=("frame_misalignment", "virtual_impedance"),
+    confused_with=("delay_angle", "frame_misalignment", "virtual_impedance"),
     told_apart_by="dq and qd with 1 % noise or less between 20 and 500 Hz; the two forms by operating points with other "
     "currents",
     moves=_decoupling,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength, cutoff
-from ibrid.parts.paths import command_entry, join, lags, loops, path, terminal_voltage
+from ibrid.parts.paths import command_entry, commanded_by, join, lags, loops, path, terminal_voltage
 from ibrid.parts.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.shaping import bypassed, in_line
 from ibrid.parts.view import Move, View
@@ -29,7 +29,7 @@ class Feedforward:
 
 def feedforward(view: View) -> Feedforward | None:
     """The feedforward of the filter's voltage, else of the PCC's; None where there is none, or no other control."""
-    if len(view.draft.sources(command_entry(view.draft, view))) < 2:
+    if len(commanded_by(view.draft, command_entry(view.draft, view))) < 2:
         return None
     for voltage in dict.fromkeys((view.roles.voltage, terminal_voltage(view))):
         blocks = path(view.draft, voltage, view.roles.command, without=loops(view))
@@ -90,7 +90,13 @@ VOLTAGE_FEEDFORWARD_FILTER = Effect(
     law="u_r += omega_c/(s + omega_c) k_ff e",
     places="in the path of the voltage feedforward",
     signature="around the corner frequency, usually 50 Hz to 5 kHz; all entries, the same at every operating point",
-    confused_with=("control_delay", "voltage_feedforward", "voltage_sensor"),
+    confused_with=(
+        "control_delay",
+        "feedforward_band_pass",
+        "measurement_filter",
+        "voltage_feedforward",
+        "voltage_sensor",
+    ),
     told_apart_by="points between 20 Hz and the corner frequency; a delay goes on turning the phase above it",
     moves=_feedforward_filter,
 )

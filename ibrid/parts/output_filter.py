@@ -110,10 +110,50 @@ CAPACITOR_DAMPING = Effect(
     law="e = v_C + R_C i_C, or a branch R_d, C_d beside C_F",
     places="at the LCL's capacitor: a resistor in series, an RC branch beside",
     signature="the resonance and above; all entries alike, the same at every operating point",
-    confused_with=("active_damping",),
+    confused_with=("active_damping", "trap_filter"),
     told_apart_by="points above the resonance, where the resistor and not the capacitor remains",
     moves=_capacitor_damping,
 )
+
+
+TRAP = {
+    "L_t": Strength((8e-3, 2e-3, 1e-3), 1e12),
+    "C_t": Strength((0.02, 0.02, 0.05)),
+    "R_t": Strength((2e-3, 2e-3, 0.01)),
+}
+
+
+def _trap_filter(view: View) -> Iterator[Move]:
+    kind, plant = view.shipped(view.roles.plant), view.roles.plant
+    if kind == "LCL_trap":
+        yield _plant(view, "LCL", {}, "remove", f"the trap of {plant}")
+    elif kind == "LCL" and view.known("LCL_trap"):
+
+        def trapped(draft: Edit) -> None:
+            draft.usually(_exchange(draft, view, "LCL_trap"), **TRAP)
+
+        yield Move(
+            "a trap beside the capacitor", trapped, change="add", where=f"a series L_t, R_t, C_t beside C_F of {plant}"
+        )
+
+
+TRAP_FILTER = Effect(
+    id="trap_filter",
+    law="a series L_t, R_t, C_t beside C_F, tuned to the switching frequency",
+    places="at the LCL's capacitor",
+    signature="above the resonance: a narrow peak of the admittance between converter and node at the trap's frequency, and a "
+    "lower resonance below; all entries alike, the same at every operating point",
+    confused_with=("capacitor_damping",),
+    told_apart_by="points up to the trap's frequency, usually above 3 kHz; below, a trap is more C_F",
+    moves=_trap_filter,
+)
+
+
+def _trapped(view: View) -> bool:
+    return view.shipped(view.roles.plant) != "LCL"
+
+
+TRAPS = (Family("trap", "module", (0.0, 0.0, 0.5, 1.0), 0.3, where_missing(_trap_filter, _trapped)),)
 
 
 def _series_impedance(view: View) -> Iterator[Move]:

@@ -37,13 +37,19 @@ def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None
 def row_before(draft: Draft, target: str) -> tuple[str, ...]:
     """Filters and delays in a row right before an input, the nearest first, each the only source of the next."""
     row: list[str] = []
-    while len(sources := draft.sources(target)) == 1:
+    while len(sources := commanded_by(draft, target)) == 1:
         name = split_port(sources[0])[0]
         if not name or name in row or not draft.kind(name).shapes:
             break
         row.append(name)
         target = f"{name}.in_"
     return tuple(row)
+
+
+def commanded_by(draft: Draft, target: str) -> list[str]:
+    """What drives an input, but for what is lost in the converter."""
+    losses = [f"{name}.out" for name in draft.having(Element.CONVERTER_LOSS)]
+    return [source for source in draft.sources(target) if source not in losses]
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ PLL_PREFILTER = Effect(
     law="SRF_PLL takes omega_c/(s + omega_c) e_q, or e_q behind a notch",
     places="before the PLL: LPF1, Notch; one for the other; a second one",
     signature="around the filter's corner, usually 5 to 500 Hz; qq most (about half), in proportion to the current at rest",
-    confused_with=("pll_missing", "voltage_sensor"),
+    confused_with=("pll_missing", "pll_sequence_filter", "voltage_sensor"),
     told_apart_by="operating points with different currents, and points around the PLL's bandwidth, where its peak moves",
     moves=_pll_prefilter,
 )

@@ -59,7 +59,7 @@ POWER_LOOP_MISSING = Effect(
     law="i_ref_d = (k_P + k_I/s)(p* - p)",
     places="on the d axis of the current reference: gains of its own, or those of the q loop",
     signature="below 50 Hz; dd, and the value towards 0 Hz: constant power turns the sign of the conductance",
-    confused_with=("dc_link", "reactive_loop_missing"),
+    confused_with=("dc_link", "power_reference", "reactive_loop_missing"),
     told_apart_by="the admittance below 5 Hz at two powers: with loops of p and q it tends to [[p, -q], [-q, -p]]/v^2",
     moves=_active_power_loop,
 )
@@ -69,7 +69,7 @@ REACTIVE_LOOP_MISSING = Effect(
     law="i_ref_q = -(k_P + k_I/s)(q* - q)",
     places="on the q axis of the current reference: gains of its own, or those of the p loop",
     signature="below 50 Hz; qd, and the value towards 0 Hz",
-    confused_with=("ac_voltage_loop", "power_loop_missing", "voltage_droop"),
+    confused_with=("ac_voltage_loop", "power_loop_missing", "power_reference", "voltage_droop"),
     told_apart_by="the admittance below 5 Hz at two reactive powers",
     moves=_reactive_power_loop,
 )
@@ -97,7 +97,7 @@ POWER_GAINS = Effect(
     law="the loops of p and q have gains of their own where the model gives them one pair",
     places="the second of the two loops",
     signature="below 50 Hz, in the entries of one axis",
-    confused_with=("power_filter",),
+    confused_with=("power_filter", "reference_feedforward"),
     told_apart_by="points below 10 Hz, where each axis shows the corner of its own loop",
     moves=_power_gains,
 )

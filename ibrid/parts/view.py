@@ -197,4 +197,13 @@ def follow_command(draft: Edit, bound: frozenset[str]) -> None:
 def of_circuit(draft: Draft, target: str) -> bool:
     """True for an input that belongs to the power circuit, and for an outer port."""
     name, port = split_port(target)
-    return not name or port in CIRCUIT_PORTS or draft.kind(name).element in (Element.DC_LINK, Element.SHUNT)
+    return (
+        not name
+        or port in CIRCUIT_PORTS
+        or draft.kind(name).element
+        in (
+            Element.DC_LINK,
+            Element.SHUNT,
+            Element.CONVERTER_LOSS,
+        )
+    )

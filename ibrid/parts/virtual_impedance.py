@@ -89,7 +89,7 @@ VIRTUAL_IMPEDANCE = Effect(
     "nominal frequency (JMul) or at the controller's (JMul_omega)",
     places="from the grid current to the command, to the voltage loop's reference, to the current reference",
     signature="10 Hz to 1 kHz; dd and qq by R_v, dq and qd by X_v, the same at every operating point",
-    confused_with=("current_loop_missing", "decoupling"),
+    confused_with=("current_loop_missing", "dead_time", "decoupling"),
     told_apart_by="points below 10 Hz, where an integrating current loop hides a drop of the command and not one of its "
     "reference",
     moves=_virtual_impedance,

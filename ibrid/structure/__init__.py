@@ -4,7 +4,7 @@ from ibrid.structure.canonical import canonical_order, structure_hash
 from ibrid.structure.check import Violation, require_legal, violations, warnings
 from ibrid.structure.compare import Comparison, compare, format_comparison
 from ibrid.structure.diagram import Connection, Diagram, Instance
-from ibrid.structure.library import textbook, textbook_names, textbook_text
+from ibrid.structure.library import published_names, published_values, textbook, textbook_names, textbook_text
 from ibrid.structure.parameters import Parameter, ParameterTable, parameter_table
 from ibrid.structure.program import parse_program, program_text, read_program
 from ibrid.structure.steady_state import Steady, steady_order, unknown_equilibria
@@ -26,6 +26,8 @@ __all__ = [
     "parameter_table",
     "parse_program",
     "program_text",
+    "published_names",
+    "published_values",
     "read_program",
     "require_legal",
     "steady_order",

@@ -139,9 +139,10 @@ class Draft:
         return name
 
     def insert_before(self, target: str, kind: str, stem: str, **bindings: Any) -> str:
-        """Put a block between an input and the sum of all that drives it; returns its name."""
+        """Put a block between an input and the sum of all that drives it, but for what is lost in the converter; its name."""
         name = self.add(kind, stem, **bindings)
-        for source in self.sources(target):
+        losses = [f"{loss}.out" for loss in self.having(Element.CONVERTER_LOSS)]
+        for source in (one for one in self.sources(target) if one not in losses):
             self.disconnect(source, target)
             self.connect(source, f"{name}.in_")
         self.connect(f"{name}.out", target)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import inf, log, sqrt
+from types import MappingProxyType
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook, textbook_names
+from ibrid.structure.library import published_names, published_values, textbook, textbook_names
 from ibrid.study import Study
 from ibrid_search.first_look import LIMIT, PRICE, problems_of
 from ibrid_search.merit import EXACT, Criterion
@@ -119,23 +120,26 @@ class Looker:
     def textbooks(self, devices: int = 1) -> tuple[RankedEdit, ...]:
         """The shipped diagrams of so many devices that have a response, the best first."""
         looks: list[RankedEdit] = []
-        for name in textbook_names():
+        for name in (*textbook_names(), *published_names()):
             diagram = textbook(name)
             number = len(device_parts(diagram, self.study.kinds))
             if number == devices and not self.study.examined(diagram, name).violations:
-                looks.append(self.fresh(Edited(diagram, f"the shipped diagram {name}", name, {})))
+                known = published_values(name) if name in published_names() else {}
+                looks.append(self.fresh(Edited(diagram, f"the shipped diagram {name}", name, {}), known))
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 
     def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first."""
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
-    def fresh(self, edit: Edited) -> RankedEdit:
-        """A look at a diagram of which no values are known."""
+    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
+        """A look at a diagram of which no values are known but what is typical of some."""
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
             far, near = self._misfits(problem)
             x = drawer.draw(rng, SCREENED, TEXTBOOK_DECADES[0])
+            if typical:
+                x = np.concatenate([x, drawer.completed(rng, [typical] * len(problem.points), DRAWS)])
             batch = LEVENBERG.go(far, LEVENBERG.begin(far, x).best(DESCENDING), FAR).best(KEPT)
             ends = LEVENBERG.go(far, batch, FAR).best(KEPT)
             return LEVENBERG.go(near, LEVENBERG.begin(near, ends.x), STEPS)

@@ -12,12 +12,13 @@ from ibrid.signals import Signal
 from ibrid.structure.check import HIGHEST_ORDER, violations
 from ibrid.structure.diagram import Binding, Diagram
 
-PLANTS = tuple(kind.name for kind in VOCABULARY if kind.family == "physical plant")
+#: Kinds that diagrams are drawn from unless told otherwise; further ones behind them change no draw.
+DRAWN_FROM = VOCABULARY[: [kind.name for kind in VOCABULARY].index("Share") + 1]
 FRAME = ("Rot_v", "Rot_i", "SRF_PLL")
 
 
 def random_legal_diagram(
-    rng: np.random.Generator, vocabulary: Sequence[ModuleKind] = VOCABULARY, most_modules: int = 14
+    rng: np.random.Generator, vocabulary: Sequence[ModuleKind] = DRAWN_FROM, most_modules: int = 14
 ) -> Diagram:
     """A random diagram that `violations` accepts under `equilibrium="exact"`, with at most `most_modules` modules."""
     while True:
@@ -58,11 +59,12 @@ def renamed_and_reordered(diagram: Diagram, rng: np.random.Generator) -> Diagram
 
 def _draw(rng: np.random.Generator, vocabulary: Sequence[ModuleKind], most_modules: int) -> Diagram:
     known = {kind.name: kind for kind in vocabulary}
-    chosen = [known[str(rng.choice(PLANTS))]]
+    plants = [kind.name for kind in vocabulary if kind.family == "physical plant"]
+    chosen = [known[str(rng.choice(plants))]]
     framed = rng.random() < 0.6
     if framed:
         chosen += [known[name] for name in FRAME]
-    others = [kind for kind in vocabulary if kind.name not in (*PLANTS, *FRAME) and not kind.shares]  # for two devices
+    others = [kind for kind in vocabulary if kind.name not in (*plants, *FRAME) and not kind.shares]  # for two devices
     for _ in range(int(rng.integers(1, most_modules - len(chosen) + 1))):
         kind = others[int(rng.integers(len(others)))]
         if sum(one.order for one in chosen) + kind.order <= HIGHEST_ORDER:

@@ -6,7 +6,7 @@ import dataclasses
 import pickle
 from collections.abc import Callable
 from dataclasses import replace
-from math import cos, pi, sin
+from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
@@ -33,6 +33,7 @@ P = {
     "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
     "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
     "eta": 1.7, "kappa": 0.9, "alpha": 12.0, "share_p": 0.4, "share_q": 0.7,
+    "D": 0.03, "a": 0.2, "phi": -0.3, "T_s": 2e-4, "n": 6.0, "L_t": 0.004, "C_t": 0.03, "R_t": 0.002,
 }  # fmt: skip
 
 
@@ -85,6 +86,28 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         (y, rest), (y_d, rest_d) = capacitor(cf, e_eq), capacitor(P["C_d"], branch_voltage, P["R_d"])
         return lcl_node(rest + rest_d, y + y_d)
 
+    def lcl_trap() -> np.ndarray:
+        (c, l, r), x = (P[one] for one in ("C_t", "L_t", "R_t")), s / w * I2 + J
+        i_t = np.linalg.solve(r * I2 + l * J + np.linalg.inv(c * J), e_eq)
+        v_t = np.linalg.solve(c * J, i_t)
+        y, rest = capacitor(cf, e_eq)
+        y_t = np.linalg.inv(r * I2 + l * x + np.linalg.inv(c * x))
+        turned = -y_t @ (l / w * J @ i_t) + y_t @ np.linalg.inv(c * x) @ (c / w * J @ v_t)
+        return lcl_node(rest + turned, y + y_t)
+
+    def on_vectors(gain: Callable[[complex], complex]) -> np.ndarray:
+        """What acts as gain(s + j w) on the vector of the stationary frame, on its d and q components."""
+        plus, minus = gain(s + 1j * w), np.conj(gain(np.conj(s) + 1j * w))
+        return (plus + minus) / 2 * I2 + (plus - minus) / 2j * J
+
+    def sogi(at: complex) -> complex:
+        return P["k"] * w * at / (at**2 + P["k"] * w * at + w**2)
+
+    def double_frame(at: complex) -> complex:
+        """Of Rodriguez: each sequence is low-passed in its own frame, and taken from what the other sees."""
+        plus, minus = (P["omega_c"] / (at - turn + P["omega_c"]) for turn in (1j * w, -1j * w))
+        return (1 - minus) / (1 - plus * minus)
+
     def ll_filter() -> np.ndarray:
         z = (rf + rg) * I2 + (lf + lg) * (s / w * I2 + J)
         current = np.linalg.solve(z, np.hstack([I2, -I2, -(lf + lg) / w * J @ i_eq]))
@@ -104,6 +127,7 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         amplitude = -P["eta"] / e0 * (c * p + h * q) / (s + 2 * P["alpha"] * e0**2)
         return np.vstack([P["eta"] / e0**2 * (c * q - h * p), amplitude])
 
+    z = s * P["T_s"]
     notch = (s**2 + P["omega_n"] ** 2) / (s**2 + P["omega_n"] / P["Q"] * s + P["omega_n"] ** 2)
     forms: dict[str, Callable[[], object]] = {
         "LCL": lcl,
@@ -142,6 +166,15 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "PLL_frequency": lambda: [[0, pll / (1 + pll * e0 / s), pll * e0 / s / (1 + pll * e0 / s)]],
         "dVOC": dvoc,
         "Share": lambda: I2,
+        "DeadTime": lambda: -P["D"] * np.diag([P["a"] ** 2 / hypot(i0, P["a"]) ** 3, 1 / hypot(i0, P["a"])]),
+        "Turn": lambda: cos(P["phi"]) * I2 + sin(P["phi"]) * J,
+        "ZOH_dq": lambda: (2 * z**2 + 120) / (z**3 + 12 * z**2 + 60 * z + 120) * I2,
+        "SOGI_dq": lambda: on_vectors(sogi),
+        "DSOGI_dq": lambda: on_vectors(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
+        "DDSRF_dq": lambda: on_vectors(double_frame),
+        "Resonant_dq": lambda: 2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2,
+        "Ref_pq": lambda: [[-i0 / e0, 0, 0, 0], [0, 0, 0, 0]],
+        "LCL_trap": lcl_trap,
     }
     return np.array(forms[name](), dtype=complex)
 
@@ -174,12 +207,21 @@ BOXES = {
     "PLL_frequency": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7)},
     "dVOC": {"eta": (1e-3, 1e3), "kappa": (0, pi), "alpha": (1e-3, 1e4)},
     "Share": {"share_p": (-2, 3), "share_q": (-2, 3)},
+    "DeadTime": {"D": (1e-5, 0.5), "a": (1e-3, 2)},
+    "Turn": {"phi": (-1, 1)},
+    "ZOH_dq": {"T_s": (1e-6, 2e-3)},
+    "SOGI_dq": {"k": (1e-3, 20)},
+    "DSOGI_dq": {"k": (1e-3, 20)},
+    "DDSRF_dq": CUTOFF,
+    "Resonant_dq": {"k": (1e-4, 1e3), "omega_c": (2 * pi * 1e-3, 2 * pi * 100), "n": (0.5, 60)},
+    "LCL_trap": {**PLANT_BOXES, "L_t": (1e-6, 1), "C_t": (1e-5, 1), "R_t": (1e-5, 10)},
 }
 ORDERS = {
     "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
+    "ZOH_dq": 6, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -196,6 +238,9 @@ PAPER_NUMBERS = {
     "DC_link": {"E0d", "I0d"},
     "PLL_frequency": {"E0d"},
     "dVOC": {"E0d", "I0d"},
+    "DeadTime": {"I0d"},
+    "Ref_pq": {"E0d", "I0d"},
+    "LCL_trap": {"E0d", "I0d"},
 }
 
 
@@ -239,10 +284,11 @@ def paper_matrices(name: str) -> list[np.ndarray]:
 def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_behind_them():
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
-    extended += ["PLL_frequency", "dVOC", "Share"]
+    extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
+    extended += ["Resonant_dq", "Ref_pq", "LCL_trap"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 34
+    assert len(set(NAMES)) == 43
 
 
 @each_of("name", NAMES)

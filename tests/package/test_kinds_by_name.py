@@ -15,6 +15,7 @@ NAMED_HERE = (
     "ibrid/modules/",
     "ibrid/gap/port_kinds.py",
     "ibrid/structure/programs/",
+    "ibrid/structure/published/",
     "ibrid/parts/",
     "ibrid/plants/true_program.py",
     "search/policy/ibrid_policy/experience/",

@@ -31,10 +31,17 @@ ELEMENTS = {
     Element.POWER: "PQ_calc",
     Element.FREQUENCY_METER: "PLL_frequency",
     Element.OSCILLATOR: "dVOC",
-    Element.FILTER: "LCL LFilter LCL_R LCL_RC LLFilter",
+    Element.FILTER: "LCL LFilter LCL_R LCL_RC LLFilter LCL_trap",
     Element.SHUNT: "Shunt_RC",
     Element.DC_LINK: "DC_link",
     Element.SHARE: "Share",
+    Element.CONVERTER_LOSS: "DeadTime",
+    Element.TURN: "Turn",
+    Element.HOLD: "ZOH_dq",
+    Element.BAND_PASS: "SOGI_dq",
+    Element.POSITIVE_SEQUENCE: "DSOGI_dq DDSRF_dq",
+    Element.RESONATOR: "Resonant_dq",
+    Element.REFERENCE: "Ref_pq",
 }
 
 

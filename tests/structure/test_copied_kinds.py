@@ -47,6 +47,38 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     "LCL_RC": ("gfl", in_place("plant", "LCL_RC")),
     "LLFilter": ("gfl_l_filter", in_place("plant", "LLFilter")),
     "Shunt_RC": ("gfl", lambda draft: draft.chain("v_DQ", f"{draft.add('Shunt_RC', 'shunt')}.v", "shunt.i", "i_DQ")),
+    "DeadTime": (
+        "gfl",
+        lambda draft: draft.chain("plant.i_ti", f"{draft.add('DeadTime', 'loss')}.i", "loss.out", "plant.u_r"),
+    ),
+    "Turn": ("gfl", lambda draft: draft.insert_before("plant.u_r", "Turn", "turn")),
+    "ZOH_dq": ("gfl", lambda draft: draft.insert_before("plant.u_r", "ZOH_dq", "hold")),
+    "SOGI_dq": ("gfl", lambda draft: draft.insert("plant.e", ["plant.u_r"], "SOGI_dq", "sogi")),
+    "DSOGI_dq": (
+        "gfl",
+        lambda draft: draft.drive("pll.e_q", draft.after(draft.after("plant.e", "DSOGI_dq", "dsogi"), "SliceQ", "e_q")),
+    ),
+    "DDSRF_dq": (
+        "gfl",
+        lambda draft: draft.drive("pll.e_q", draft.after(draft.after("plant.e", "DDSRF_dq", "ddsrf"), "SliceQ", "e_q")),
+    ),
+    "Resonant_dq": (
+        "gfl",
+        lambda draft: (
+            [
+                draft.connect(source, f"{draft.add('Resonant_dq', 'resonant') if first else 'resonant'}.in_")
+                for first, source in zip((True, False), draft.sources("current.in_"), strict=False)
+            ]
+            and draft.connect("resonant.out", "plant.u_r")
+        ),
+    ),
+    "Ref_pq": (
+        "gfl",
+        lambda draft: draft.chain(
+            "plant.e", f"{draft.add('Ref_pq', 'powers')}.v", "plant.i_ti", "powers.i", "powers.out", "current.in_"
+        ),
+    ),
+    "LCL_trap": ("gfl", in_place("plant", "LCL_trap")),
 }
 
 

@@ -1,0 +1,166 @@
+"""The current reference without an outer loop, its own way to the command, and sensors that filter all that is measured."""
+
+from collections.abc import Iterator
+
+from ibrid.modules.behaviour import Element
+from ibrid.parts.current_measurement import in_control
+from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.paths import current_path, grid_current, loops, measured_current, packs, path
+from ibrid.parts.practice import Effect, Family, where_missing
+from ibrid.parts.view import Move, View, followers, of_circuit
+
+FILTERED = {"omega_c": cutoff(200, 50, 10, nothing=1e-9)}
+SECOND = {"k": Strength((-0.1, -0.2, -0.4), 0.0)}
+SENSOR = cutoff(4000, 1500, 500)
+
+
+def _power_reference(view: View) -> Iterator[Move]:
+    draft, loop = view.draft, view.roles.current_loop
+    present = draft.having(Element.REFERENCE)
+    for name in present:
+        yield Move.at("remove", f"{name} at {view.roles.reference}", lambda draft, name=name: draft.remove(name))
+    if loop is None or present or not view.known("Ref_pq"):
+        return
+    driving = packs(view)
+    for filtered in (True, False):
+
+        def opened(draft: Edit, filtered: bool = filtered) -> None:
+            for name in driving:
+                draft.remove(name)
+            voltage = view.roles.voltage
+            if filtered:
+                strengths = FILTERED if not driving else {"omega_c": Strength(FILTERED["omega_c"].bank)}
+                voltage = draft.after(voltage, "LPF1_dq", "reference_filter", **strengths)
+            name = draft.add("Ref_pq", "references")
+            draft.chain(voltage, f"{name}.v", measured_current(view), f"{name}.i", f"{name}.out", view.roles.reference)
+
+        words = f"references p*/|v| and -q*/|v|{' of the filtered voltage' * filtered}"
+        where = f"at {view.roles.reference}{', behind a low-pass' * filtered}"
+        yield Move(
+            words + (" in place of the outer loops" if driving else ""),
+            opened,
+            change="replace" if driving else "add",
+            where=where + (f", in place of {', '.join(driving)}" if driving else ""),
+        )
+
+
+POWER_REFERENCE = Effect(
+    id="power_reference",
+    law="i_ref = (p*/|v_f|, -q*/|v_f|), v_f the measured voltage, filtered or not: no loop of p and q",
+    places="at the reference of the current loop, in place of loops of p and q",
+    signature="below the filter's corner; the column of v_d in proportion to p and q, constant power towards 0 Hz",
+    confused_with=("power_loop_missing", "reactive_loop_missing"),
+    told_apart_by="points between 5 and 50 Hz at two powers: loops show their own corners there",
+    moves=_power_reference,
+)
+
+
+def _reference_feedforward(view: View) -> Iterator[Move]:
+    draft, loop, way = view.draft, view.roles.current_loop, current_path(view)
+    if loop is None or not way:
+        return
+    measured = f"{way[-2]}.out" if len(way) > 1 else measured_current(view)
+    references = [one for one in draft.sources(f"{loop}.in_") if one != measured and one not in draft.sources(measured)]
+    present = {
+        name
+        for one in references
+        for name in path(draft, one, view.roles.command, without=loops(view)) or ()
+        if view.element(name) is Element.GAIN
+    }
+    for name in sorted(present):
+        yield Move.at(
+            "remove", f"{name}, from the reference to the command", lambda draft, name=name: draft.remove(name)
+        )
+    if references and not present:
+
+        def second(draft: Edit) -> None:
+            name = draft.add("Gain_dq", "reference_feedforward", **SECOND)
+            for one in references:
+                draft.connect(one, f"{name}.in_")
+            for target in draft.targets(f"{loop}.out"):
+                draft.connect(f"{name}.out", target)
+
+        where = f"{' and '.join(references)} past {loop}"
+        yield Move("two degrees of freedom of the current control", second, change="add", where=where)
+
+
+REFERENCE_FEEDFORWARD = Effect(
+    id="reference_feedforward",
+    law="u_r += k i_ref beside the current loop: two degrees of freedom, the reference has another proportional gain, kP + k, "
+    "than the measured current",
+    places="from the current reference to the command",
+    signature="between the outer loops' bandwidth and the current loop's; what the outer loops feel, rows of both axes",
+    confused_with=("power_gains",),
+    told_apart_by="points around the current loop's bandwidth at an operating point with large powers",
+    moves=_reference_feedforward,
+)
+
+
+def _measurement_filter(view: View) -> Iterator[Move]:
+    draft, roles = view.draft, view.roles
+    bound = followers(draft)
+    own = f"{roles.plant}.e_q"
+    signals = {
+        signal: [one for one in draft.targets(signal) if one not in bound and not of_circuit(draft, one)]
+        for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view)))
+    }
+    scalars = draft.targets(own)
+    filters = [f"{name}.in_" for name in draft.having(Element.LOW_PASS)]
+    if not in_control(draft, roles.current) or not (signals[roles.voltage] or scalars):
+        return
+    if all(target in filters for targets in signals.values() for target in targets):
+        return
+
+    def shared(draft: Edit) -> None:
+        first = ""
+        for signal, targets in signals.items():
+            if not targets and not (signal == roles.voltage and scalars):
+                continue
+            name = draft.add("LPF1_dq", "sensor", **({"omega_c": f"{first}.omega_c"} if first else {"omega_c": SENSOR}))
+            first = first or name
+            draft.connect(signal, f"{name}.in_")
+            draft.rewire(signal, f"{name}.out", *targets)
+            if signal == roles.voltage and scalars:
+                draft.rewire(own, draft.after(f"{name}.out", "SliceQ", "e_q"), *scalars)
+
+    yield Move(
+        "one low-pass on all that is measured",
+        shared,
+        change="add",
+        where=f"behind {', '.join(one for one, targets in signals.items() if targets)}",
+    )
+
+
+MEASUREMENT_FILTER = Effect(
+    id="measurement_filter",
+    law="omega_c/(s + omega_c), one cutoff, on every voltage and current that the controller measures",
+    places="behind all sensors at once",
+    signature="above 100 Hz; all entries alike, the same at every operating point",
+    confused_with=("control_delay", "current_filter", "voltage_feedforward_filter"),
+    told_apart_by="the resonance, where a filter of the current alone leaves the feedforward prompt",
+    moves=_measurement_filter,
+)
+
+
+def _referred(view: View) -> bool:
+    return bool(view.draft.having(Element.REFERENCE))
+
+
+def _never(view: View) -> bool:
+    return False
+
+
+FAMILIES = (
+    Family(
+        "power reference",
+        "structural",
+        (1.0, 1.0, 0.3, 0.1),
+        3.0,
+        where_missing(_power_reference, _referred),
+        if_gross=4.0,
+    ),
+    Family(
+        "two degrees of freedom", "module", (0.3, 1.0, 0.7, 0.1), 1.0, where_missing(_reference_feedforward, _never)
+    ),
+    Family("measurement filter", "module", (0.0, 0.3, 1.0, 1.0), 1.0, where_missing(_measurement_filter, _never)),
+)

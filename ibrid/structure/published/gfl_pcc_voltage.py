@@ -1,0 +1,47 @@
+def build_gfl_pcc_voltage(g):
+    """Grid-following that measures the voltage of the PCC: synchronisation, powers and filtered feedforward take it (Wen et al. 2016).
+    """
+    # frames and plant
+    g.add("Rot_v", "park_v")
+    g.add("LCL", "plant")
+    g.add("Rot_i", "park_i")
+    # synchronisation with the PCC
+    g.add("SliceQ", "v_q")
+    g.add("SRF_PLL", "pll")
+    # power control
+    g.add("PQ_calc", "power")
+    g.add("Negate", "minus_p")
+    g.add("PI", "p_loop")
+    g.add("PI", "q_loop")
+    g.add("PackDQ", "i_ref")
+    # current control with decoupling at the PLL's frequency
+    g.add("Negate_dq", "minus_i")
+    g.add("PI_dq", "current")
+    g.add("JMul_omega", "decoupling")
+    g.add("LPF1_dq", "v_filter")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("pll.delta", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("pll.delta_omega", "plant.delta_omega")
+    g.connect("park_v.v_dq", "v_q.in_")
+    g.connect("v_q.out", "pll.e_q")
+    g.connect("park_v.v_dq", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "minus_p.in_")
+    g.connect("power.q", "q_loop.in_")
+    g.connect("minus_p.out", "p_loop.in_")
+    g.connect("p_loop.out", "i_ref.in_d")
+    g.connect("q_loop.out", "i_ref.in_q")
+    g.connect("i_ref.out", "current.in_")
+    g.connect("plant.i_ti", "minus_i.in_")
+    g.connect("minus_i.out", "current.in_")
+    g.connect("plant.i_ti", "decoupling.in_")
+    g.connect("pll.delta_omega", "decoupling.delta_omega")
+    g.connect("current.out", "plant.u_r")
+    g.connect("decoupling.out", "plant.u_r")
+    g.connect("park_v.v_dq", "v_filter.in_")
+    g.connect("v_filter.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("pll.delta", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")

@@ -1,0 +1,51 @@
+def build_gfl_sogi_feedforward(g):
+    """Grid-following, voltage feedforward through a SOGI band-pass; the converter's dead time takes voltage."""
+    # frames and plant
+    g.add("Rot_v", "park_v")
+    g.add("LCL", "plant")
+    g.add("Rot_i", "park_i")
+    # synchronisation
+    g.add("SRF_PLL", "pll")
+    # power control
+    g.add("PQ_calc", "power")
+    g.add("Negate", "minus_p")
+    g.add("PI", "p_loop")
+    g.add("PI", "q_loop")
+    g.add("PackDQ", "i_ref")
+    # current control with decoupling at the PLL's frequency
+    g.add("Negate_dq", "minus_i")
+    g.add("PI_dq", "current")
+    g.add("JMul_omega", "decoupling")
+    # feedforward of the fundamental alone
+    g.add("SOGI_dq", "band_pass")
+    # converter
+    g.add("Delay", "delay")
+    g.add("DeadTime", "dead_time")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("pll.delta", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("pll.delta_omega", "plant.delta_omega")
+    g.connect("plant.e_q", "pll.e_q")
+    g.connect("plant.e", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "minus_p.in_")
+    g.connect("power.q", "q_loop.in_")
+    g.connect("minus_p.out", "p_loop.in_")
+    g.connect("p_loop.out", "i_ref.in_d")
+    g.connect("q_loop.out", "i_ref.in_q")
+    g.connect("i_ref.out", "current.in_")
+    g.connect("plant.i_ti", "minus_i.in_")
+    g.connect("minus_i.out", "current.in_")
+    g.connect("plant.i_ti", "decoupling.in_")
+    g.connect("pll.delta_omega", "decoupling.delta_omega")
+    g.connect("current.out", "delay.in_")
+    g.connect("decoupling.out", "delay.in_")
+    g.connect("plant.e", "band_pass.in_")
+    g.connect("band_pass.out", "delay.in_")
+    g.connect("delay.out", "plant.u_r")
+    g.connect("plant.i_ti", "dead_time.i")
+    g.connect("dead_time.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("pll.delta", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")

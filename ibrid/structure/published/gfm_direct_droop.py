@@ -1,0 +1,42 @@
+def build_gfm_direct_droop(g):
+    """Grid-forming without inner loops: droops of filtered p and q set angle and voltage, a virtual impedance damps (Du et al. 2020).
+    """
+    # frames and plant; the angle is the integral of the frequency
+    g.add("Rot_v", "park_v")
+    g.add("LFilter", "plant")
+    g.add("Rot_i", "park_i")
+    g.add("Integrator", "angle")
+    # droops
+    g.add("PQ_calc", "power")
+    g.add("LPF1", "p_filter")
+    g.add("Gain", "p_droop")
+    g.add("LPF1", "q_filter")
+    g.add("Gain", "q_droop")
+    g.add("ConstZero", "no_u_q")
+    g.add("PackDQ", "u_ref")
+    # virtual impedance
+    g.add("Gain_dq", "virtual_resistance")
+    g.add("Negate_dq", "minus_drop")
+    g.add("Delay", "delay")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("angle.out", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("p_droop.out", "plant.delta_omega")
+    g.connect("p_droop.out", "angle.in_")
+    g.connect("plant.e", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "p_filter.in_")
+    g.connect("p_filter.out", "p_droop.in_")
+    g.connect("power.q", "q_filter.in_")
+    g.connect("q_filter.out", "q_droop.in_")
+    g.connect("q_droop.out", "u_ref.in_d")
+    g.connect("no_u_q.out", "u_ref.in_q")
+    g.connect("u_ref.out", "delay.in_")
+    g.connect("plant.i_g", "virtual_resistance.in_")
+    g.connect("virtual_resistance.out", "minus_drop.in_")
+    g.connect("minus_drop.out", "delay.in_")
+    g.connect("delay.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("angle.out", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")

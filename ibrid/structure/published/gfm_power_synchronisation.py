@@ -1,0 +1,46 @@
+def build_gfm_power_synchronisation(g):
+    """Power-synchronisation control (Zhang, Harnefors and Nee, TPWRS 2010): the angle integrates the power error, R_a damps fast currents.
+    """
+    # frames and plant; the angle is the integral of the frequency
+    g.add("Rot_v", "park_v")
+    g.add("LLFilter", "plant")
+    g.add("Rot_i", "park_i")
+    g.add("Integrator", "angle")
+    # power synchronisation
+    g.add("PQ_calc", "power")
+    g.add("Gain", "sync_gain")
+    # voltage control of the magnitude
+    g.add("Magnitude", "e_size")
+    g.add("Gain", "e_gain")
+    g.add("Integrator", "voltage")
+    g.add("ConstZero", "no_u_q")
+    g.add("PackDQ", "u_ref")
+    # high-passed current damping
+    g.add("LPF1_dq", "slow_current")
+    g.add("Negate_dq", "minus_slow")
+    g.add("Gain_dq", "damping")
+    g.add("Negate_dq", "minus_damping")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("angle.out", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("sync_gain.out", "plant.delta_omega")
+    g.connect("sync_gain.out", "angle.in_")
+    g.connect("plant.e", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "sync_gain.in_")
+    g.connect("plant.e", "e_size.in_")
+    g.connect("e_size.out", "e_gain.in_")
+    g.connect("e_gain.out", "voltage.in_")
+    g.connect("voltage.out", "u_ref.in_d")
+    g.connect("no_u_q.out", "u_ref.in_q")
+    g.connect("u_ref.out", "plant.u_r")
+    g.connect("plant.i_g", "slow_current.in_")
+    g.connect("slow_current.out", "minus_slow.in_")
+    g.connect("minus_slow.out", "damping.in_")
+    g.connect("plant.i_g", "damping.in_")
+    g.connect("damping.out", "minus_damping.in_")
+    g.connect("minus_damping.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("angle.out", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")

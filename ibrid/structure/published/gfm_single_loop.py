@@ -1,0 +1,43 @@
+def build_gfm_single_loop(g):
+    """Grid-forming with a single voltage loop: droops of filtered p and q, a PI of the capacitor's voltage makes the command (Qoria 2020).
+    """
+    # frames and plant; the angle is the integral of the frequency
+    g.add("Rot_v", "park_v")
+    g.add("LCL", "plant")
+    g.add("Rot_i", "park_i")
+    g.add("Integrator", "angle")
+    # droops
+    g.add("PQ_calc", "power")
+    g.add("LPF1", "p_filter")
+    g.add("Gain", "p_droop")
+    g.add("LPF1", "q_filter")
+    g.add("Gain", "q_droop")
+    g.add("ConstZero", "no_e_q")
+    g.add("PackDQ", "e_ref")
+    # voltage control, the converter's current damps
+    g.add("Negate_dq", "minus_e")
+    g.add("PI_dq", "voltage")
+    g.add("Gain_dq", "damping")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("angle.out", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("p_droop.out", "plant.delta_omega")
+    g.connect("p_droop.out", "angle.in_")
+    g.connect("plant.e", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "p_filter.in_")
+    g.connect("p_filter.out", "p_droop.in_")
+    g.connect("power.q", "q_filter.in_")
+    g.connect("q_filter.out", "q_droop.in_")
+    g.connect("q_droop.out", "e_ref.in_d")
+    g.connect("no_e_q.out", "e_ref.in_q")
+    g.connect("e_ref.out", "voltage.in_")
+    g.connect("plant.e", "minus_e.in_")
+    g.connect("minus_e.out", "voltage.in_")
+    g.connect("voltage.out", "plant.u_r")
+    g.connect("plant.i_ti", "damping.in_")
+    g.connect("damping.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("angle.out", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")
