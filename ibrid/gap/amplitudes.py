@@ -2,9 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import inf
-
-import numpy as np
 
 from ibrid.gap.convention import Convention
 from ibrid.gap.data import Values
@@ -30,10 +27,11 @@ class Amplitudes:
     One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed.
     """
 
-    def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, rng: np.random.Generator) -> None:
+    def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
-        self.refitter = Refitter(self.noise, kinds, prior, rng)
+        self.refitter = Refitter(self.noise, kinds, prior, seed)
+        self._fits: dict[int, tuple[Place, NonlinearFit | None]] = {}
 
     def given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
@@ -55,16 +53,18 @@ class Amplitudes:
         return () if model.edits else places(model.diagram, self.kinds)
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
-        """A nonlinearity, its threshold and the parameters fitted to all amplitudes."""
+        """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for each."""
         if not isinstance(insertion, Place):
             return None
-        search = NonlinearSearch(insertion, model.diagram, self.kinds, self.data, self.prior)
-        fit = search.best([model.refit.values, {}])
+        if id(insertion) not in self._fits:
+            search = NonlinearSearch(insertion, model.diagram, self.kinds, self.data, self.prior)
+            self._fits[id(insertion)] = insertion, search.best([model.refit.values, {}])
+        fit = self._fits[id(insertion)][1]
         return None if fit is None else replace(model, refit=fit, edits=(insertion,))
 
-    def glance(self, model: Model, insertion: Insertion) -> float:
-        """Nothing is known without a fit."""
-        return inf
+    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+        """The fit itself: less says nothing."""
+        return self.edited(model, insertion)
 
     def read_otherwise(self, model: Model) -> Iterator[Model]:
         """Not asked of amplitudes."""

@@ -77,8 +77,8 @@ class Data(Protocol):
         """A model with an edit, fitted; quick : from these values alone."""
         ...
 
-    def glance(self, model: "Model", insertion: Insertion) -> float:
-        """About the information criterion of a model with an edit."""
+    def glanced(self, model: "Model", insertion: Insertion, *, nominal: bool = True) -> "Model | None":
+        """A model with an edit after a few steps, at most as good as `edited`; nominal : from nominal values too."""
         ...
 
     def read_otherwise(self, model: "Model") -> "Iterator[Model]":

@@ -53,11 +53,11 @@ def held_out(shop: "Workshop", model: "Model") -> HeldOut:
 
 
 def _error(shop: "Workshop", model: "Model", seen: Sweep, left: Sweep) -> float | None:
-    refitter = Refitter(replace(shop.noise, sweep=seen), shop.kinds, shop.prior, shop.rng)
+    refitter = Refitter(replace(shop.noise, sweep=seen), shop.kinds, shop.prior, shop.seed)
     refit = refitter.refit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
-    other = Refitter(replace(shop.noise, sweep=left), shop.kinds, shop.prior, shop.rng)
+    other = Refitter(replace(shop.noise, sweep=left), shop.kinds, shop.prior, shop.seed)
     residuals = other.at_values(model.diagram, refit.values).residuals
     found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
     return found if np.isfinite(found) else None

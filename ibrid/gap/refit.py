@@ -7,7 +7,6 @@ that is missed looks exactly like a missing effect, so starts are many and whoev
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, log
 
 import numpy as np
 
@@ -21,13 +20,14 @@ from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
 from ibrid.measurement.sweep import measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
 
 #: Iterations on the logarithm of the response, which leads to the right valley, and on chi2.
 FAR, NEAR = 10, 60
-#: Iterations on chi2 of a first look.
-GLANCE = 12
+#: The same of a glance, and how many starts it follows to its end.
+GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 4, 2
 #: Starts that go on to chi2.
 KEPT = 6
 
@@ -64,9 +64,10 @@ class Refit(Fitted):
 class Refitter:
     """Fits diagrams to the same data."""
 
-    def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, rng: np.random.Generator) -> None:
-        self.noise, self.sweep, self.kinds, self.prior, self.rng = noise, noise.sweep, kinds, prior, rng
+    def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
+        self.noise, self.sweep, self.kinds, self.prior, self.seed = noise, noise.sweep, kinds, prior, seed
         self._models: dict[int, tuple[Diagram, Problem]] = {}
+        self._rngs: dict[str, np.random.Generator] = {}
 
     def problem(self, diagram: Diagram) -> Problem:
         """The fitting problem of a legal diagram; the last ones are kept."""
@@ -93,7 +94,7 @@ class Refitter:
         chi2, logarithmic = Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
         x = np.array([beliefs.start(values) for values in starts])
         if draws:
-            x = np.concatenate([x, self._moved(x, beliefs, draws, spread)])
+            x = np.concatenate([x, self._moved(x, beliefs, draws, spread, self._rng(diagram))])
         near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[: len(starts)]), NEAR // 4)
         far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR)
         kept = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
@@ -105,23 +106,27 @@ class Refitter:
     def whole_fit(self, diagram: Diagram) -> Refit | None:
         """A refit from where a fit without any prior ends, which takes seconds; None where there is none."""
         wiring = wire(diagram, self.kinds)
-        starts = whole_fit(self.problem(diagram), wiring, self.rng, self.sweep.omega_0)
+        starts = whole_fit(self.problem(diagram), wiring, self._rng(diagram), self.sweep.omega_0)
         return self.refit(diagram, starts) if starts else None
 
-    def glance(self, diagram: Diagram, starts: Sequence[Values]) -> float:
-        """Cost, with ln(n) for every free number, after a few steps from the starts: an upper end of what a refit finds.
+    def glance(self, diagram: Diagram, starts: Sequence[Values]) -> Refit | None:
+        """A diagram after a few steps from the starts: an upper end of what a refit finds, at a tenth of its cost.
 
-        Infinite where no start has a response, or the diagram no matrices.
+        None where no start has a response, or the diagram no matrices.
         """
         try:
             problem = self.problem(diagram)
         except DiagramError:
-            return inf
+            return None
         beliefs = beliefs_of(problem, self.prior)
-        chi2 = Misfit(problem, "chi2", beliefs)
+        chi2, logarithmic = Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
         x = np.array([beliefs.start(values) for values in starts])
-        cost = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x), GLANCE).cost
-        return float(cost.min()) + problem.size * log(measured_numbers(problem.points))
+        near = LEVENBERG.begin(chi2, x).best(1)
+        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
+        ends = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([near.x, far.x])), GLANCE_NEAR)
+        if not np.isfinite(ends.cost).any():
+            return None
+        return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""
@@ -147,11 +152,18 @@ class Refitter:
         problem = self.problem(diagram)
         return self.at(diagram, beliefs_of(problem, self.prior).start(values))
 
-    def _moved(self, x: np.ndarray, beliefs: Beliefs, number: int, spread: float) -> np.ndarray:
-        base = x[self.rng.integers(len(x), size=number)]
+    def _rng(self, diagram: Diagram) -> np.random.Generator:
+        """Of a structure: what else was fitted before it does not matter."""
+        key = structure_hash(diagram, self.kinds)
+        return self._rngs.setdefault(key, np.random.default_rng([self.seed, int(key[:16], 16)]))
+
+    def _moved(
+        self, x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator
+    ) -> np.ndarray:
+        base = x[rng.integers(len(x), size=number)]
         coordinates = beliefs.coordinates
         width = beliefs.width(coordinates.to_x(beliefs.nominal))
-        moved = base + spread * width * self.rng.standard_normal(base.shape)
+        moved = base + spread * width * rng.standard_normal(base.shape)
         return np.clip(moved, coordinates.x_low, coordinates.x_high)
 
 

@@ -15,8 +15,10 @@ MOST_EDITS = 3
 #: First edits, apart in cost, from which every second one is tried in a hurry when no single one is enough; and those from
 #: which that is then done with care.
 AHEAD, BEAM = 12, 3
-#: Of the second edits those that a first look leaves.
-GLANCED = 4
+#: Edits that are refitted, in the order of a glance, and the distance in the information criterion up to which more are.
+REFITTED, CLOSE = 12, 30.0
+#: The same where the model fits already, and only what pays well beside it counts.
+FURTHER = 4
 #: Part of the cost by which two trials must differ, or they say the same of the data.
 APART = 1e-4
 #: Of the best trials: those from which the model before is refitted (drop-back).
@@ -37,18 +39,37 @@ class Bench:
 
 
 def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
-    """Every edit of a model, refitted; with the ways to read the data otherwise when asked. Best first."""
-    edits = bench.shop.insertions(model)
-    found: list[Model] = []
-    for number, edit in enumerate(edits):
-        bench.tell(number, len(edits), f"{edit.effect}: {edit.change} {edit.where}")
-        if (one := bench.shop.edited(model, edit)) is not None:
-            found.append(one)
+    """Every edit of a model, with the ways to read the data otherwise when asked. Best first.
+
+    A glance ranks all edits; those that come first are refitted, with whatever a glance finds about as good as the best of them.
+    The rest stay as the glance left them.
+    """
+    adequate = model.adequate(bench.scale)
+    glances = _glanced(bench, model, nominal=not adequate)
+    refitted, found, best = (FURTHER if adequate else REFITTED), [], np.inf
+    for number, glance in enumerate(glances):
+        edit = glance.edits[-1]
+        if isinstance(edit, Convention) or (number >= refitted and glance.bic(bench.scale) > best + CLOSE):
+            found.append(glance)
+            continue
+        bench.tell(number, refitted, f"{edit.effect}: {edit.change} {edit.where}")
+        trial = bench.shop.edited(model, edit) or glance
+        found.append(min(trial, glance, key=lambda one: one.refit.cost))
+        best = min(best, found[-1].bic(bench.scale))
     if conventions and model.convention == Convention():
-        bench.tell(len(edits), len(edits), "other conventions of the data")
+        bench.tell(len(glances), len(glances), "other conventions of the data")
         found += [one for one in bench.shop.read_otherwise(model) if better_everywhere(model, one)]
     bench.tests += len(found)
     return sorted(found, key=lambda one: one.bic(bench.scale))
+
+
+def _glanced(bench: Bench, model: Model, *, nominal: bool = True) -> list[Model]:
+    """A glance at every edit of a model, best first."""
+    edits, glances = bench.shop.insertions(model), []
+    for number, edit in enumerate(edits):
+        bench.tell(number, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
+        glances.append(bench.shop.glanced(model, edit, nominal=nominal))
+    return sorted((one for one in glances if one is not None), key=lambda one: one.bic(bench.scale))
 
 
 def better_everywhere(before: Model, after: Model) -> bool:
@@ -203,10 +224,9 @@ def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
     ahead: list[tuple[float, Model]] = []
     for number, first in enumerate(chosen[:AHEAD]):
         bench.tell(number, min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
-        seconds = sorted(bench.shop.insertions(first), key=lambda edit: bench.shop.glance(first, edit))
-        found = [bench.shop.edited(first, edit, quick=[first.refit.values]) for edit in seconds[:GLANCED]]
+        seconds = _glanced(bench, first)
         bench.tests += len(seconds)
-        ahead.append((min((one.bic(bench.scale) for one in found if one is not None), default=np.inf), first))
+        ahead.append((min((one.bic(bench.scale) for one in seconds), default=np.inf), first))
     return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]]
 
 

@@ -41,6 +41,8 @@ LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
 FRAME = "frame_misalignment"
 #: Frequencies that all operating points must share for a port map.
 LEAST_SHARED = 6
+#: Conventions, the best by a glance, that are refitted.
+READ_OTHERWISE = 2
 
 
 Fit = TypeVar("Fit", bound=Fitted)
@@ -79,9 +81,9 @@ class Workshop:
 
     def __init__(
         self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect],
-        rng: np.random.Generator,
+        seed: int,
     ) -> None:  # fmt: skip
-        self.noise, self.kinds, self.prior, self.catalogue, self.rng = noise, kinds, prior, tuple(catalogue), rng
+        self.noise, self.kinds, self.prior, self.catalogue, self.seed = noise, kinds, prior, tuple(catalogue), seed
         self._refitters: dict[Convention, Refitter] = {}
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
@@ -91,7 +93,7 @@ class Workshop:
             noise = self.read(convention)
             if len(self._refitters) > 8:
                 self._refitters = {key: one for key, one in self._refitters.items() if key == Convention()}
-            self._refitters[convention] = Refitter(noise, self.kinds, self.prior, self.rng)
+            self._refitters[convention] = Refitter(noise, self.kinds, self.prior, self.seed)
         return self._refitters[convention]
 
     def read(self, convention: Convention) -> Noise:
@@ -146,13 +148,20 @@ class Workshop:
         starts = _starts(insertion, quick or (model.refit.values, {}))
         return self.refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
-    def glance(self, model: Model, insertion: Insertion) -> float:
-        """About the information criterion of a model with an edit, by a few steps from its own values."""
-        return self.refitter(model.convention).glance(insertion.diagram, _starts(insertion, [model.refit.values]))
+    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+        """A model with an edit, after a few steps from its own and from nominal values; what a refit finds is no worse."""
+        starts = _starts(insertion, (model.refit.values, {}) if nominal else (model.refit.values,))
+        refit = self.refitter(model.convention).glance(insertion.diagram, starts)
+        if refit is None:
+            return None
+        return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
 
     def read_otherwise(self, model: Model) -> Iterator[Model]:
-        """A model on the data as they read in other conventions, refitted."""
-        for convention in written_otherwise(self.noise.sweep):
+        """A model on the data as they read in other conventions, refitted where a glance speaks for one."""
+        glances = (
+            (self._glanced_in(model, convention), convention) for convention in written_otherwise(self.noise.sweep)
+        )
+        for _, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
             yield from self._in(model, convention, 0)
         yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE)
         yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR)
@@ -172,6 +181,10 @@ class Workshop:
         """Errors where a model was not fitted."""
         return held_out(self, model)
 
+    def _glanced_in(self, model: Model, convention: Convention) -> float:
+        refit = self.refitter(convention).glance(model.diagram, (model.refit.values, {}))
+        return np.inf if refit is None else refit.cost
+
     def _in(self, model: Model, convention: Convention, extra: int) -> Iterator[Model]:
         other = replace(model, convention=convention, edits=(*model.edits, convention), extra=model.extra + extra)
         found = self.refitted(other, [model.refit.values, {}], draws=TRIAL_DRAWS)
@@ -188,8 +201,8 @@ class Workshop:
             return Convention(factor=float(np.exp(number))) if logarithmic else Convention(angle=number)
 
         def fitted(number: float) -> Refit | None:
-            refitter = Refitter(self.read(read(number)), self.kinds, self.prior, self.rng)
-            return refitter.refit(model.diagram, [values, {}], draws=4)
+            refitter = Refitter(self.read(read(number)), self.kinds, self.prior, self.seed)
+            return refitter.glance(model.diagram, [values, {}])
 
         def cost(number: float) -> float:
             nonlocal values

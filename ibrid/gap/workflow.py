@@ -5,8 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar, Unpack
 
-import numpy as np
-
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
@@ -105,18 +103,13 @@ class _Question:
     suggest: Sequence[Suggest]
     tell: Count
 
-    @property
-    def rng(self) -> np.random.Generator:
-        """From the seed, anew."""
-        return np.random.default_rng(self.study.seed)
-
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
-        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.rng)
+        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed)
 
     def amplitudes(self, data: AmplitudeData) -> Amplitudes:
         """All amplitudes."""
-        return Amplitudes(data, self.study.kinds, self.prior, self.rng)
+        return Amplitudes(data, self.study.kinds, self.prior, self.study.seed)
 
 
 def _answered(ask: _Question) -> Gap:

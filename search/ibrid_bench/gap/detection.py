@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
-import numpy as np
 from ibrid_bench.hidden.case import F0_HZ, Case
 from ibrid_bench.hidden.declaration import HiddenEffect
 from ibrid_bench.hidden.effects import HIDDEN
@@ -48,7 +47,7 @@ class Visibility:
         return self.gain >= LIMIT or (self.change == "remove" and self.pull >= REMOVAL_LIMIT)
 
 
-def visibilities(case: Case, clean: Case, rng: np.random.Generator) -> tuple[Visibility, ...]:
+def visibilities(case: Case, clean: Case, seed: int) -> tuple[Visibility, ...]:
     """One for each hidden effect: the model is given all the others. () where nothing is hidden that has a name.
 
     clean : the same case without noise.
@@ -64,7 +63,7 @@ def visibilities(case: Case, clean: Case, rng: np.random.Generator) -> tuple[Vis
     for told in hidden:
         others = [one for one in named if one.key != _key(told)]
         model = _model_with(case, others)
-        found.append(_visibility(model, told["change"], exact, case, true_names, rng))
+        found.append(_visibility(model, told["change"], exact, case, true_names, seed))
     return tuple(found)
 
 
@@ -92,13 +91,13 @@ def _with_sigma_of(noisy: Sweep, clean: Sweep) -> Sweep:
 
 
 def _visibility(
-    model: BlockDiagram, change: str, exact: Sweep, case: Case, true_names: set[str], rng: np.random.Generator
+    model: BlockDiagram, change: str, exact: Sweep, case: Case, true_names: set[str], seed: int
 ) -> Visibility:
     diagram = parse_program(model.text)
     wiring = wire(diagram, VOCABULARY)
     believed = {name: value for name, value in case.values.items() if name in model.values}
     prior = prior_of(believed, wiring, parameter_table(wiring, "exact"))
-    refitter = Refitter(Noise(exact, True, "the noise of the measurement"), VOCABULARY, prior, rng)
+    refitter = Refitter(Noise(exact, True, "the noise of the measurement"), VOCABULARY, prior, seed)
     best = None
     starts = [dict(model.values), believed]
     for spread in SPREADS:

@@ -4,7 +4,6 @@ import shutil
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 from ibrid_bench.gap.detection import visibilities
 from ibrid_bench.gap.diagnosis import Diagnose, diagnose
 from ibrid_bench.gap.scoring import Row, score
@@ -27,7 +26,7 @@ def examine(trial: Trial, out: Path, *, answer: Diagnose = diagnose, keep: bool 
     write_case(trial.case(), folder, truth)
     diagnosis = answer(folder)
     measured = trial.stated_case()
-    seen = visibilities(measured, trial.clean_case(), np.random.default_rng(trial.seed))
+    seen = visibilities(measured, trial.clean_case(), trial.seed)
     if not keep:
         for place in (folder, truth):
             shutil.rmtree(place, ignore_errors=True)
