@@ -66,7 +66,7 @@ class Amplitudes:
         """The fit itself: less says nothing."""
         return self.edited(model, insertion)
 
-    def read_otherwise(self, model: Model) -> Iterator[Model]:
+    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """Not asked of amplitudes."""
         return iter(())
 
@@ -76,7 +76,7 @@ class Amplitudes:
         fit = model.refit
         return isinstance(fit, NonlinearFit) and fit.p_value() > ADEQUATE and fit.seen
 
-    def ports(self, given: Model, steps: list[str]) -> tuple[PortFit, ...]:
+    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """() : no transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either."""
         return ()
 

@@ -81,16 +81,19 @@ class Data(Protocol):
         """A model with an edit after a few steps, at most as good as `edited`; nominal : from nominal values too."""
         ...
 
-    def read_otherwise(self, model: "Model") -> "Iterator[Model]":
-        """A model on the data as they read in other conventions, fitted."""
+    def read_otherwise(self, model: "Model", enough: float) -> "Iterator[Model]":
+        """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches."""
         ...
 
     def stable(self, model: "Model") -> bool:
         """True for a model that a device may be."""
         ...
 
-    def ports(self, given: "Model", steps: list[str]) -> "tuple[PortFit, ...]":
-        """Where one unknown transfer would explain what is left; () and perhaps a step that says why not."""
+    def ports(self, given: "Model", steps: list[str], repaired: "Model | None" = None) -> "tuple[PortFit, ...]":
+        """Where one unknown transfer would explain what is left; () and perhaps a step that says why not.
+
+        repaired : a model that explains all: a look from its values is enough.
+        """
         ...
 
     def held_out(self, model: "Model") -> "HeldOut | None":

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibrid.gap.refit import Refitter
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.thinning import can_be_thinned, thinned
 
@@ -53,12 +52,11 @@ def held_out(shop: "Workshop", model: "Model") -> HeldOut:
 
 
 def _error(shop: "Workshop", model: "Model", seen: Sweep, left: Sweep) -> float | None:
-    refitter = Refitter(replace(shop.noise, sweep=seen), shop.kinds, shop.prior, shop.seed)
+    refitter = shop.refitter(model.convention).of(replace(shop.noise, sweep=seen))
     refit = refitter.refit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
-    other = Refitter(replace(shop.noise, sweep=left), shop.kinds, shop.prior, shop.seed)
-    residuals = other.at_values(model.diagram, refit.values).residuals
+    residuals = refitter.of(replace(shop.noise, sweep=left)).at_values(model.diagram, refit.values).residuals
     found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
     return found if np.isfinite(found) else None
 

@@ -105,13 +105,13 @@ class OpenPortFit:
         return np.array([fit.gradient for fit in fits]), np.array([f.information + np.diag(f.believed) for f in fits])
 
 
-def fit_port(model: OpenPort, target: Target, starts: Sequence[np.ndarray]) -> Fit | None:
+def fit_port(model: OpenPort, target: Target, starts: Sequence[np.ndarray], steps: int = MOST_STEPS) -> Fit | None:
     """The best local optimum inside the boxes that starts x (P,) lead to; None where none has a response."""
     squares = OpenPortFit(model, target)
-    best = DESCENT.go(squares, DESCENT.begin(squares, np.array(starts)), FIRST_STEPS).best(1)
+    best = DESCENT.go(squares, DESCENT.begin(squares, np.array(starts)), min(steps, FIRST_STEPS)).best(1)
     if not np.isfinite(best.cost[0]):
         return None
-    return DESCENT.go(squares, DESCENT.start(best.points), MOST_STEPS - FIRST_STEPS).points.carried[0][0]
+    return DESCENT.go(squares, DESCENT.start(best.points), max(steps - FIRST_STEPS, 0)).points.carried[0][0]
 
 
 @np.errstate(all="ignore")

@@ -16,7 +16,7 @@ from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.open_port import OpenPort
-from ibrid.gap.port_fit import Fit, Target, fit_port
+from ibrid.gap.port_fit import MOST_STEPS, Fit, Target, fit_port
 from ibrid.gap.ports import Port, ports
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.sweep import Sweep
@@ -25,6 +25,8 @@ from ibrid.structure.diagram import Diagram
 
 #: Further starts of every port where none is adequate, and how far they spread without a prior.
 FURTHER, SPREAD = 4, 0.3
+#: Steps of a look from values that explain all where the transfer is at its place.
+LOOK = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,7 @@ def port_map(
     *,
     scale: float = 1.0,
     only: Sequence[str] | None = None,
+    look: bool = False,
 ) -> tuple[PortFit, ...]:
     """One fit for every port of a legal diagram, the least chi2 per degree of freedom first.
 
@@ -65,13 +68,16 @@ def port_map(
     ----------
     sweep : every point with `sigma`, all on one frequency grid. prior : what is believed of free parameters.
     starts : parameter values, each of which is tried; a name that one lacks gets the nominal, else a typical value.
-    scale : factor on sigma. only : names of ports; None: all of them.
+    scale : factor on sigma. only : names of ports; None: all of them. look : a few steps from the starts alone.
 
     A port at which the model has no response at any start is left out.
     Raises IbridError where sigma is missing, grids differ, or a name is unknown.
     """
     _check(sweep)
     searches = [_Search(port, kinds, sweep, prior, scale) for port in _chosen(diagram, kinds, only)]
+    if look:
+        looks = [one.best([one.target.beliefs.start(start) for start in starts], LOOK) for one in searches]
+        return tuple(sorted((one for one in looks if one is not None), key=_badness))
     fits = [one.best(one.given(starts)) for one in searches]
     if not any(fit is not None and fit.adequate for fit in fits):
         again = [one.best(one.drawn(np.random.default_rng(0))) for one in searches]
@@ -133,8 +139,8 @@ class _Search:
         width = self.target.beliefs.width(middle, SPREAD)
         return [self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))]
 
-    def best(self, starts: Sequence[np.ndarray]) -> PortFit | None:
-        fit = fit_port(self.model, self.target, starts)
+    def best(self, starts: Sequence[np.ndarray], steps: int = MOST_STEPS) -> PortFit | None:
+        fit = fit_port(self.model, self.target, starts, steps)
         return None if fit is None else self._described(fit)
 
     def _require(self, named: Mapping[str, object], what: str) -> None:

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrid.assembly.symbolic import symbolic_model
+from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.problem import Misfit, Problem
@@ -49,6 +49,15 @@ class Refit(Fitted):
         rows = zip(self.problem.numbers, sigmas, beliefs.known, strict=True)
         return {one.name: float(away) for one, away, known in rows if known}
 
+    @property
+    def growth(self) -> list[float] | None:
+        """Largest real part of a pole (1/s) at each operating point; None with delays, whose Pade forms are another system's."""
+        problem = self.problem
+        if (problem.model.delay_parameter != -1).any():
+            return None
+        matrices = [problem.state_matrices(self.x[None], point)[0] for point in range(len(problem.points))]
+        return [float(np.linalg.eigvals(one).real.max(initial=-np.inf)) for one in matrices]
+
     @cached_property
     def responses(self) -> list[np.ndarray]:
         """Admittances at the measured frequencies, one array (K, 2, 2) for each operating point."""
@@ -66,19 +75,26 @@ class Refitter:
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.noise, self.sweep, self.kinds, self.prior, self.seed = noise, noise.sweep, kinds, prior, seed
-        self._models: dict[int, tuple[Diagram, Problem]] = {}
+        self._symbolic: dict[int, tuple[Diagram, SymbolicModel]] = {}
+        self._problems: dict[int, tuple[Diagram, Problem]] = {}
         self._rngs: dict[str, np.random.Generator] = {}
 
+    def of(self, noise: Noise) -> "Refitter":
+        """The same for other data with that power node and frequency; models are derived once."""
+        other = Refitter(noise, self.kinds, self.prior, self.seed)
+        other._symbolic = self._symbolic
+        return other
+
     def problem(self, diagram: Diagram) -> Problem:
-        """The fitting problem of a legal diagram; the last ones are kept."""
-        key = id(diagram)
-        if key not in self._models:
-            sweep = self.sweep
-            model = symbolic_model(
-                wire(diagram, self.kinds), equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
-            )
-            self._models[key] = (diagram, Problem(model, sweep.points))
-        return self._models[key][1]
+        """The fitting problem of a legal diagram; DiagramError where that has no matrices."""
+        key, sweep = id(diagram), self.sweep
+        if key not in self._symbolic:
+            wiring = wire(diagram, self.kinds)
+            model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
+            self._symbolic[key] = diagram, model
+        if key not in self._problems:
+            self._problems[key] = diagram, Problem(self._symbolic[key][1], sweep.points)
+        return self._problems[key][1]
 
     def refit(self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Refit | None:
         """The best of many descents; None when no start has a response, or the diagram no matrices.

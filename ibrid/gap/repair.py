@@ -58,7 +58,8 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         best = min(best, found[-1].bic(bench.scale))
     if conventions and model.convention == Convention():
         bench.tell(len(glances), len(glances), "other conventions of the data")
-        found += [one for one in bench.shop.read_otherwise(model) if better_everywhere(model, one)]
+        enough = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
+        found += [one for one in bench.shop.read_otherwise(model, enough) if better_everywhere(model, one)]
     bench.tests += len(found)
     return sorted(found, key=lambda one: one.bic(bench.scale))
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
+from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.recording import record_at
 from ibrid.gap.convention import Convention, written_otherwise
 from ibrid.gap.data import Fitted, Values
@@ -43,6 +44,9 @@ FRAME = "frame_misalignment"
 LEAST_SHARED = 6
 #: Conventions, the best by a glance, that are refitted.
 READ_OTHERWISE = 2
+#: Steps in which a number of a convention is sought, and the factor on a cost that something else reaches beyond which the
+#: first ones end it.
+COARSE, FINE, HOPELESS = 7, 25, 20.0
 
 
 Fit = TypeVar("Fit", bound=Fitted)
@@ -79,21 +83,20 @@ class Model(Generic[Fit]):
 class Workshop:
     """A small-signal sweep as a kind of `Data`, read in any convention."""
 
-    def __init__(
-        self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect],
-        seed: int,
-    ) -> None:  # fmt: skip
-        self.noise, self.kinds, self.prior, self.catalogue, self.seed = noise, kinds, prior, tuple(catalogue), seed
+    def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect], seed: int) -> None:
+        self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
+        self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""
+        if convention == Convention():
+            return self._plain
         if convention not in self._refitters:
-            noise = self.read(convention)
             if len(self._refitters) > 8:
-                self._refitters = {key: one for key, one in self._refitters.items() if key == Convention()}
-            self._refitters[convention] = Refitter(noise, self.kinds, self.prior, self.seed)
+                self._refitters.clear()
+            self._refitters[convention] = self._plain.of(self.read(convention))
         return self._refitters[convention]
 
     def read(self, convention: Convention) -> Noise:
@@ -126,10 +129,15 @@ class Workshop:
     def stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""
         if model not in self._steady:
-            sweep = self.refitter(model.convention).sweep
-            record = record_at(model.diagram, sweep, model.refit.values, vocabulary=self.kinds)
-            self._steady[model] = bool(record.stable) and all(record.stable.values())
+            self._steady[model] = self._found_stable(model)
         return self._steady[model]
+
+    def _found_stable(self, model: Model) -> bool:
+        refit, sweep = model.refit, self.refitter(model.convention).sweep
+        if isinstance(refit, Refit) and (rates := refit.growth) is not None:
+            return max(rates) < STABLE_BELOW
+        record = record_at(model.diagram, sweep, refit.values, vocabulary=self.kinds)
+        return bool(record.stable) and all(record.stable.values())
 
     def known_stable(self, model: Model) -> bool | None:
         """`stable`, where that was asked before; else None."""
@@ -156,17 +164,19 @@ class Workshop:
             return None
         return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
 
-    def read_otherwise(self, model: Model) -> Iterator[Model]:
-        """A model on the data as they read in other conventions, refitted where a glance speaks for one."""
-        glances = (
-            (self._glanced_in(model, convention), convention) for convention in written_otherwise(self.noise.sweep)
-        )
-        for _, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
-            yield from self._in(model, convention, 0)
-        yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE)
-        yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR)
+    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
+        """A model on the data as they read in other conventions, refitted where a glance speaks for one.
 
-    def ports(self, given: Model, steps: list[str]) -> tuple[PortFit, ...]:
+        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left.
+        """
+        glances = [(self._glanced_in(model, one), one) for one in written_otherwise(self.noise.sweep)]
+        for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
+            if cost <= HOPELESS * enough:
+                yield from self._in(model, convention, 0)
+        yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE, enough)
+        yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR, enough)
+
+    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """The port map at the frequencies that all operating points share; empty where there are too few."""
         sweep = self.noise.sweep
         shared = reduce(np.intersect1d, [point.frequency for point in sweep.points])
@@ -174,8 +184,13 @@ class Workshop:
             steps.append(f"no port map: the operating points share {len(shared)} frequencies, it needs {LEAST_SHARED}")
             return ()
         points = tuple(point.at(np.isin(point.frequency, shared)) for point in sweep.points)
-        starts = [given.refit.values, {}]
-        return port_map(given.diagram, self.kinds, replace(sweep, points=points), self.prior, starts)
+        free = set(given.refit.values)
+        if repaired is None:
+            starts: list[Values] = [given.refit.values, {}]
+        else:
+            starts = [{name: value for name, value in repaired.refit.values.items() if name in free}]
+        shared_sweep = replace(sweep, points=points)
+        return port_map(given.diagram, self.kinds, shared_sweep, self._plain.prior, starts, look=repaired is not None)
 
     def held_out(self, model: Model) -> HeldOut:
         """Errors where a model was not fitted."""
@@ -191,8 +206,8 @@ class Workshop:
         if found is not None:
             yield found
 
-    def _with_number(self, model: Model, name: str, grid: np.ndarray, largest: float) -> Iterator[Model]:
-        """The best number of a convention: the best of a grid, then refined by Brent's method."""
+    def _with_number(self, model: Model, name: str, grid: np.ndarray, largest: float, enough: float) -> Iterator[Model]:
+        """The best number of a convention: the best of a grid, then refined by Brent's method, coarsely at first."""
         if model.convention != Convention():
             return
         logarithmic = name == "factor"
@@ -201,8 +216,7 @@ class Workshop:
             return Convention(factor=float(np.exp(number))) if logarithmic else Convention(angle=number)
 
         def fitted(number: float) -> Refit | None:
-            refitter = Refitter(self.read(read(number)), self.kinds, self.prior, self.seed)
-            return refitter.glance(model.diagram, [values, {}])
+            return self._plain.of(self.read(read(number))).glance(model.diagram, [values, {}])
 
         def cost(number: float) -> float:
             nonlocal values
@@ -223,7 +237,10 @@ class Workshop:
         step = numbers[1] - numbers[0]
         bound = np.log(largest) if logarithmic else largest
         low, high = max(numbers[place] - step, -bound), min(numbers[place] + step, bound)
-        number = np.asarray(fminbound(cost, low, high, xtol=1e-7, maxfun=25, disp=0)).item()
+        for steps in COARSE, FINE:
+            number = np.asarray(fminbound(cost, low, high, xtol=1e-7, maxfun=steps, disp=0)).item()
+            if best[0] > HOPELESS * enough:
+                return
         yield from self._in(model, read(number), 1)
 
 

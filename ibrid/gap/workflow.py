@@ -15,12 +15,13 @@ from ibrid.gap.data import Data, Values
 from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
+from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
-from ibrid.gap.verdict import Findings, scale_of
+from ibrid.gap.verdict import Findings, fits, scale_of
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.linearity import Linearity, linearity, small_signal
 from ibrid.measurement.sweep import Sweep
@@ -204,9 +205,10 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     bench = Bench(data, ask.tell, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
     given, trials = first_trials(bench, given)
-    ask.tell(0, 1, "the port map")
-    ports = () if given.adequate() else data.ports(given, bench.steps)
-    bench.scale = scale_of(noise, [given, *trials], ports)
+    bench.scale, ports = scale_of(noise, [given, *trials], ()), ()
+    if not (noise.known or any(fits(one, noise, bench.scale) for one in [given, *trials])):
+        ports = _ports(ask, data, bench, given)  # a single place may tell how large the noise is
+        bench.scale = scale_of(noise, [given, *trials], ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
     best, rivals = repair(bench, given, trials)
     before, after = (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
@@ -215,6 +217,8 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
             "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
         )
         best, after, rivals = given, None, []
+    if not ports:
+        ports = _ports(ask, data, bench, given, best if fits(best, noise, bench.scale) else None)
     bench.scale = scale_of(noise, [given, best, *trials], ports)
     return Findings(
         noise,
@@ -229,3 +233,13 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
         before,
         after,
     )
+
+
+def _ports(
+    ask: _Question, data: Data, bench: Bench, given: Model, repaired: Model | None = None
+) -> tuple[PortFit, ...]:
+    """The port map of a model that is not adequate."""
+    if given.adequate():
+        return ()
+    ask.tell(0, 1, "the port map")
+    return data.ports(given, bench.steps, repaired)
