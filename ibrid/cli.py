@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
-from ibrid.commands import diagrams, fitting, gap, policy, predicting, results, searching, sweeps, vocabulary
+from ibrid.commands import diagrams, fitting, gap, importing, policy, predicting, results, searching, sweeps, vocabulary
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
 
@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
-    for family in (vocabulary, diagrams, sweeps, fitting, gap, searching, policy, predicting, results):
+    for family in (vocabulary, diagrams, importing, sweeps, fitting, gap, searching, policy, predicting, results):
         family.declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole

@@ -76,14 +76,17 @@ def _matches(names: list[str], quantity: Quantity, frame: str) -> int:
 
 def _separator_hint(text: str) -> str:
     if ";" in text:
-        return "replace the semicolons."
-    return "replace the tabs." if "\t" in text else "is this a sweep file?"
+        return "replace the semicolons, or let ibrid import read it."
+    return "replace the tabs, or let ibrid import read it." if "\t" in text else "is this a sweep file?"
 
 
 def _instead(missing: list[str], wrong: list[str]) -> str:
     """What stands in the place of a missing column, if something does."""
     if len(missing) >= 8:
-        return "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., Ypp_re .., Zpp_re ..)."
+        return (
+            "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., Ypp_re .., Zpp_re ..); "
+            "ibrid import reads other tables."
+        )
     if wrong:
         return f"found {', '.join(repr(name[:40]) for name in wrong[:4])}, rename the one that holds it."
     return f"add it{'' if len(missing) == 1 else ' (and ' + ', '.join(missing[1:]) + ')'}."

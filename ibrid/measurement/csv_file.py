@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.conversions import to_ours
-from ibrid.measurement.csv_columns import ENTRIES, Columns, columns_of
+from ibrid.measurement.conversions import Quantity, to_ours
+from ibrid.measurement.csv_columns import ENTRIES, columns_of
 from ibrid.measurement.csv_table import Table, fields_of, read_table
 from ibrid.measurement.files import read_lines, write_atomically
 from ibrid.measurement.header import Header, header_of, header_values, known_keys, read_keys
@@ -53,13 +53,18 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
     if not numbers:
         raise SweepError(f"{path} must hold rows of numbers; found only the column names in line {head}.")
     table = read_table(numbers, [lines[number - 1] for number in numbers], columns, path)
+    return sweep_of_table(table, header, columns.quantity, path)
+
+
+def sweep_of_table(table: Table, header: Header, quantity: Quantity, path: Path) -> Sweep:
+    """The sweep that rows make, in our convention. path : for errors, and the sweep's source."""
     return Sweep(
-        points=tuple(_point_at_amplitudes(group, header, columns, path) for group in _by_operating_point(table, path)),
+        points=tuple(_point_at_amplitudes(group, header, quantity, path) for group in _by_operating_point(table, path)),
         f0_hz=header.f0_hz,
         power_node=header.power_node,
         s_base_va=header.s_base_va,
         v_base_v=header.v_base_v,
-        notes=notes,
+        notes=header.notes,
         source=str(path),
         sampling_hz=header.sampling_hz,
     )
@@ -80,8 +85,8 @@ def _by_operating_point(table: Table, path: Path) -> list[Table]:
     return groups
 
 
-def _point_at_amplitudes(rows: Table, header: Header, columns: Columns, path: Path) -> PointSweep:
-    smallest, *larger = (_point(level, header, columns, path) for level in _by_amplitude(rows, path))
+def _point_at_amplitudes(rows: Table, header: Header, quantity: Quantity, path: Path) -> PointSweep:
+    smallest, *larger = (_point(level, header, quantity, path) for level in _by_amplitude(rows, path))
     return replace(smallest, larger=tuple(larger))
 
 
@@ -111,7 +116,7 @@ def _by_amplitude(rows: Table, path: Path) -> list[Table]:
     return [rows.at(level == rank) for rank in range(level.max() + 1)]
 
 
-def _point(rows: Table, header: Header, columns: Columns, path: Path) -> PointSweep:
+def _point(rows: Table, header: Header, quantity: Quantity, path: Path) -> PointSweep:
     runs = [_sorted_run(run, path) for run in rows.grouped(rows.repeat)]
     frequency = runs[0].frequency
     for run in runs[1:]:
@@ -120,7 +125,7 @@ def _point(rows: Table, header: Header, columns: Columns, path: Path) -> PointSw
                 f"{path} line {run.line[0]}: repeat {run.repeat[0]:.0f} of operating point {rows.op[0]} must have "
                 f"the same frequencies as repeat {runs[0].repeat[0]:.0f}; complete it or leave it out."
             )
-    converted = [_convert(run, header, columns, path) for run in runs]
+    converted = [_convert(run, header, quantity, path) for run in runs]
     repeats = np.array([matrix for matrix, _ in converted])
     single = [sigma for _, sigma in converted if sigma is not None]
     if single:
@@ -155,7 +160,7 @@ def _sorted_run(run: Table, path: Path) -> Table:
     return run
 
 
-def _convert(run: Table, header: Header, columns: Columns, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def _convert(run: Table, header: Header, quantity: Quantity, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     sigma = None
     without = run.line[np.isnan(run.sigma).any(axis=1)] if run.sigma.size else run.line
     if not len(without):
@@ -164,7 +169,7 @@ def _convert(run: Table, header: Header, columns: Columns, path: Path) -> tuple[
         raise SweepError(
             f"{path} line {without[0]}: sigma must be there in all rows of operating point {run.op[0]} or in none."
         )
-    return to_ours(run.matrix, sigma, header, columns.quantity, lambda k: f"{path} line {run.line[k]}")
+    return to_ours(run.matrix, sigma, header, quantity, lambda k: f"{path} line {run.line[k]}")
 
 
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:

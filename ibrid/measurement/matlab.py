@@ -60,7 +60,9 @@ def _variables(path: Path) -> dict[str, np.ndarray]:
     if not content:
         raise SweepError(f"{path} must hold a sweep; found an empty file.")
     if content[:8] == b"\x89HDF\r\n\x1a\n" or content[512:520] == b"\x89HDF\r\n\x1a\n":
-        raise SweepError(f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), save it with -v7.")
+        raise SweepError(
+            f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), read it with ibrid import, or save it with -v7."
+        )
     if content[126:128] not in (b"IM", b"MI") and (len(content) < 20 or 0 not in content[:4]):  # of version 5, or of 4
         raise SweepError(f"{path} must be a MAT file; its header is none of MATLAB's, save it with -v7.")
     return guarded(mat_variables, content, f"{path} must be a MAT file")

@@ -37,7 +37,9 @@ def read_sweep(path: str | Path, **keys: object) -> Sweep:
     if suffix == ".json":
         return read_state_space_file(path, **keys)
     if suffix in _BINARY and path.is_file():
-        raise SweepError(f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV.")
+        raise SweepError(
+            f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid import read it."
+        )
     first = _first_line(path)
     if first.startswith("f") and first.split()[:1] == ["f"]:
         return read_ztool(path, **keys)

@@ -1,0 +1,80 @@
+"""`ibrid import FILE...`: anybody's table as a sweep file; what was read as what is shown."""
+
+from argparse import Namespace
+from typing import Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import complain, require_distinct
+from ibrid.writing import require_place
+
+#: Options that say what a table does not, and their help.
+_SAID = {
+    "unit": ("UNIT", "of the matrices: pu, S, ohm (mS, kohm, ..), or pu:100MVA,33kV for per unit on another base"),
+    "base": ("VA,V", "the inverter's: apparent power and line-to-line voltage, such as 10kVA,400V"),
+    "current": ("out|in", "which way the current of the matrices counts, seen from the inverter"),
+    "q_axis": ("leads|lags", "on which side of d the q axis lies"),
+    "power_node": ("pcc|capacitor", "where p and q were measured (pcc)"),
+    "f0_hz": ("HZ", "nominal frequency"),
+    "quantity": ("Y|Z", "admittances or impedances, where the names of the columns do not say it"),
+    "sequence_frequency": ("dq|network", "of sequence matrices: at the dq frequency f, or at f + f0"),
+    "sampling_hz": ("HZ", "sampling rate of the controller"),
+    "op": ("NAME", "name of the operating point"),
+    "p": ("P", "active power that the inverter delivers, per unit; q and v likewise"),
+    "q": ("Q", ""),
+    "v": ("V", ""),
+}
+_NUMBERS = ("f0_hz", "sampling_hz", "p", "q", "v")
+
+
+def declare(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser("import", help="anybody's table of measured matrices to a sweep file")
+    parser.add_argument(
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="text with any separator, xlsx, Parquet, .mat, HDF5; several are joined",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="ROLE=COLUMN,..",
+        help="where names do not say it: freq=f,Ydd=ReYdd+jImYdd,Ydq=Mag@Phase,p=P[kW],q=0,op=Case; #3 is the third column",
+    )
+    for name, (metavar, words) in _SAID.items():
+        kind = inputs.finite if name in _NUMBERS else str
+        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=metavar, help=words)
+    parser.add_argument("--out", required=True, metavar="SWEEP.csv", help="the sweep file to write")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: Namespace) -> int:
+    """Show what each column was read as, then write the sweep or say what must be told first."""
+    from pathlib import Path
+
+    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.measurement.importing import import_files
+
+    require_place(arguments.out)
+    require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
+    said = {name: getattr(arguments, name) for name in _SAID}
+    imported = import_files(arguments.files, arguments.map, **said)
+    print(format_import(imported.readings), end="")
+    for remark in imported.remarks:
+        complain(f"mind: {remark}")
+    sweep = imported.answered()
+    write_sweep(sweep, arguments.out)
+    frequency = [len(point.frequency) for point in sweep.points]
+    grid = f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
+    print(f"{Path(arguments.out)}: {grid} frequencies at {'; '.join(sweep.names)}")
+    print(f"next: ibrid start {arguments.out} --out {Path(arguments.out).stem}_start")
+    return 0
+
+
+def format_import(readings: tuple[tuple[str, str, str], ...]) -> str:
+    """A line for each number: what it is, from which columns, in which unit."""
+    widths = [max((len(row[k]) for row in readings), default=0) for k in range(2)]
+    return "".join(
+        f"{what.ljust(widths[0])}  {source.ljust(widths[1])}  {unit}".rstrip() + "\n" for what, source, unit in readings
+    )

@@ -1,0 +1,174 @@
+"""What the name of a column says: which number stands there, which entry and which part of it, and in what unit.
+
+Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `Z_dq_mag (dB)`, `Zdut_dq_11_re`, `f [kHz]`.
+"""
+
+import re
+from dataclasses import dataclass
+
+#: Unit in small letters -> what it measures and its size in the plain unit of that. Prefixes m and M are told apart below.
+UNITS = {
+    **dict.fromkeys(("hz", "1/s", "s^-1"), ("frequency", 1.0)),
+    "khz": ("frequency", 1e3),
+    **dict.fromkeys(("rad/s", "rads", "rad_s", "rad/sec", "rads-1", "1/rad"), ("angular frequency", 1.0)),
+    "krad/s": ("angular frequency", 1e3),
+    **dict.fromkeys(("s", "siemens", "a/v", "ka/kv", "mho", "1/ohm", "1/ohms", "1/Ω"), ("admittance", 1.0)),
+    "ks": ("admittance", 1e3),
+    **dict.fromkeys(("us", "µs", "μs"), ("admittance", 1e-6)),
+    **dict.fromkeys(("ohm", "ohms", "Ω", "ω", "v/a", "kv/ka"), ("impedance", 1.0)),
+    **dict.fromkeys(("kohm", "kΩ", "kω"), ("impedance", 1e3)),
+    **dict.fromkeys(("pu", "p.u.", "p.u", "per unit", "per-unit", "perunit"), ("per unit", 1.0)),
+    "%": ("per unit", 0.01),
+    **dict.fromkeys(("w", "va", "var", "vars"), ("power", 1.0)),
+    **dict.fromkeys(("kw", "kva", "kvar"), ("power", 1e3)),
+    **dict.fromkeys(("v", "vrms", "vll", "v_ll"), ("voltage", 1.0)),
+    **dict.fromkeys(("kv", "kvll"), ("voltage", 1e3)),
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), ("angle", 1.0)),
+    **dict.fromkeys(("rad", "radian", "radians"), ("angle in radians", 1.0)),
+    **dict.fromkeys(("db", "dbs", "dbohm", "dbΩ"), ("decibel", 1.0)),
+}
+_PREFIXED = {"m": 1e-3, "M": 1e6, "G": 1e9}
+_PARTS = {
+    "re": "real|re|realpart|realteil",
+    "im": "imaginary|imag|im|imagpart|imaginarypart|imagteil",
+    "mag": "magnitude|mag|abs|amplitude|amp|modulus|betrag|db|lin|gain",
+    "phase": "phase|ph|angle|ang|argument|arg|phi|deg|winkel|rad",
+}
+_PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
+_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp)[a-z]{0,9}?"
+_ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
+_ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
+_BEFORE = rf"(?:{_PART.format('a')})?(?:of)?(?:{_QUANTITY})??"
+_BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART.format('b')})?"
+_MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
+_SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
+_ROLES = {
+    "freq": r"f|fr|fdq|finj|fscan|fp|hz|freq|freqs|frequenz|frequency|(dq|injection|scan|perturbation|test)(freq|frequency)",
+    "omega": r"w|omega|ω|radpersec|angularfrequency|circularfrequency|puls(e|ation)",
+    "op": r"op|case|name|point|operatingpoint|opoint|workingpoint|scenario|label|testcase|setpoint|arbeitspunkt",
+    "p": r"p|p0|pac|pref|pg|pout|ppcc|pel|pmeas|activepower|realpower|wirkleistung",
+    "q": r"q|q0|qac|qref|qg|qout|qpcc|qmeas|reactivepower|blindleistung",
+    "v": r"v|v0|u|u0|vac|uac|vpcc|upcc|vt|vterm|vg|ug|voltage|terminalvoltage|spannung",
+    "repeat": r"repeat|run|rep|trial|shot|repetition|measurement(no|number)",
+    "amplitude": r"amplitude|vinj|ainj|injection(amplitude)?|perturbation(amplitude)?|excitation",
+    "entry": r"entry|element|component|channel|elem",
+    "re": f"(value|y|z)?({_PARTS['re']})",
+    "im": f"(value|y|z)?({_PARTS['im']})",
+    "mag": "(value|y|z)?(magnitude|mag|abs|modulus|gain|db)",
+    "phase": f"(value|y|z)?({_PARTS['phase']})",
+}
+_DIMENSIONS = {
+    "freq": ("frequency",),
+    "omega": ("angular frequency",),
+    "p": ("power", "per unit"),
+    "q": ("power", "per unit"),
+    "v": ("voltage", "per unit"),
+}
+_NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
+_SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column holds. `role` : "freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude", "entry" (names of
+    entries), "matrix", "positive" (sequence alone), "re" .. "phase" (of the entry that the row or the file names), or "" for
+    what is not understood. `letter` : Y, Z or "". `entry` : dd .. qq, pp .. nn. `part` : re, im, mag, phase or "" for a
+    complex number. `unit` : a word of the name; `dimension`, `factor` : what it measures, and its size."""
+
+    role: str = ""
+    letter: str = ""
+    entry: str = ""
+    part: str = ""
+    unit: str = ""
+    dimension: str = ""
+    factor: float = 1.0
+
+
+def meaning_of(name: str) -> Meaning:
+    """Read the name of a column; `Meaning()` where it says nothing known."""
+    bare, unit = without_unit(name)
+    dimension, factor = unit_of(unit) or ("", 1.0)
+    measured = {"unit": unit, "dimension": dimension, "factor": factor}
+    compact = _compact(bare)
+    for role, pattern in _ROLES.items():
+        if re.fullmatch(pattern, compact) and role in _DIMENSIONS:
+            if role == "freq" and dimension == "angular frequency":
+                role = "omega"
+            if not dimension or dimension in _DIMENSIONS[role]:
+                return Meaning(role, **measured)
+    sigma = _SIGMA.fullmatch(compact)
+    if sigma:
+        return Meaning("sigma", entry=_entry(sigma["entry"] or "", compact), **measured)
+    matched = _MATRIX.fullmatch(compact)
+    if matched is None:
+        for role, pattern in _ROLES.items():
+            if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
+                return Meaning(role, letter=_letter("", dimension), **measured)
+        matched = _POSITIVE.fullmatch(compact)
+        if matched is None or not (matched["letter"] or matched["word"] or matched["entry"].startswith("pos")):
+            return Meaning(**measured)
+    groups = matched.groupdict()
+    part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
+    letter = (groups["letter"] or (groups["word"] or "")[:1].replace("a", "y").replace("i", "z")).upper()
+    if letter in ("R", "X", "G", "B"):
+        part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
+    if not part:
+        part = "mag" if "|" in name else "phase" if re.search("[∠<]", name) else ""
+    if not part and dimension in ("decibel", "angle", "angle in radians"):
+        part = "mag" if dimension == "decibel" else "phase"
+    if not part and re.search("db|deg", compact):
+        part = "mag" if "db" in compact else "phase"
+    role = "matrix" if matched.re is _MATRIX else "positive"
+    entry = _entry(groups["entry"], compact) if role == "matrix" else "pp"
+    if "db" in compact and not dimension:
+        measured |= {"unit": "dB", "dimension": "decibel"}
+    if part == "phase" and not dimension and re.search("deg|rad", compact):
+        measured |= {"unit": "deg", "dimension": "angle"} if "deg" in compact else {"dimension": "angle in radians"}
+    return Meaning(role, _letter(letter, dimension), entry, part, **measured)
+
+
+def without_unit(name: str) -> tuple[str, str]:
+    """A name and the unit in it: behind it in brackets, after a slash, " in " or an underscore; "" where there is none."""
+    for bracket in re.finditer(r"\[([^\[\]]+)\]|\(([^()]+)\)|\{([^{}]+)\}", name):
+        inner = next(text for text in bracket.groups() if text).strip()
+        for word in (inner, *re.split(r"[,;]\s*", inner)):
+            if unit_of(word):
+                return (name[: bracket.start()] + name[bracket.end() :]).strip(), word.strip()
+    matched = re.fullmatch(
+        r"(.+?)(?:\s*/\s*|\s+in\s+|[\s_]+)((?:[kKmMµu]?rad[/_]s(?:ec)?)|[A-Za-zΩµμ°%./]+)", name.strip()
+    )
+    if matched and unit_of(matched[2]) and matched[1].strip():
+        return matched[1].strip(), matched[2]
+    return name, ""
+
+
+def unit_of(word: str) -> tuple[str, float] | None:
+    """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for no unit."""
+    word = word.strip()
+    known = UNITS.get(word) or UNITS.get(word.lower())
+    if known is None and len(word) > 1 and word[0] in _PREFIXED:
+        plain = UNITS.get(word[1:]) or UNITS.get(word[1:].lower())
+        if plain and plain[1] == 1.0 and plain[0] not in ("per unit", "decibel", "angle"):
+            known = plain[0], _PREFIXED[word[0]]
+    return known
+
+
+def entry_named(cell: str) -> str:
+    """The entry that a cell or the end of a file's name means: dd .. qq, pp .. nn, "" for none."""
+    matched = re.search(
+        r"(?:^|[^a-z0-9]|[yz])(dd|dq|qd|qq|pp|pn|np|nn|[12][\s,_]?[12])[^a-z0-9]*$", cell.strip().lower()
+    )
+    return _entry(re.sub(r"[\s,_]", "", matched[1]), cell.lower()) if matched else ""
+
+
+def _entry(found: str, compact: str) -> str:
+    sequence = re.search("pn|seq|012", compact) is not None
+    return (_SEQUENCE if sequence else _NUMBERED).get(found, found)
+
+
+def _letter(letter: str, dimension: str) -> str:
+    return letter or {"admittance": "Y", "impedance": "Z"}.get(dimension, "")
+
+
+def _compact(name: str) -> str:
+    return re.sub(r"[^a-z0-9ω]", "", name.lower().replace("+", "plus"))

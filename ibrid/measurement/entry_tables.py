@@ -1,0 +1,76 @@
+"""Tables that keep the four entries of a matrix apart, in rows or in files of their own, as one table with them side by side."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.foreign_table import ForeignTable
+
+
+def widened(table: ForeignTable) -> ForeignTable:
+    """A table with one row for each entry, which a column names, as one with four entries in a row."""
+    meanings = {name: meaning_of(name) for name in table.columns}
+    labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
+    generic = {name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")}
+    if labels is None:
+        return table
+    entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
+    value = generic or {
+        name: one for name, one in meanings.items() if not one.role and table.columns[name].dtype.kind == "c"
+    }
+    if not value or not all(entries):
+        return table
+    others = [name for name in table.columns if name != labels and name not in value]
+    keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
+    rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    columns: dict[str, np.ndarray] = {}
+    for entry in dict.fromkeys(entries):
+        for name, meaning in value.items():
+            column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
+            for k in (k for k, one in enumerate(entries) if one == entry):
+                column[rows[keys[k]]] = table.columns[name][k]
+            columns[_entry_column(entry, name, meaning)] = column
+    first = [keys.index(key) for key in rows]
+    columns = {name: table.columns[name][first] for name in others} | columns
+    return replace(table, columns=columns, line=table.line[first])
+
+
+def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
+    """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as one table."""
+    found: list[ForeignTable] = []
+    groups: dict[str, list[tuple[str, ForeignTable]]] = {}
+    for table in tables:
+        entry = entry_named(table.stem)
+        generic = [name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")]
+        if not entry or not generic or any(meaning_of(name).role == "matrix" for name in table.columns):
+            found.append(table)
+            continue
+        key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
+        groups.setdefault(key, []).append((entry, table))
+    for key, members in groups.items():
+        grids = {n: column for n, column in members[0][1].columns.items() if meaning_of(n).role in ("freq", "omega")}
+        columns = dict(grids)
+        for entry, table in members:
+            for name, grid in grids.items():
+                if (
+                    len(table.line) != len(grid)
+                    or name not in table.columns
+                    or not np.allclose(table.columns[name], grid)
+                ):
+                    raise SweepError(f"{table.where} must have the frequencies of {members[0][1].where}; found others.")
+            letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
+            for name in (name for name in table.columns if name not in grids):
+                own = _entry_column(entry, name, meaning_of(name), letter[1].upper() if letter else "")
+                columns[own] = table.columns[name]
+        where = ", ".join(table.where for _, table in members)
+        found.append(replace(members[0][1], where=where, stem=key or members[0][1].stem, columns=columns))
+    return found
+
+
+def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:
+    unit = f" [{meaning.unit}]" if meaning.unit else ""
+    return f"{meaning.letter or letter}{entry}_{meaning.role}{unit}" if meaning.role else f"{letter}{entry}{unit}"

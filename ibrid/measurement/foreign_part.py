@@ -1,0 +1,326 @@
+"""One foreign table understood: which columns are the frequency, the matrix and the steady state, and in which unit."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.column_map import Source, parse_map
+from ibrid.measurement.column_words import meaning_of, unit_of
+from ibrid.measurement.conversions import Quantity
+from ibrid.measurement.foreign_table import ForeignTable
+from ibrid.measurement.import_account import Account, bases_of, known_number, number_said
+from ibrid.measurement.positive_sequence import WORDS, uncoupled
+from ibrid.measurement.told import base_of, told_in_name, told_in_notes
+
+_FRAMES = {"dq": ("dd", "dq", "qd", "qq"), "pn": ("pp", "pn", "np", "nn")}
+#: p and q above this are no per unit.
+_LARGEST_PU = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
+    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension)."""
+
+    table: ForeignTable
+    told: Mapping[str, Any]
+    names: np.ndarray
+    power: Mapping[str, tuple[np.ndarray, str]]
+    frequency: np.ndarray
+    matrix: np.ndarray
+    quantity: Quantity
+    unit: str
+    factor: float
+    sigma: np.ndarray
+    repeat: np.ndarray
+    amplitude: np.ndarray
+
+
+def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
+    told: dict[str, Any] = {**told_in_name(table.stem), **told_in_notes(table.notes)}
+    told |= account.said
+    sources = _guessed(table) | parse_map(account.maps, table.columns)
+    length = len(table.line)
+    frequency, network = _frequency(table, sources, account)
+    quantity, frame, entries = _family(table, sources, told, account)
+    values = [_complex(table, sources[name], account) for name in entries]
+    unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
+    matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    for name, (_, dimension) in zip(entries, values, strict=True):
+        account.read(name, _words(sources[name]), dimension or unit)
+    if frame == "positive":
+        account.remark(WORDS)
+        frequency, matrix, rows = _uncoupled(table, frequency, matrix[:, 0], told, account)
+        table = replace(table, line=table.line[rows], columns={name: one[rows] for name, one in table.columns.items()})
+        length = len(table.line)
+    elif frame == "pn" and not network and told.get("sequence_frequency") not in ("dq", "network"):
+        account.ask(
+            "at which frequency the sequences are counted", "--sequence-frequency dq", "--sequence-frequency network"
+        )
+    if frame == "pn" and told.get("sequence_frequency") == "network":
+        frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
+    power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in _FRAMES.get(frame, ()))) if name in sources]
+    sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
+    names = np.full(length, "", dtype=object)
+    if "op" in sources:
+        source = sources["op"]
+        cells = table.columns[source.columns[0]] if source.columns else [source.unit or f"{source.constant:g}"] * length
+        names = np.array(
+            [tidy_name(f"{cell:g}" if isinstance(cell, float) else str(cell)) for cell in cells], dtype=object
+        )
+        account.read("operating point", _words(source), "")
+    elif told.get("op") or several:
+        names[:] = tidy_name(str(told.get("op") or table.stem))
+
+    def optional(role: str) -> np.ndarray:
+        if role not in sources:
+            return np.full(length, np.nan)
+        account.read(role, _words(sources[role]), sources[role].unit)
+        return _real(table, sources[role])[0]
+
+    part = Part(
+        table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
+        np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
+        optional("repeat"), optional("amplitude"),
+    )  # fmt: skip
+    used = {column for source in sources.values() for column in source.columns}
+    if unused := [name for name in table.columns if name not in used]:
+        account.remark(f"not used: {', '.join(unused[:8])}{' ..' if len(unused) > 8 else ''}")
+    return _without_gaps(part, account)
+
+
+def _guessed(table: ForeignTable) -> dict[str, Source]:
+    """What the names of the columns say; of several readings of an entry, real and imaginary part come first."""
+    found: dict[str, Source] = {}
+    parts: dict[str, dict[str, str]] = {}
+    for name in table.columns:
+        meaning = meaning_of(name)
+        if meaning.role in ("matrix", "positive"):
+            parts.setdefault(meaning.letter + meaning.entry, {}).setdefault(meaning.part, name)
+        elif meaning.role == "sigma":
+            found.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
+        elif meaning.role not in ("", "entry", "re", "im", "mag", "phase"):
+            found.setdefault(meaning.role, Source((name,)))
+    for entry, named in parts.items():
+        size = named.get("mag") or named.get("")
+        if {"re", "im"} <= set(named):
+            found[entry] = Source((named["re"], named["im"]), "j")
+        elif "phase" in named and size:
+            found[entry] = Source((size, named["phase"]), "@")
+        elif "" in named:
+            found[entry] = Source((named[""],))
+        elif "re" in named and table.columns[named["re"]].dtype.kind == "c":
+            found[entry] = Source((named["re"],))
+    return found
+
+
+def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, bool]:
+    """Hz, and whether the name of the column says that it is the frequency in the dq frame."""
+    role = next((role for role in ("freq", "omega") if role in sources), None)
+    if role is None:
+        known = ", ".join(list(table.columns)[:12])
+        raise SweepError(f"{table.where} must have a column of frequencies; found {known}, name it: --map freq=COLUMN.")
+    values, dimension, _ = _real(table, sources[role])
+    angular = dimension == "angular frequency" or (role == "omega" and not dimension)
+    account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
+    return values / (2 * np.pi) if angular else values, "dq" in sources[role].columns[0].lower()
+
+
+def _family(
+    table: ForeignTable, sources: Mapping[str, Source], told: Mapping[str, Any], account: Account
+) -> tuple[Quantity, str, tuple[str, ...]]:
+    """Admittance or impedance, in which frame, and the names of the four sources, or of one."""
+    for frame, entries in _FRAMES.items():
+        for letter in ("Y", "Z", ""):
+            names = tuple(letter + entry for entry in entries)
+            if all(name in sources for name in names):
+                return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame == "pn"), frame, names
+    for letter in ("Y", "Z", ""):
+        if f"{letter}pp" in sources and not any(f"{letter}{entry}" in sources for entry in ("pn", "np")):
+            quantity = _quantity(letter, table, sources[f"{letter}pp"], told, account)
+            return Quantity(quantity, True), "positive", (f"{letter}pp",)
+    missing = [name for name in ("Ydd", "Ydq", "Yqd", "Yqq") if name not in sources and f"Z{name[1:]}" not in sources]
+    columns = ", ".join(list(table.columns)[:14])
+    raise SweepError(
+        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found among {columns}; name the "
+        "columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column)."
+    )
+
+
+def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
+    if letter:
+        return letter
+    said = str(told.get("quantity") or "")[:1].upper()
+    dimension = (unit_of(source.unit or meaning_of(source.columns[0]).unit if source.columns else "") or ("",))[0]
+    words = " ".join((table.stem, *table.notes)).lower()
+    for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
+        if said == candidate or dimension == measured or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]:
+            return candidate
+        if not said and word in words:
+            account.remark(f"taken as {measured}, as its words say")
+            return candidate
+    account.ask("whether its matrices are admittances or impedances", "--quantity Y", "--quantity Z")
+    return "Y"
+
+
+def _unit(
+    table: ForeignTable, sources: Sequence[Source], quantity: Quantity, told: Mapping[str, Any], account: Account
+) -> tuple[str, float]:
+    """pu, S or ohm, and the factor that leads there."""
+    plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
+    said = str(told.get("unit") or "")
+    written = {source.unit or meaning_of(source.columns[0]).unit for source in sources if source.columns}
+    known = {one[:2] for one in map(unit_of, written) if one and one[0] in ("admittance", "impedance", "per unit")}
+    if len(known) > 1:
+        raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
+    dimension, factor = known.pop() if known else ("", 1.0)
+    if said.startswith("pu:"):
+        ours, theirs = bases_of(told, account), base_of(said[3:], "--unit pu:BASE")
+        if ours is None:
+            return "pu", factor
+        ratio = (ours[1] ** 2 / ours[0]) / (theirs[1] ** 2 / theirs[0])
+        return "pu", factor * (ratio if quantity.letter == "Y" else 1 / ratio)
+    if said:
+        stated = unit_of(said)
+        if stated is None or stated[0] not in ("admittance", "impedance", "per unit"):
+            raise SweepError(f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}.")
+        factor = factor if dimension == stated[0] else stated[1]
+        dimension = stated[0]
+    if not dimension:
+        account.ask("the unit of its matrices", "--unit pu", f"--unit {plain} --base S_VA,V_LL (such as 10kVA,400V)")
+        return "pu", 1.0
+    if dimension != "per unit":
+        bases_of(told, account)
+    return {"per unit": "pu", "admittance": "S", "impedance": "ohm"}[dimension], factor
+
+
+def _measured(
+    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
+) -> tuple[np.ndarray, str]:
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
+    length = len(table.line)
+    if source is not None and account.said.get(role) is None:
+        values, dimension, _ = _real(table, source)
+        account.read(role, _words(source), dimension)
+        return values, dimension
+    value = told.get(role)
+    if value is None:
+        if role == "v":
+            return np.ones(length), "per unit"
+        account.ask("the steady state p and q, delivered", "--p 0.8 --q 0 (per unit)", "--map p=P[kW],q=Q[kvar]")
+        return np.full(length, np.nan), "per unit"
+    dimension = value[1] if isinstance(value, tuple) else ""
+    account.read(role, "what is said beside the table" if role not in account.said else f"--{role}", dimension)
+    return np.full(length, number_said(value)), dimension
+
+
+def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
+    values, dimension = part.power[role]
+    largest = np.nanmax(np.abs(values), initial=0.0)
+    said = str(part.told.get("unit") or "")
+    if role == "v":
+        if dimension == "voltage" or (not dimension and largest > _LARGEST_PU):
+            bases = bases_of(part.told, account)
+            values = values / (bases[1] if bases else 1.0)
+            if bases and not 0.8 < np.nanmedian(values) < 1.25:
+                account.remark(f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?")
+        return values
+    if not dimension and largest > _LARGEST_PU:
+        account.ask(f"the unit of {role} (up to {largest:g})", f"--map {role}=COLUMN[kW]", f"--map {role}=COLUMN[W]")
+        return values
+    bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
+    if bases and dimension == "power":
+        return values / bases[0]
+    return values * base_of(said[3:], "--unit pu:BASE")[0] / bases[0] if bases else values
+
+
+def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
+    """Numbers of a source in the plain unit of their dimension."""
+    if source.constant is not None:
+        dimension, factor = unit_of(source.unit) or ("", 1.0)
+        return np.full(len(table.line), source.constant * factor), dimension, factor
+    name = source.columns[0]
+    values = table.columns[name]
+    if values.dtype.kind != "f":
+        bad = next((k for k, value in enumerate(values) if not isinstance(value, float)), 0)
+        raise SweepError(
+            f"{table.where} line {table.line[bad]}: {name} must be a number; found {str(values[bad])[:40]!r}."
+        )
+    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
+    return values * factor, dimension, factor
+
+
+def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
+    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB, degrees"."""
+    if source.constant is not None:
+        return np.full(len(table.line), complex(source.constant)), ""
+    if not source.joined:
+        values = table.columns[source.columns[0]]
+        if values.dtype.kind not in "fc":
+            _real(table, source)
+        return values.astype(complex), ""
+    first, second = (table.columns[name] for name in source.columns)
+    for name in source.columns:
+        if table.columns[name].dtype.kind != "f":
+            _real(table, Source((name,)))
+    if source.joined == "j":
+        return first + 1j * second, ""
+    named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
+    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
+    largest = np.nanmax(np.abs(second))
+    degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
+    if not named[1][0] and largest <= 2 * np.pi:
+        account.ask(f"whether {source.columns[1]} is in degrees or radians", "[deg] or [rad] to the name of the column")
+    size = 10 ** (first / 20) if decibel else first
+    angle = np.deg2rad(second) if degrees else second
+    return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+
+
+def _uncoupled(
+    table: ForeignTable, frequency: np.ndarray, response: np.ndarray, told: Mapping[str, Any], account: Account
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies, matrices and the rows that they come from."""
+    f0 = known_number("f0_hz", told, account)
+    usable = np.isfinite(frequency) & np.isfinite(response) & (frequency > 0)
+    if f0 is None:
+        return frequency, np.stack([response, 0 * response, 0 * response, response], axis=-1), np.arange(len(frequency))
+    rows = np.flatnonzero(usable)[np.argsort(frequency[usable])]
+    dq, matrix = uncoupled(frequency[rows], response[rows], f0)
+    return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
+
+
+def _without_gaps(part: Part, account: Account) -> Part:
+    """Rows with empty cells, and those at zero or negative frequencies, are left out and said."""
+    whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
+    kept = whole & (part.frequency > 0)
+    if not kept.any():
+        raise SweepError(f"{part.table.where} must hold numbers at positive frequencies; found none.")
+    if not whole.all():
+        account.remark(f"left out: {(~whole).sum()} rows with empty cells")
+    if (whole & ~kept).any():
+        account.remark(f"left out: {(whole & ~kept).sum()} rows at zero or negative frequency")
+    return replace(
+        part,
+        table=replace(part.table, line=part.table.line[kept]),
+        power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
+        **{
+            name: getattr(part, name)[kept] for name in ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
+        },
+    )
+
+
+def _words(source: Source) -> str:
+    if source.constant is not None:
+        return f"{source.constant:g}"
+    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, "")
+    return joint.join(source.columns) or source.unit
+
+
+def tidy_name(name: str) -> str:
+    """A name that needs no quotes on a command line."""
+    return re.sub(r"[\s,;]+", "_", name.strip()).strip("_#") or "op"

@@ -1,0 +1,271 @@
+"""Anybody's table as named columns: text with any separator and decimal mark, workbooks, Parquet, MATLAB and HDF5 files.
+
+Nothing is understood here but what a number is: where the names stand, which rows hold numbers, what is written above them.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.column_words import unit_of
+from ibrid.measurement.files import read_bytes
+from ibrid.measurement.foreign_binary import hdf5_arrays, mat_arrays, parquet_cells, workbook_cells
+from ibrid.measurement.guarded import guarded
+
+_SEPARATORS = (";", "\t", ",", "|", None)
+_MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
+_EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+#: More columns than any sweep has.
+MOST_COLUMNS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignTable:
+    """Columns of one length: numbers (NaN: empty), complex numbers, or text.
+
+    where : file and sheet, for sentences. stem : the name of the file or sheet, which may tell the operating point.
+    line : (n,) where each row stands. notes : what is written above the table. named : False where the columns are numbered.
+    """
+
+    where: str
+    stem: str
+    columns: dict[str, np.ndarray]
+    line: np.ndarray
+    notes: tuple[str, ...] = ()
+    named: bool = True
+
+
+def read_tables(path: Path) -> list[ForeignTable]:
+    """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
+    content = read_bytes(path)
+    where, suffix = str(path), path.suffix.lower()
+    if content[:8] == _HDF5 or content[512:520] == _HDF5:
+        return [_of_arrays(guarded(hdf5_arrays, content, f"{where} must be an HDF5 file"), where, path.stem)]
+    if suffix == ".mat":
+        return [_of_arrays(guarded(mat_arrays, content, f"{where} must be a MAT file"), where, path.stem)]
+    if content[:4] == b"PAR1":
+        sheets = guarded(parquet_cells, content, f"{where} must be a Parquet file")
+    elif content[:2] == b"PK" or content[:4] == b"\xd0\xcf\x11\xe0":
+        sheets = guarded(workbook_cells, content, f"{where} must be a workbook (xlsx, xls, ods)")
+    else:
+        return [_of_text(_decoded(content, where), where, path.stem)]
+    tables = []
+    for name, cells in sheets.items():
+        place = f"{where} sheet {name}" if len(sheets) > 1 else where
+        rows = [(number, [str(cell) for cell in row]) for number, row in enumerate(cells.tolist(), 1)]
+        tables.append((place, name if len(sheets) > 1 else path.stem, rows))
+    found = [_of_rows(rows, [], place, stem, True) for place, stem, rows in tables if _data_rows(rows, False)]
+    if not found:
+        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
+    return found
+
+
+def frame_table(frame: Any) -> ForeignTable:
+    """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
+    columns = {str(name): _plain(np.asarray(frame[name])) for name in frame.columns}
+    length = len(next(iter(columns.values()), ()))
+    return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+
+
+def number(text: str, comma: bool) -> complex | None:
+    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; None for text."""
+    text = text.strip().strip("'\"")
+    if text.lower() in _EMPTY:
+        return complex("nan")
+    if comma and "," in text:
+        text = text.replace(".", "").replace(",", ".")
+    text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
+    if "_" in text:
+        return None
+    try:
+        return complex(float(text))
+    except ValueError:
+        pass
+    polar = re.fullmatch(r"([-+.\deE]+)[∠<]([-+.\deE]+)°?", text)
+    text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", text)).replace("+-", "-")
+    text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
+    try:
+        return complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2])))) if polar else complex(text)
+    except ValueError:
+        return None
+
+
+def _decoded(content: bytes, where: str) -> list[str]:
+    for encoding in ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252", "latin-1"):
+        try:
+            text = content.decode(encoding)
+            break
+        except UnicodeDecodeError:
+            continue
+    else:
+        text = "\0"
+    if "\0" in text:
+        raise SweepError(f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes.")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
+    """The separator and the decimal mark are those that make the most numbers in rows of one length."""
+    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    best: tuple[int, int] = (0, 0)
+    chosen: tuple[list[tuple[int, list[str]]], bool] | None = None
+    for separator in _SEPARATORS:
+        rows = [(number, _cells(line, separator)) for number, line in numbered]
+        comma = separator != "," and any(re.search(r"\d,\d", line) for _, line in numbered)
+        for decimal in {comma, False}:
+            data = _data_rows([row for row in rows if not _MARKS.match(lines[row[0] - 1])], decimal)
+            width = len(data[0][1]) if data else 0
+            if (len(data) * width, width) > best:
+                best, chosen = (len(data) * width, width), (rows, decimal)
+    if chosen is None:
+        raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
+    rows, comma = chosen
+    marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
+    table = _of_rows(rows, marked, where, stem, not comma)
+    first = int(table.line[0])
+    notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in marked]
+    return replace(table, notes=tuple(notes))
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    line = line.strip() if separator is None else line.strip("\n\r ")
+    if separator is None:
+        line = re.sub(r"\(([^()]*)\)", lambda inner: re.sub(r"\s", "", inner[0]), line)
+        return line.split()
+    cells = [cell.strip() for cell in re.split(rf'{re.escape(separator)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)]
+    return [cell.strip('"').strip() for cell in cells]
+
+
+def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
+    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them."""
+    counted = [(row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows]
+    numeric = [one for one in counted if one[1] >= 2 and 2 * one[1] >= one[2]]
+    if not numeric:
+        return []
+    width = Counter(width for _, _, width in numeric).most_common(1)[0][0]
+    usual = Counter(count for _, count, cells in numeric if cells == width).most_common(1)[0][0]
+    return [row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])]
+
+
+def _of_rows(
+    rows: Sequence[tuple[int, list[str]]], marked: Sequence[int], where: str, stem: str, point: bool
+) -> ForeignTable:
+    comma = not point
+    hidden = set(marked)
+    data = _data_rows([row for row in rows if row[0] not in hidden], comma)
+    first, width = data[0][0], len(data[0][1])
+    if width > MOST_COLUMNS:
+        raise SweepError(f"{where} must have at most {MOST_COLUMNS} columns; found {width}.")
+    taken = {number for number, _ in data}
+    for number, cells in rows:
+        if first < number < data[-1][0] and number not in taken and number not in hidden and any(cells):
+            raise SweepError(
+                f"{where} line {number} must be a row like the others, {width} cells; found {len(cells)}: "
+                f"{' '.join(cells)[:60]!r}, is it cut off?"
+            )
+    names = _names([row for row in rows if row[0] < first], hidden, width)
+    columns = {}
+    for k in range(width):
+        name = names[k] if names else f"#{k + 1}"
+        cells = [row[k] for _, row in data]
+        if name or any(cells):
+            columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
+    above = [" ".join(filter(None, cells)) for number, cells in rows if number < first]
+    return ForeignTable(where, stem, columns, np.array([number for number, _ in data]), tuple(above), bool(names))
+
+
+def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
+    """The last line above the numbers that has as many cells; a line of units below the names goes into them."""
+    for k, (number_of_line, cells) in reversed(list(enumerate(above))):
+        cells = _unmarked(cells, width) if number_of_line in marked else cells
+        cells = cells + [""] * (width - len(cells)) if 2 <= width - 1 == len(cells) else cells
+        if len(cells) > width and len(_glued(cells)) == width:
+            cells = _glued(cells)
+        if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
+            continue
+        bare = [cell.strip("[](){} ") for cell in cells]
+        if k and all(not cell or unit_of(cell) for cell in bare) and sum(map(bool, bare)) > 1:
+            upper = _names(above[:k], marked, width)
+            if upper:
+                return [f"{name} [{unit}]" if unit else name for name, unit in zip(upper, bare, strict=True)]
+        return cells
+    return []
+
+
+def _unmarked(cells: list[str], width: int) -> list[str]:
+    """A line of names behind a comment mark, which may stand alone as the first of its cells."""
+    first = _MARKS.sub("", cells[0] + " ").strip()
+    return cells[1:] if not first and len(cells) == width + 1 else [first, *cells[1:]]
+
+
+def _glued(cells: list[str]) -> list[str]:
+    """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate columns."""
+    found: list[str] = []
+    for cell in cells:
+        if found and (re.fullmatch(r"[\[(].*[\])]", cell) or found[-1].endswith("/") or cell.startswith("/")):
+            found[-1] = f"{found[-1]} {cell}"
+        else:
+            found.append(cell)
+    return found
+
+
+def _unlike(name: str, taken: dict[str, Any]) -> str:
+    """A name that no other column has."""
+    return name if name not in taken else next(new for k in range(2, 999) if (new := f"{name} #{k}") not in taken)
+
+
+def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
+    values = [number(cell, comma) for cell in cells]
+    if any(value is None for value in values):
+        return np.array(cells, dtype=object)
+    return _plain(np.array(values, dtype=complex))
+
+
+def _plain(values: np.ndarray) -> np.ndarray:
+    """Real numbers as such, complex ones, or text; text that is all numbers is numbers."""
+    if values.dtype.kind in "biuf":
+        return values.astype(float)
+    if values.dtype.kind == "c":
+        real = np.nan_to_num(np.imag(values)) == 0
+        return np.real(values).astype(float) if real.all() else values
+    text = ["" if value is None else str(value) for value in values.ravel().tolist()]
+    read = [number(cell, False) for cell in text]
+    if text and all(value is not None for value in read):
+        return _plain(np.array(read, dtype=complex))
+    return np.array(text, dtype=object)
+
+
+def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
+    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes."""
+    numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
+    if not numeric:
+        raise SweepError(f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}.")
+    lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
+    length = lengths.most_common(1)[0][0] if lengths else max(value.shape[0] for value in numeric.values())
+    columns: dict[str, np.ndarray] = {}
+    for name, value in numeric.items():
+        shape = value.shape
+        squeezed = value.squeeze()
+        if value.size == length:
+            columns[name] = value.ravel()
+        elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
+            matrix = squeezed if squeezed.shape[0] == length else np.moveaxis(squeezed, -1, 0)
+            for row, column in np.ndindex(2, 2):
+                columns[f"{name}({row + 1},{column + 1})"] = matrix[:, row, column]
+        elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
+            for k, column in enumerate(value.T if shape[0] == length else value, 1):
+                columns[f"{name}:{k}"] = column
+    columns = {name.rsplit(".", 1)[-1] if _alone(name, columns) else name: _plain(v) for name, v in columns.items()}
+    single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
+    return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single))
+
+
+def _alone(name: str, columns: dict[str, Any]) -> bool:
+    return sum(other.rsplit(".", 1)[-1] == name.rsplit(".", 1)[-1] for other in columns) == 1

@@ -1,0 +1,203 @@
+"""One door for anybody's table: columns are guessed and shown, what the numbers do not say is asked for, all at once."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.conventions import check_conventions
+from ibrid.measurement.csv_file import sweep_of_table
+from ibrid.measurement.csv_table import Table
+from ibrid.measurement.entry_tables import joined_entries, widened
+from ibrid.measurement.foreign_part import Part, part_of, per_unit
+from ibrid.measurement.foreign_table import ForeignTable, read_tables
+from ibrid.measurement.header import HEADER_KEYS, header_of
+from ibrid.measurement.import_account import Account, Question, bases_of, known_number, number_said
+from ibrid.measurement.response import sidecar_keys
+from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.tail import axis_of_tail
+
+#: What can be said about a foreign table, beside the map.
+SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
+#: Operating points nearer than that are one.
+_SAME = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """`readings` : (what, from which columns, in which unit). `remarks` : what was assumed or left out. `questions` : what must
+    be said first; then `sweep` is None."""
+
+    readings: tuple[tuple[str, str, str], ...]
+    remarks: tuple[str, ...]
+    questions: tuple[Question, ...]
+    sweep: Sweep | None
+    where: str = ""
+
+    def answered(self) -> Sweep:
+        """The sweep; SweepError with all that must be said first."""
+        if self.sweep is not None:
+            return self.sweep
+        asked = "; ".join(f"{one.sentence}: add {' or '.join(one.answers)}" for one in self.questions)
+        raise SweepError(f"{self.where} does not say {asked}.")
+
+
+def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: Any) -> Imported:
+    """Read tables of one inverter from files, each with one operating point or several.
+
+    maps : `freq=f,Ydd=ReYdd+jImYdd,p=P`, for the columns whose names do not say it (column_map).
+    said : what the files do not say, and wins over them: unit ("pu", "S", "ohm", or "pu:100MVA,33kV" for per unit on another
+        base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, power_node, f0_hz, sampling_hz, quantity ("Y", "Z"),
+        sequence_frequency ("dq", "network"), op, p, q, v. `<path>.meta` and comments of the file are read too.
+
+    Raises SweepError: one sentence with file and line, for what cannot be read or understood.
+    """
+    tables, beside = [], {}
+    for path in map(Path, paths):
+        keys, notes = sidecar_keys(path)
+        beside |= keys
+        tables += [replace(table, notes=(*table.notes, *notes)) for table in read_tables(path)]
+    return import_tables(tables, maps, **{**beside, **{key: value for key, value in said.items() if value is not None}})
+
+
+def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **said: Any) -> Imported:
+    """The same from tables that were read already, such as DataFrames (foreign_table.frame_table)."""
+    for key in said:
+        if key not in SAYABLE:
+            raise SweepError(f"{key} is not something to say about a table; {near(key, SAYABLE)}")
+    if not tables:
+        raise SweepError("a sweep must come from at least one table; found none.")
+    account = Account(tuple(maps), dict(said))
+    tables = joined_entries([widened(table) for table in tables])
+    parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
+    _name_points(parts, account)
+    known_number("f0_hz", parts[0].told, account)
+    where = ", ".join(dict.fromkeys(table.where for table in tables))
+    sweep = None if account.questions else _sweep(parts, account, where)
+    return Imported(tuple(account.readings), tuple(account.remarks), tuple(account.questions.values()), sweep, where)
+
+
+def _name_points(parts: list[Part], account: Account) -> None:
+    """Every row gets the name of its operating point: the file's, or one made of p, q, v, without commas."""
+    taken: dict[tuple[float, ...], str] = {}
+    for index, part in enumerate(parts):
+        names = part.names.copy()
+        unnamed = names == ""
+        if unnamed.any():
+            powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
+            for k in np.flatnonzero(unnamed):
+                point = next((one for one in taken if np.allclose(one, powers[k], atol=_SAME, rtol=0)), None)
+                if point is None:
+                    point = tuple(powers[k].tolist())
+                    taken[point] = _point_name(*point)
+                names[k] = taken[point]
+        parts[index] = replace(part, names=names)
+
+
+def _point_name(p: float, q: float, v: float) -> str:
+    return f"p{p:.3g}_q{q:.3g}" + ("" if abs(v - 1) < _SAME else f"_v{v:.3g}")
+
+
+def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
+    """The sweep of all parts, None where there are questions."""
+    told = parts[0].told
+    f0, bases = known_number("f0_hz", told, account), None
+    needs_base = parts[0].unit != "pu" or any(told.get(key) for key in ("base", "s_base_va"))
+    if needs_base:
+        bases = bases_of(told, account)
+    rows = [_rows(part, account) for part in parts]
+    if len({(part.unit, part.quantity) for part in parts}) > 1:
+        raise SweepError(f"{where}: tables of one inverter must be in one unit and one frame; import them one by one.")
+    if account.questions or f0 is None:
+        return None
+    table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
+    table = (
+        replace(table, repeat=np.nan_to_num(table.repeat))
+        if np.isfinite(table.repeat).any()
+        else _with_repeats(table, account)
+    )
+    keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
+    if bases:
+        keys |= {"s_base_va": bases[0], "v_base_v": bases[1]}
+    if told.get("sampling_hz"):
+        keys["sampling_hz"] = number_said(told["sampling_hz"])
+    if not told.get("power_node"):
+        account.remark("p and q taken as measured at the PCC (else --power-node capacitor)")
+
+    def made(current: str, q_axis: str) -> Sweep:
+        header = header_of({**keys, "current": current, "q_axis": q_axis}, where)
+        return sweep_of_table(table, header, parts[0].quantity, Path(where))
+
+    current, q_axis = _directions(made, told, parts[0].quantity.sequence, account)
+    if account.questions:
+        return None
+    notes = [f"imported from {where}", *(f"{what}: {source} {unit}".strip() for what, source, unit in account.readings)]
+    return replace(made(current, q_axis), notes=tuple(notes))
+
+
+def _directions(
+    made: Callable[[str, str], Sweep], told: Mapping[str, Any], sequence: bool, account: Account
+) -> tuple[str, str]:
+    """Which way the current counts and on which side q lies: as said, else where the data leave one reading alone, else asked.
+
+    Laws: high up a filter is an inductance, whose sign and turn show both; low down the power of an inverter that controls it
+    stays (conventions.check_conventions).
+    """
+    currents = [str(told["current"])] if told.get("current") else ["out", "in"]
+    axes = [str(told["q_axis"])] if told.get("q_axis") else ["leads"] if sequence else ["leads", "lags"]
+    readings = [(current, axis) for current in currents for axis in axes]
+    if len(readings) > 1:
+        checked = {one: check_conventions(made(*one)) for one in readings}
+        if any(one.status == "doubt" for one in checked.values()):
+            readings = [one for one in readings if checked[one].status != "doubt"] or readings
+        if len({current for current, _ in readings}) == 1 and len({axis for _, axis in readings}) > 1:
+            sweep = made(readings[0][0], "leads")
+            turns = {axis_of_tail(point, sweep.f0_hz) for point in sweep.points}
+            if turns in ({1}, {-1}):
+                readings = [(readings[0][0], "leads" if turns == {1} else "lags")]
+        for k, (key, meant) in enumerate(
+            (("current", "which way the current counts"), ("q_axis", "on which side q lies"))
+        ):
+            left = {one[k] for one in readings}
+            if len(left) == 1 and not told.get(key) and not (sequence and key == "q_axis"):
+                account.remark(f"{key}: {left.pop()}, as the data themselves show")
+            elif len(left) > 1:
+                flag = f"--{key.replace('_', '-')}"
+                account.ask(meant, *(f"{flag} {word}" for word in (currents if k == 0 else axes)))
+    return readings[0]
+
+
+def _rows(part: Part, account: Account) -> Table:
+    """Rows with one p, q, v for each operating point: their means."""
+    powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
+    for name in dict.fromkeys(part.names.tolist()):
+        rows = part.names == name
+        spread = np.ptp(powers[rows], axis=0).max()
+        if spread > 5 * _SAME:
+            raise SweepError(
+                f"{part.table.where}: operating point {name} must keep one p, q, v; found them to vary by {spread:.2g}, "
+                "name the column of the operating points: --map op=COLUMN."
+            )
+        if spread > 1e-9:
+            account.remark(f"p, q, v of {name} vary by up to {spread:.2g}: their means are taken")
+        powers[rows] = powers[rows].mean(axis=0)
+    return Table(
+        line=part.table.line, op=part.names, point=powers, repeat=part.repeat, frequency=part.frequency,
+        matrix=part.matrix, sigma=part.sigma, amplitude=part.amplitude,
+    )  # fmt: skip
+
+
+def _with_repeats(table: Table, account: Account) -> Table:
+    """Frequencies that come several times in an operating point are repeated runs; with amplitudes they may be more than that."""
+    repeat, seen = np.zeros(len(table)), {}
+    for k, key in enumerate(
+        zip(table.op.tolist(), table.frequency.tolist(), np.nan_to_num(table.amplitude).tolist(), strict=True)
+    ):
+        repeat[k] = seen[key] = seen.get(key, 0) + 1
+    if repeat.max() == 1:
+        return replace(table, repeat=np.zeros(len(table)))
+    account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
+    return replace(table, repeat=repeat)

@@ -1,0 +1,358 @@
+"""Files of one sweep as scan tools, laboratories and colleagues write them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ibrid.measurement.conversions import TO_SEQUENCE
+from ibrid.measurement.sweep import Sweep
+
+S_BASE, V_BASE = 10e3, 400.0
+Z_BASE = V_BASE**2 / S_BASE
+NAMES = ("dd", "dq", "qd", "qq")
+MIRROR = np.diag([1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A make of file. `write` : (sweep, folder) -> the files. `options` : what `ibrid import` is told beside them. `digits` :
+    relative error that the digits of the file allow."""
+
+    make: str
+    write: Callable[[Sweep, Path], list[Path]]
+    options: tuple[str, ...] = ()
+    digits: float = 1e-9
+
+
+def _flat(point) -> np.ndarray:
+    return point.admittance.reshape(-1, 4)
+
+
+def _text(folder: Path, name: str, lines: list[str], encoding: str = "utf-8") -> list[Path]:
+    path = folder / name
+    path.write_bytes("\n".join([*lines, ""]).encode(encoding))
+    return [path]
+
+
+def german_semicolons(sweep: Sweep, folder: Path) -> list[Path]:
+    """Semicolons, decimal commas, CP1252, kHz, a trailing separator."""
+    comma = lambda value: f"{value:.12g}".replace(".", ",")  # noqa: E731
+    head = "Arbeitspunkt;Wirkleistung [kW];Blindleistung [kvar];Frequenz [kHz];" + ";".join(
+        f"Y{entry} Realteil [S];Y{entry} Imagteil [S]" for entry in NAMES
+    )
+    lines = ["Prüfstand 3;Messung vom 4. März", "Sn = 10 kVA; Un = 400 V; fn = 60 Hz", head]
+    for number, point in enumerate(sweep.points, 1):
+        for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
+            cells = [f"AP{number}", comma(point.op.p * 10), comma(point.op.q * 10), comma(frequency / 1e3)]
+            lines.append(";".join([*cells, *(comma(part) for value in row for part in (value.real, value.imag))]) + ";")
+    return _text(folder, "messung.csv", lines, "cp1252")
+
+
+def magnitude_and_phase(sweep: Sweep, folder: Path) -> list[Path]:
+    """dB and degrees of impedances in ohm, a file for each operating point, p and q in its name."""
+    files = []
+    for point in sweep.points:
+        impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
+        lines = ["Frequency (Hz)\t" + "\t".join(f"|Z{e}| (dB)\t∠Z{e} (deg)" for e in NAMES)]
+        for frequency, row in zip(point.frequency, impedance, strict=True):
+            cells = [f"{part:.12g}" for z in row for part in (20 * np.log10(abs(z)), np.degrees(np.angle(z)))]
+            lines.append("\t".join([f"{frequency:.12g}", *cells]))
+        files += _text(folder, f"scan_P{point.op.p:g}_Q{point.op.q:g}.txt", lines)
+    return files
+
+
+def complex_text(sweep: Sweep, folder: Path) -> list[Path]:
+    """Complex numbers as text, rad/s, rows of P and Q in watts."""
+    lines = ["w,P (W),Q (var),Y11 (S),Y12 (S),Y21 (S),Y22 (S)"]
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
+            cells = [f"{z.real:.12g}{z.imag:+.12g}i" for z in row]
+            lines.append(
+                ",".join(
+                    [f"{2 * np.pi * frequency:.14g}", f"{point.op.p * S_BASE:g}", f"{point.op.q * S_BASE:g}", *cells]
+                )
+            )
+    return _text(folder, "matlab_export.csv", lines)
+
+
+def numpy_savetxt(sweep: Sweep, folder: Path) -> list[Path]:
+    """numpy.savetxt with a header: a comment mark in front of the names, blanks between."""
+    lines = ["# case freq_hz p q " + " ".join(f"Y{e}_re Y{e}_im" for e in NAMES)]
+    for number, point in enumerate(sweep.points):
+        for frequency, row in zip(point.frequency, _flat(point), strict=True):
+            values = [number, frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            lines.append(" ".join(f"{value:.18e}" for value in values))
+    return _text(folder, "scan.txt", lines)
+
+
+def units_below_names(sweep: Sweep, folder: Path) -> list[Path]:
+    """An instrument's file: preamble, names, a line of units, percent signs."""
+    lines = [
+        "% Frequency response analyser 2.1",
+        "% Rated power [kVA]: 10",
+        "% Rated voltage [V]: 400",
+        "% f0: 60 Hz",
+        "",
+    ]
+    lines += ["f,P,Q," + ",".join(f"Re(Y{e}),Im(Y{e})" for e in NAMES), "Hz,kW,kvar," + ",".join(["mS"] * 8)]
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point) / Z_BASE * 1e3, strict=True):
+            values = [frequency, point.op.p * 10, point.op.q * 10, *(part for z in row for part in (z.real, z.imag))]
+            lines.append(",".join(f"{value:.12g}" for value in values))
+    return _text(folder, "analyser.csv", lines)
+
+
+def tidy_rows(sweep: Sweep, folder: Path) -> list[Path]:
+    """A row for each entry, as data frames are kept."""
+    lines = ["scenario,frequency,p,q,entry,real,imag"]
+    for number, point in enumerate(sweep.points):
+        for frequency, row in zip(point.frequency, _flat(point), strict=True):
+            for entry, z in zip(NAMES, row, strict=True):
+                lines.append(
+                    f"s{number},{frequency:.12g},{point.op.p},{point.op.q},{entry},{z.real:.12g},{z.imag:.12g}"
+                )
+    return _text(folder, "tidy_admittance.csv", lines)
+
+
+def file_per_entry(sweep: Sweep, folder: Path) -> list[Path]:
+    """A network analyser's file for each entry: magnitude in ohm and phase."""
+    files = []
+    for k, point in enumerate(sweep.points[:1]):
+        impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
+        for entry, column in zip(NAMES, impedance.T, strict=True):
+            lines = ["Frequency (Hz), Magnitude (ohm), Phase (deg)"]
+            lines += [
+                f"{f:.12g}, {abs(z):.12g}, {np.degrees(np.angle(z)):.12g}"
+                for f, z in zip(point.frequency, column, strict=True)
+            ]
+            files += _text(folder, f"run{k}_Z{entry}.csv", lines)
+    return files
+
+
+def other_base(sweep: Sweep, folder: Path) -> list[Path]:
+    """Per unit on 100 MVA and 33 kV, though the inverter has 10 kVA and 400 V."""
+    ratio = (33e3**2 / 100e6) / Z_BASE
+    lines = ["f_dq (Hz);P;Q;" + ";".join(f"{part}Y{e}" for e in NAMES for part in ("Re", "Im"))]
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point) * ratio, strict=True):
+            scale = S_BASE / 100e6
+            values = [
+                frequency,
+                point.op.p * scale,
+                point.op.q * scale,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
+            lines.append(";".join(f"{value:.14g}" for value in values))
+    return _text(folder, "system_base.csv", lines)
+
+
+def sequences(sweep: Sweep, folder: Path) -> list[Path]:
+    """Modified sequences with coupling, kV/kA."""
+    lines = ["f_dq,P_pu,Q_pu," + ",".join(f"Y{e}_re,Y{e}_im" for e in ("pp", "pn", "np", "nn"))]
+    for point in sweep.points:
+        sequence = (TO_SEQUENCE @ point.admittance @ TO_SEQUENCE.conj().T).reshape(-1, 4)
+        for frequency, row in zip(point.frequency, sequence, strict=True):
+            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            lines.append(",".join(f"{value:.14g}" for value in values))
+    return _text(folder, "sequence.csv", lines)
+
+
+def current_in_lagging(sweep: Sweep, folder: Path) -> list[Path]:
+    """PSCAD's habits: the current into the device, q behind d; resistances and reactances."""
+    lines = ["f\tP\tQ\t" + "\t".join(f"R{e}\tX{e}" for e in NAMES)]
+    for point in sweep.points:
+        impedance = np.linalg.inv(MIRROR @ -point.admittance @ MIRROR).reshape(-1, 4) * Z_BASE
+        for frequency, row in zip(point.frequency, impedance, strict=True):
+            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            lines.append("\t".join(f"{value:.14g}" for value in values))
+    return _text(folder, "pscad_scan.dat", lines)
+
+
+def no_names(sweep: Sweep, folder: Path) -> list[Path]:
+    """Numbers alone."""
+    lines = []
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point), strict=True):
+            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            lines.append(" ".join(f"{value:.14g}" for value in values))
+    return _text(folder, "numbers.dat", lines)
+
+
+def strange_names(sweep: Sweep, folder: Path) -> list[Path]:
+    """Names that nobody can guess; repeated runs without a number."""
+    lines = ["tone_k,load_kw,load_kvar," + ",".join(f"ch{k}a,ch{k}b" for k in range(4))]
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
+            values = [
+                frequency / 1e3,
+                point.op.p * 10,
+                point.op.q * 10,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
+            lines += [",".join(f"{value:.14g}" for value in values)] * 3
+    return _text(folder, "daq.csv", lines)
+
+
+def workbook(sweep: Sweep, folder: Path) -> list[Path]:
+    """A sheet for each operating point, its p, q and bases above the table."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.remove(book.worksheets[0])
+    for point in sweep.points:
+        sheet = book.create_sheet(f"P{point.op.p:g} Q{point.op.q:g}")
+        for row in (["Impedance scan"], ["Sn = 10 kVA", "Un = 400 V"], ["f0 = 60 Hz"], []):
+            sheet.append(row)
+        sheet.append(["f (Hz)", *(f"{part} Z{e} (ohm)" for e in NAMES for part in ("Re", "Im"))])
+        impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
+        for frequency, row in zip(point.frequency, impedance, strict=True):
+            sheet.append([float(frequency), *(float(part) for z in row for part in (z.real, z.imag))])
+    path = folder / "scan.xlsx"
+    book.save(path)
+    return [path]
+
+
+def parquet(sweep: Sweep, folder: Path) -> list[Path]:
+    """A data frame saved by pandas."""
+    import pyarrow as pa
+    from pyarrow import parquet as pq
+
+    columns: dict[str, list] = {
+        name: [] for name in ("op", "p", "q", "freq_hz", *(f"Y{e}_{part}" for e in NAMES for part in ("re", "im")))
+    }
+    for point in sweep.points:
+        for frequency, row in zip(point.frequency, _flat(point), strict=True):
+            values = [
+                point.op.name,
+                point.op.p,
+                point.op.q,
+                frequency,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
+            for name, value in zip(columns, values, strict=True):
+                columns[name].append(value)
+    path = folder / "frame.parquet"
+    pq.write_table(pa.table(columns), path)
+    return [path]
+
+
+def mat_struct(sweep: Sweep, folder: Path) -> list[Path]:
+    """A structure in a MAT file: frequencies, 2x2xK, and numbers beside it."""
+    from scipy.io import savemat
+
+    files = []
+    for k, point in enumerate(sweep.points):
+        path = folder / f"result{k}.mat"
+        scan = {
+            "freq": point.frequency,
+            "Ydq": np.moveaxis(point.admittance, 0, -1) / Z_BASE,
+            "P": point.op.p,
+            "Q": point.op.q,
+        }
+        savemat(path, {"scan": scan, "Sbase": S_BASE, "Vbase": V_BASE, "f0": 60.0})
+        files.append(path)
+    return files
+
+
+def hdf5(sweep: Sweep, folder: Path) -> list[Path]:
+    """HDF5 of a Python script, a group for the measurement."""
+    import h5py
+
+    files = []
+    for k, point in enumerate(sweep.points):
+        path = folder / f"op{k}.h5"
+        with h5py.File(path, "w") as file:
+            group = file.create_group("measurement")
+            group["omega"] = 2 * np.pi * point.frequency
+            group["Y"] = point.admittance
+            group["p"], group["q"] = point.op.p, point.op.q
+        files.append(path)
+    return files
+
+
+def matlab_73(sweep: Sweep, folder: Path) -> list[Path]:
+    """MATLAB 7.3: HDF5 with 512 bytes in front, arrays transposed, complex numbers as pairs."""
+    import h5py
+
+    files = []
+    for k, point in enumerate(sweep.points):
+        path = folder / f"new{k}.mat"
+        with h5py.File(path, "w", userblock_size=512) as file:
+            matrix = np.moveaxis(point.admittance, 0, -1)  # 2x2xK as MATLAB sees it
+            pairs = np.empty(matrix.T.shape, dtype=[("real", "f8"), ("imag", "f8")])
+            pairs["real"], pairs["imag"] = np.real(matrix.T), np.imag(matrix.T)
+            for name, value in (
+                ("w", 2 * np.pi * point.frequency[:, None]),
+                ("Y", pairs),
+                ("P", np.array([[point.op.p]])),
+                ("Q", np.array([[point.op.q]])),
+            ):
+                file[name] = value
+                file[name].attrs["MATLAB_class"] = np.bytes_("double")
+        files.append(path)
+    return files
+
+
+def quoted_fortran(sweep: Sweep, folder: Path) -> list[Path]:
+    """Quotes around names, Fortran exponents, empty cells, a row at 0 Hz and comments at the end."""
+    lines = ['"Freq","P","Q",' + ",".join(f'"Y_{e[0]}_{e[1]}_real","Y_{e[0]}_{e[1]}_imag"' for e in NAMES)]
+    for point in sweep.points:
+        lines.append(",".join(["0.0", str(point.op.p), str(point.op.q), *["1.0"] * 8]))
+        for frequency, row in zip(point.frequency, _flat(point), strict=True):
+            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            lines.append(",".join(f"{value:.14E}".replace("E", "D") for value in values))
+        lines.append(",".join([f"{point.frequency[-1] * 2:g}", str(point.op.p), str(point.op.q), *[""] * 8]))
+    return _text(folder, "fortran.csv", [*lines, "# end of file"])
+
+
+def angles_in_text(sweep: Sweep, folder: Path) -> list[Path]:
+    """Polar numbers as text, decimal commas, voltages in volts."""
+    lines = ["f/Hz;P/kW;Q/kvar;U/V;" + ";".join(f"Z{e}/Ω" for e in NAMES)]
+    for point in sweep.points:
+        impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
+        for frequency, row in zip(point.frequency, impedance, strict=True):
+            polar = [f"{abs(z):.13g}∠{np.degrees(np.angle(z)):.13g}°" for z in row]
+            cells = [
+                f"{frequency:.12g}",
+                f"{point.op.p * 10:g}",
+                f"{point.op.q * 10:g}",
+                f"{point.op.v * 400:g}",
+                *polar,
+            ]
+            lines.append(";".join(cells).replace(".", ","))
+    return _text(folder, "polar.csv", lines)
+
+
+_SI = ("--base", "10kVA,400V", "--f0-hz", "60")
+_OUT, _IN = ("--current", "out", "--q-axis", "leads"), ("--current", "in", "--q-axis", "leads")
+_FOUR = ",".join(f"Y{entry}=ch{k}a+jch{k}b" for k, entry in enumerate(NAMES))
+_NUMBERED = ",".join(f"Y{entry}=#{2 * k + 4}+j#{2 * k + 5}" for k, entry in enumerate(NAMES))
+MAKES = (
+    Foreign("german semicolons", german_semicolons, _OUT),
+    Foreign("magnitude and phase", magnitude_and_phase, ("--unit", "ohm", *_SI, *_IN)),
+    Foreign("complex text", complex_text, (*_SI, *_OUT)),
+    Foreign("numpy.savetxt", numpy_savetxt, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("units below names", units_below_names, _OUT),
+    Foreign("tidy rows", tidy_rows, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("a file per entry", file_per_entry, (*_SI, *_IN, "--p", "1", "--q", "0.3")),
+    Foreign("another base", other_base, ("--unit", "pu:100MVA,33kV", *_SI, *_OUT)),
+    Foreign("sequences", sequences, ("--unit", "pu", "--f0-hz", "60", "--current", "out")),
+    Foreign(
+        "into the device, q lags", current_in_lagging, ("--unit", "ohm", *_SI, "--current", "in", "--q-axis", "lags")
+    ),
+    Foreign("no names", no_names, ("--map", f"freq=#1,p=#2,q=#3,{_NUMBERED}", "--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign(
+        "strange names",
+        strange_names,
+        ("--map", f"freq=tone_k[kHz],p=load_kw,q=load_kvar,{_FOUR}", "--unit", "S", *_SI, *_OUT),
+    ),
+    Foreign("workbook", workbook, _IN),
+    Foreign("Parquet", parquet, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("MAT structure", mat_struct, ("--unit", "S", *_OUT)),
+    Foreign("HDF5", hdf5, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("MATLAB 7.3", matlab_73, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("Fortran numbers", quoted_fortran, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("polar text", angles_in_text, (*_SI, *_IN)),
+)
