@@ -9,8 +9,6 @@ from ibrid.display import make_display
 
 #: Told what is going on, and the share that is done.
 Tell = Callable[[str, float], None]
-#: Told of work in pieces: done, of, and words.
-Count = Callable[[int, int, str], None]
 #: Seconds between plain lines.
 EVERY = 10.0
 
@@ -40,13 +38,3 @@ def telling(show: str | Tell = "auto") -> Iterator[Tell]:
         yield tell
     finally:
         display.close()
-
-
-def in_pieces(tell: Tell) -> Count:
-    """Tells pieces of work, with the seconds since now."""
-    began = time.monotonic()
-    return lambda done, of, words: tell(f"{done}/{of} {words}, {time.monotonic() - began:.0f} s", done / max(of, 1))
-
-
-def untold(done: int, of: int, words: str) -> None:
-    """For work of which nothing is to be said."""

@@ -2,6 +2,7 @@
 
 from argparse import Namespace
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ def declare(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser("gap", help="where a model and a measurement disagree, and which effect is missing")
     parser.add_argument(
-        "model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or the sweep of a simulation (CSV, ...)"
+        "model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record; or the sweep of a simulation (CSV, ...)"
     )
     parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
     parser.add_argument(
@@ -39,6 +40,12 @@ def declare(commands: Any) -> None:
     parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
+    )
+    parser.add_argument(
+        "--seconds",
+        type=inputs.positive,
+        metavar="N",
+        help="stop after so many with the best answer so far, and say so",
     )
     parser.add_argument(
         "--suggest",
@@ -81,6 +88,7 @@ def _answer(
     suggest: "tuple[Suggest, ...]",
     tell: "Tell",
 ) -> "Gap":
+    from ibrid.gap.files import write_partial
     from ibrid.gap.workflow import find_gap
     from ibrid.plugins import extended_catalogue
 
@@ -91,7 +99,11 @@ def _answer(
         "seed": arguments.seed,
         "suggest": suggest,
         "progress": tell,
+        "seconds": arguments.seconds,
+        "so_far": partial(write_partial, folder=arguments.out),
     }
+    if _is_record(arguments.model):
+        return find_gap(inputs.record(arguments.model), sweep, values, **options)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:
@@ -125,6 +137,11 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
     chosen = Proposers(arguments.suggest, models=arguments.models).weighted()
     number = FEW if arguments.models else MANY
     return (low_order_blocks, *(suggestions_of(one, number, arguments.seed) for one, _ in chosen))
+
+
+def _is_record(text: str) -> bool:
+    path = Path(text)
+    return path.is_file() and path.suffix.lower() == ".json" and '"ibrid.record/' in path.read_text("utf-8", "replace")
 
 
 def _is_sweep(text: str) -> bool:

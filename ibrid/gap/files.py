@@ -43,6 +43,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             **_amplitudes(gap),
             "steps": gap.steps,
             "seconds": gap.seconds,
+            "complete": gap.complete,
             "program": gap.program,
         }
     )
@@ -64,6 +65,12 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
         inside(folder, DIFF).unlink(missing_ok=True)
     gap.repaired.write(inside(folder, RECORD))
     write_whole(inside(folder, GAP), answer)
+
+
+def write_partial(gap: Gap, folder: str | Path) -> None:
+    """gap.json of an answer on the way, in a folder that is made where it is not there; replaced atomically."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    write_whole(inside(Path(folder), GAP), json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n")
 
 
 def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Coordinates
 from ibrid.structure.parameters import Parameter, ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
@@ -141,6 +142,17 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
         found[parameter.name] = Belief(value, tolerance)
     return found
+
+
+def values_of(record: Record) -> dict[str, float]:
+    """What a record found, as nominal values; IbridError where that differs between operating points."""
+    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != ("shared", "exact"):
+        raise IbridError(
+            "a gap begins with one set of values: fit the record again with --parameters shared --equilibrium exact"
+        )
+    if not record.parameters:
+        raise IbridError("the record has no fitted values; give its program, with nominal values where you know them")
+    return dict(next(iter(record.parameters.values())))
 
 
 def read_values(path: str | Path) -> dict[str, Any]:

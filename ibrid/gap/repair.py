@@ -1,5 +1,6 @@
 """The repair of a model, edit by edit: try everything, keep what pays most, look back, go on until nothing pays."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -7,8 +8,8 @@ import numpy as np
 from ibrid.gap.convention import Convention
 from ibrid.gap.data import Data
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, significant
+from ibrid.gap.watching import Watch
 from ibrid.parts.practice import Insertion
-from ibrid.telling import Count, untold
 
 #: Edits at most.
 MOST_EDITS = 3
@@ -29,13 +30,14 @@ BETTER = 1.0
 
 @dataclass
 class Bench:
-    """What a repair has at hand. `tell` : is told what is going on, (done, of, words)."""
+    """What a repair has at hand. `so_far` : is told the given and the best model, and the trials, when there are new ones."""
 
     shop: Data
-    tell: Count = untold
+    watch: Watch = field(default_factory=Watch)
     steps: list[str] = field(default_factory=list)
     tests: int = 0
     scale: float = 1.0
+    so_far: Callable[[Model, Model, Sequence[Model]], None] = lambda given, best, trials: None
 
 
 def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
@@ -49,15 +51,16 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
     refitted, found, best = (FURTHER if adequate else REFITTED), [], np.inf
     for number, glance in enumerate(glances):
         edit = glance.edits[-1]
-        if isinstance(edit, Convention) or (number >= refitted and glance.bic(bench.scale) > best + CLOSE):
+        hopeless = number >= refitted and glance.bic(bench.scale) > best + CLOSE
+        if hopeless or isinstance(edit, Convention) or bench.watch.late():
             found.append(glance)
             continue
-        bench.tell(number, refitted, f"{edit.effect}: {edit.change} {edit.where}")
+        bench.watch(min(number, refitted), refitted, f"{edit.effect}: {edit.change} {edit.where}")
         trial = bench.shop.edited(model, edit) or glance
         found.append(min(trial, glance, key=lambda one: one.refit.cost))
         best = min(best, found[-1].bic(bench.scale))
-    if conventions and model.convention == Convention():
-        bench.tell(len(glances), len(glances), "other conventions of the data")
+    if conventions and model.convention == Convention() and not bench.watch.late():
+        bench.watch(refitted, refitted, "other conventions of the data")
         enough = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
         found += [one for one in bench.shop.read_otherwise(model, enough) if better_everywhere(model, one)]
     bench.tests += len(found)
@@ -67,8 +70,10 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
 def _glanced(bench: Bench, model: Model, *, nominal: bool = True) -> list[Model]:
     """A glance at every edit of a model, best first."""
     edits, glances = bench.shop.insertions(model), []
-    for number, edit in enumerate(edits):
-        bench.tell(number, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
+    for edit in edits:
+        if bench.watch.late():
+            break
+        bench.watch(0, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
         glances.append(bench.shop.glanced(model, edit, nominal=nominal))
     return sorted((one for one in glances if one is not None), key=lambda one: one.bic(bench.scale))
 
@@ -117,6 +122,7 @@ def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list
 
 def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
     firsts = paying(bench, given, trials)
+    bench.so_far(given, next(iter(firsts), given), trials)
     if not firsts:
         return given
     if firsts[0].adequate(bench.scale):
@@ -127,6 +133,7 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
         bench.steps.append(_tried_together(bench, given, found))
         if best is given or found.bic(bench.scale) < best.bic(bench.scale):
             best = found
+            bench.so_far(given, best, trials)
         if best.adequate(bench.scale):
             break
     return best
@@ -138,7 +145,7 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while len(model.edits) < MOST_EDITS:
+    while len(model.edits) < MOST_EDITS and not bench.watch.late():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         found = next(iter(paying(bench, model, trials)), None)
@@ -153,7 +160,7 @@ def _further(bench: Bench, model: Model) -> Model:
 def _looked_back(bench: Bench, given: Model, best: Model) -> Model:
     """Leave out each edit in turn: what the others do as well without it goes."""
     place = 0
-    while len(best.edits) > 1 and place < len(best.edits):
+    while len(best.edits) > 1 and place < len(best.edits) and not bench.watch.late():
         alone = _without(bench, given, best, place)
         if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
@@ -170,6 +177,8 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
     """
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
+    if bench.watch.late():
+        return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):
         alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
@@ -224,11 +233,13 @@ def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
             chosen.append(one)
     ahead: list[tuple[float, Model]] = []
     for number, first in enumerate(chosen[:AHEAD]):
-        bench.tell(number, min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
+        if bench.watch.late():
+            break
+        bench.watch(number, 2 * min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
         seconds = _glanced(bench, first)
         bench.tests += len(seconds)
         ahead.append((min((one.bic(bench.scale) for one in seconds), default=np.inf), first))
-    return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]]
+    return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]] or chosen[:1]
 
 
 def _words(edit: Insertion | Convention) -> str:

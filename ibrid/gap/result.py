@@ -160,6 +160,7 @@ class Gap:
     `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
     `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
     `amplitude` : of data with several injection amplitudes, how the response depends on them; None for one amplitude.
+    `complete` : False for an answer on the way, or when the time was up.
     """
 
     verdict: Verdict
@@ -189,6 +190,7 @@ class Gap:
     suggested: tuple[Suggested, ...] = ()
     amplitude: AmplitudeAnswer | None = None
     seconds: float = 0.0
+    complete: bool = True
 
     @property
     def diagram(self) -> "Diagram":

@@ -1,11 +1,12 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar, Unpack
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
@@ -16,12 +17,13 @@ from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.prior import Nominal, Prior, prior_of
+from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, fits, scale_of
+from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.linearity import Linearity, linearity, small_signal
 from ibrid.measurement.sweep import Sweep
@@ -32,7 +34,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
-from ibrid.telling import Count, Tell, in_pieces, telling
+from ibrid.telling import Tell, telling
 
 #: Times at most that everything is tried, each time with the noise that the time before left over.
 PASSES = 3
@@ -42,22 +44,24 @@ Kind = TypeVar("Kind", bound=Data)
 
 
 def find_gap(
-    diagram: Diagram,
+    diagram: Diagram | Record,
     sweep: Sweep | Study,
     values: Nominal | None = None,
     *,
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     progress: str | Tell = "silent",
+    seconds: float | None = None,
+    so_far: Callable[[Gap], None] | None = None,
     **options: Unpack[StudyOptions],
 ) -> Gap:
     """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
 
     Parameters
     ----------
-    diagram : the model that is believed in. sweep : the measured device, or a study of it; with several injection
-        amplitudes the response is tested for linearity first, and a current limit or a dead zone is looked for where it
-        fails.
+    diagram : the model that is believed in; of a record, its fitted values are the nominal ones. sweep : the measured
+        device, or a study of it; with several injection amplitudes the response is tested for linearity first, and a
+        current limit or a dead zone is looked for where it fails.
     values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held-out points are predicted before and after. A gap is
@@ -66,6 +70,8 @@ def find_gap(
     suggest : who is asked for edits where something is located that the catalogue does not know.
     progress : where a line says what is going on: "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
+    seconds : after so many nothing new is tried; the answer is the best so far, `complete` is False, and it says so.
+    so_far : is given the answer so far every 10 s.
 
     Returns
     -------
@@ -75,21 +81,26 @@ def find_gap(
     ------
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
+    if isinstance(diagram, Record):
+        diagram, values = diagram.diagram, values or values_of(diagram)
     study = Study.of(sweep, **options)
     if (study.parameters, study.equilibrium) != ("shared", "exact"):
         raise IbridError(
             "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
         )
     kernel.load()
-    began = time.perf_counter()
     require_legal(diagram, study.kinds, equilibrium="exact")
     wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)
     with telling(progress) as tell:
-        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, in_pieces(tell))
+        watch = Watch(tell, seconds, so_far)
+        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return replace(gap, seconds=time.perf_counter() - began)
+    if watch.stopped:
+        short = f"Stopped after {seconds:g} s: not everything was tried."
+        gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
+    return replace(gap, seconds=watch.elapsed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +113,7 @@ class _Question:
     prior: Prior
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
-    tell: Count
+    watch: Watch
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
@@ -119,7 +130,8 @@ def _answered(ask: _Question) -> Gap:
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
     found, shop = result
-    return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, ask.suggest)
+    suggest = () if ask.watch.late() else ask.suggest
+    return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, suggest)
 
 
 # --- several amplitudes ----------------------------------------------------------------------------------------------
@@ -188,7 +200,7 @@ def _findings(
     data = data_at(noise)
     found = _tried(ask, diagram, data, ())
     for _ in range(PASSES - 1):
-        if found is None or not found.weighed_wrongly:
+        if found is None or not found.weighed_wrongly or ask.watch.late():
             break
         noise = found.noise.times(found.scale)
         data = data_at(noise)
@@ -198,13 +210,18 @@ def _findings(
 
 def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
     noise = data.noise
-    ask.tell(0, 1, "the given model refitted")
+    ask.watch.stage(0.1)
+    ask.watch(0, 1, "the given model refitted")
     given = data.given(diagram)
     if given is None:
         return None
-    bench = Bench(data, ask.tell, list(steps))
+    bench = Bench(data, ask.watch, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
+    if isinstance(data, Workshop):
+        bench.so_far = partial(_so_far, ask, data, bench)
+    ask.watch.stage(0.4)
     given, trials = first_trials(bench, given)
+    ask.watch.stage(0.6)
     bench.scale, ports = scale_of(noise, [given, *trials], ()), ()
     if not (noise.known or any(fits(one, noise, bench.scale) for one in [given, *trials])):
         ports = _ports(ask, data, bench, given)  # a single place may tell how large the noise is
@@ -241,5 +258,21 @@ def _ports(
     """The port map of a model that is not adequate."""
     if given.adequate():
         return ()
-    ask.tell(0, 1, "the port map")
+    if repaired is None and ask.watch.late():
+        bench.steps.append("no port map: the time was up")
+        return ()
+    ask.watch.stage(0.5)
+    ask.watch(0, 1, "the port map")
     return data.ports(given, bench.steps, repaired)
+
+
+def _so_far(ask: _Question, shop: Workshop, bench: Bench, given: Model, best: Model, trials: Sequence[Model]) -> None:
+    """Pass on what would be answered now."""
+
+    def answer() -> Gap:
+        steps = tuple(bench.steps)
+        found = Findings(shop.noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
+        gap = answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, ())
+        return replace(gap, sentence=f"So far: {gap.sentence}", seconds=ask.watch.elapsed, complete=False)
+
+    ask.watch.so_far(answer)

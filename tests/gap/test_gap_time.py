@@ -1,0 +1,74 @@
+"""A gap that is being sought: answers on the way, an end before everything was tried, one progress; and a record as the model."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from ibrid_bench.hidden.case import Case, draw_case
+from jsonschema import Draft202012Validator
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.evaluation.recording import record_at
+from ibrid.gap.files import gap_json
+from ibrid.gap.result import Gap
+from ibrid.gap.workflow import find_gap
+from ibrid.parts.catalogue import CATALOGUE
+from ibrid.schemas import schema
+from ibrid.structure.program import parse_program
+
+FEW = tuple(one for one in CATALOGUE if one.id in ("control_delay", "pll_prefilter"))
+
+
+@cache
+def hidden() -> Case:
+    """A filter that the model lacks, at few frequencies."""
+    options = {"severity": "gross", "noise_db": 60, "points": 1, "frequencies": 6}
+    return draw_case("effect", 3, effects=["pll_prefilter:add"], **options)
+
+
+def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypatch):
+    monkeypatch.setattr("ibrid.gap.watching.EVERY", 0.0)
+    case, answers, shares = hidden(), list[Gap](), list[float]()
+
+    def told(words: str, share: float) -> None:
+        shares.append(share)
+
+    gap = find_gap(
+        parse_program(case.program), case.sweep, case.values, catalogue=FEW, so_far=answers.append, progress=told
+    )
+    assert gap.complete
+    assert gap.verdict == "named"
+    assert answers
+    for answer in answers:
+        assert not answer.complete
+        assert answer.sentence.startswith("So far: ")
+        assert not list(Draft202012Validator(schema("gap")).iter_errors(json.loads(json.dumps(gap_json(answer)))))
+    assert shares == sorted(shares)
+    assert 0.0 < shares[-1] <= 1.0
+
+
+def test_when_the_time_is_up_the_best_so_far_is_the_answer_and_says_so():
+    case = hidden()
+    gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, seconds=1e-9)
+    assert not gap.complete
+    assert "Stopped after 1e-09 s" in gap.sentence
+    assert not gap.effects
+    assert gap_json(gap)["complete"] is False
+
+
+def test_a_record_is_a_model_with_its_values():
+    case = draw_case("nothing", 2, frequencies=8, points=1)
+    given = record_at(parse_program(case.program), case.sweep, case.truth["values"])
+    gap = ibrid.find_gap(given, case.sweep, catalogue=FEW)
+    assert gap.verdict == "no-gap"
+    assert {one.name: one.nominal for one in gap.moved} == pytest.approx(next(iter(given.parameters.values())))
+
+
+def test_a_record_without_one_set_of_values_is_refused():
+    case = hidden()
+    given = record_at(parse_program(case.program), case.sweep, case.values)
+    for broken in (replace(given, settings={**given.settings, "parameters": "per-op"}), replace(given, parameters={})):
+        with pytest.raises(IbridError):
+            ibrid.find_gap(broken, case.sweep)
