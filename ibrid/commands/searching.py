@@ -112,6 +112,12 @@ def declare(commands: Any) -> None:
         help="of a million tokens in and out, in the currency of --model-cost; once for all models, or once for each in their "
         "order (nothing)",
     )
+    search.add_argument(
+        "--prompt",
+        choices=("engineer", "paper"),
+        default="engineer",
+        help="question to the proposer llm: engineer (default), with the diagnosis of the parent, or paper, the paper's own",
+    )
     search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
     search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
@@ -129,7 +135,10 @@ def declare(commands: Any) -> None:
     )
     search.add_argument("--require", metavar="WHAT", help="what a candidate must be: stable,passive:LO-HI (Hz)")
     search.add_argument(
-        "--choose", default="error", help="the answer by: error (default) | frequencies | op, the latter held out"
+        "--choose",
+        default="plausible",
+        help="the answer by: plausible (default: held-out points where there are any, then the fewest numbers within the "
+        "noise) | error | frequencies | op, the latter two held out",
     )
     search.add_argument(
         "--truth",
@@ -198,6 +207,7 @@ def run_search(arguments: Namespace) -> int:
             seconds=arguments.model_seconds or inf,
         ),
         prices=arguments.model_price,
+        prompt=arguments.prompt,
         policy=arguments.policy,
         learn=_learning(arguments),
     )
@@ -290,6 +300,8 @@ def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
 
         print()
         print(format_comparison(compare(found.best.diagram, truth, found.best.vocabulary)).rstrip("\n"))
+    for rival in found.selection.get("rivals", ()):
+        print(f"Not proven: {rival['words']}.")
     print(f"\n{found.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
     return 0
 

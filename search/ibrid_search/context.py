@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.errors import IbridError
+from ibrid.measurement.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
 from ibrid.study import Study
@@ -21,19 +22,26 @@ from ibrid_search.quoting import FENCE, fenced, quoted
 from ibrid_search.record_text import record_text, score_text
 from ibrid_search.step import Step
 
+#: Edits that a question names.
+RANKED = 6
 
-def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens) -> list[Message]:
+
+def prompt(
+    context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens, diagnosed: bool = False
+) -> list[Message]:
     """System and user turn for the next edit of `context.parent`.
 
     Parameters
     ----------
     limit_tokens : of both turns together. What does not fit is left out: first candidates and failures of the history,
-        then details of vocabulary and record. count : tokens of a text, by default an estimate.
+        then details of vocabulary and record. count : tokens of a text, by default an estimate. diagnosed : with what the data
+        say of the parent; without it the question is that of the paper.
 
     Raises IbridError when even the shortest form is longer.
     """
+    diagnosis = diagnosis_text(context) if diagnosed else ""
     for short in (False, True):
-        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short))
+        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short, diagnosis))
         used = count(system) + count(question)
         if used <= limit_tokens:
             history = _history(context, limit_tokens - used, count)
@@ -94,12 +102,26 @@ counts in the end is a diagram of recognisable modules, as few as explain the da
 Measured: {points}."""
 
 
-def _question(context: Context, short: bool) -> Iterator[str]:
+def diagnosis_text(context: Context) -> str:
+    """The edits of the parent that explain most of what is left, by a few descent steps each; "" where none has a response."""
+    ranked = context.lacks(RANKED)
+    if not ranked:
+        return ""
+    rows = [f"- {look.edit.words}: {look.error:.3g}, {counted(look.free, 'free parameter')}" for look in ranked]
+    return (
+        "# What the data say that it lacks\nOf all edits that control practice knows, these explain most; behind each the error "
+        "that a few descent steps reach with it, an upper end of what a fit finds:\n" + "\n".join(rows)
+    )
+
+
+def _question(context: Context, short: bool, diagnosis: str) -> Iterator[str]:
     parent = context.parent
     yield f"# The program to edit (step {parent.step})\n{_program(parent)}"
     yield f"# Its record\n{record_text(parent.record, short=short)}"
     if context.last is not None and context.last.number == parent.step and context.last.note:
         yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
+    if diagnosis:
+        yield diagnosis
     if context.remark:
         yield f"# What else is known\n{fenced(context.remark)}"
     yield f"# What to do\nWrite {SCALE_TEXTS[context.scale]}"

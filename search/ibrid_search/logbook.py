@@ -83,7 +83,8 @@ class Logbook:
     ) -> Step:
         """Check and evaluate a program; the step says how it ended, whatever the text is.
 
-        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage.
+        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage;
+        its values are tried beside the starts.
         `study`, `fit` : with another seed or other held-out points, and another effort than usual.
         Raises IbridError for a parent that has no fit.
         """
@@ -112,7 +113,7 @@ class Logbook:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
             return self._keep(replace(step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse))
-        return self._evaluate(step, diagram, study, fit)
+        return self._evaluate(step, diagram, study, fit, None if parent is None else self.record(parent).parameters)
 
     def record(self, number: int) -> Record:
         """The record of a fitted step, or of the one that it repeats; IbridError when there is none."""
@@ -153,11 +154,18 @@ class Logbook:
         }
         return {name: value for name, value in asked.items() if value != before[name]}
 
-    def _evaluate(self, step: Step, diagram: Diagram, study: Study, fit: FitSettings) -> Step:
+    def _evaluate(
+        self,
+        step: Step,
+        diagram: Diagram,
+        study: Study,
+        fit: FitSettings,
+        warm: Mapping[str, Mapping[str, float]] | None,
+    ) -> Step:
         if self._store is not None:
             self._store.propose(step)
         try:
-            record = evaluate(diagram, study, settings=fit)
+            record = evaluate(diagram, study, settings=fit, warm=warm)
         except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
             reason = f"{type(error).__name__}: {error}"
             self._conclude(replace(step, status=Status.LOST, reason=reason), None)

@@ -3,15 +3,20 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import program_text
 from ibrid.study import Study
+from ibrid_search.gates import implausible
 from ibrid_search.step import Step
 from ibrid_search.store import Store
+
+if TYPE_CHECKING:
+    from ibrid_search.diagnosis import RankedEdit
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
 SCALES = ("local", "module", "structural")
@@ -59,6 +64,20 @@ class Context:
     def task(self) -> Study:
         """The study, under its earlier name."""
         return self.study
+
+    def lacks(self, number: int = 1) -> "list[RankedEdit]":
+        """The diagnosis of the parent: edits that explain most of what is left and lead to a legal structure that the run has not
+        met, the best first, at most so many (`ibrid_search.rankings`). Seconds the first time, then remembered."""
+        from ibrid_search.rankings import rankings_of
+
+        return rankings_of(self.study).best(self.parent, self.is_new, number)
+
+    def is_new(self, diagram: Diagram) -> bool:
+        """True for a legal, plausible structure that the run has not met."""
+        examined = self.study.examined(diagram, program_text(diagram))
+        if not examined.hash or self.seen(examined.hash):
+            return False
+        return not examined.violations and not implausible(examined.warnings)
 
 
 @dataclass(frozen=True)

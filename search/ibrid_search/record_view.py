@@ -140,12 +140,13 @@ def _frequency(cell: Mapping[str, Any], whole: float) -> dict[str, Any]:
         "hz": cell["hz"],
         "entry": cell["entry"],
         "share": cell["squared"] / whole,
-        "measured": _polar(cell["measured"]),
-        "model": _polar(cell["model"]),
+        "measured": polar(cell["measured"]),
+        "model": polar(cell["model"]),
     }
 
 
-def _polar(value: complex) -> str:
+def polar(value: complex) -> str:
+    """Size and angle, in words."""
     return f"{abs(value):.4g} at {np.degrees(np.angle(value)):.1f} deg"
 
 

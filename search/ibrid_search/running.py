@@ -32,6 +32,7 @@ from ibrid_search.policy_package import policy_part
 from ibrid_search.progress import Progress
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
+from ibrid_search.rivals import VISIBLE, rivals_of
 from ibrid_search.run_file import digest
 from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, open_run, require_run, write_best
 from ibrid_search.selecting import select, selection_json
@@ -128,7 +129,7 @@ def search(
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
     first, others = _starts(start, study, settings)
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
-    learnt: dict[str, Any] = dict(proposers.weights())
+    learnt: dict[str, Any] = {**proposers.weights(), **({"prompt": proposers.prompt} if proposers.models else {})}
     if (lesson := proposers.learning()) is not None:
         weighted = policy_part("learning.choose").learning(
             weighted, lesson, seed=study.seed, window=settings.window, study=study.blind, start=first, folder=folder
@@ -216,6 +217,10 @@ def _concluded(
         return worth.record(loop.best.number), {}
     selection = select(loop.steps, loop.best, worth.record, assessor, assessor.floor, worth.error, loop.goal.choose)
     seconds = selection.pop("seconds")  # the file is the same for the same seed
+    answer = loop.steps[selection["answer"]]
+    rivals = rivals_of(answer, loop.steps, worth.record, assessor.floor) if worth.at_floor(answer) else ()
+    noise = assessor.floor.level if assessor.floor.known else VISIBLE
+    selection["rivals"] = [vars(rival) | {"words": rival.words(noise)} for rival in rivals]
     write_whole(inside(folder, SELECTION), selection_json(selection))
     found = worth.record(selection["answer"])
     again = assessor.record_of(found.program, FitSettings(), found.parameters)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -54,8 +54,8 @@ def select(
     """The content of selection.json, and beside it the `seconds` of the refits.
 
     error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
-    the run; "frequencies", "op": of the front, the least error at held-out frequencies or operating points. The answer is
-    always stable.
+    the run; "frequencies", "op": of the front, the smallest structure with the least error at held-out frequencies or operating
+    points; "plausible": by held-out operating points where there are any, else by the criterion. The answer is always stable.
     """
     front = plain_selection(steps).front[:MOST]
     numbers = sorted({one.step for one in front} | {best.number})
@@ -63,7 +63,7 @@ def select(
     records = {number: record_of(number) for number in numbers}
     refits = {number: _refit(record, assessor) for number, record in records.items()}
     found = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
-    answer, why = _chosen(found, best, way)
+    answer, why = _chosen(found, best, way, floor)
     alike = _alike(steps, best, error, floor)
     record = record_of(answer)
     return {
@@ -92,18 +92,26 @@ def _kinds(assessor: Assessor) -> dict[str, Any]:
     return {kind.name: kind for kind in assessor.study.kinds}
 
 
-def _chosen(found: Sequence[Candidate], best: Step, way: str) -> tuple[int, str]:
-    if way == "frequencies":
-        able = [one for one in found if one.frequencies is not None and one.stable]
-        if able:
-            one = min(able, key=lambda each: (each.frequencies, each.free_parameters))
-            return one.step, f"of the front it has the least error at held-out frequencies, {one.frequencies:.3g}"
-    if way == "op":
-        able = [one for one in found if one.holdout is not None and one.stable]
-        if able:
-            one = min(able, key=lambda each: (each.holdout, each.free_parameters))
-            return one.step, f"of the front it has the least error at held-out operating points, {one.holdout:.3g}"
+def _chosen(found: Sequence[Candidate], best: Step, way: str, floor: Floor) -> tuple[int, str]:
+    """The answer and why. Held-out errors within the noise, or alike, are equal: the smaller structure is the answer."""
+    for ways, what, error in _HELD_OUT:
+        errors = {candidate.step: error(candidate) for candidate in found if candidate.stable}
+        known = {step: value for step, value in errors.items() if value is not None}
+        if way in ways and known:
+            least = max(ALIKE * min(known.values()), floor.most if floor.known else 0.0)
+            able = [candidate for candidate in found if known.get(candidate.step, inf) <= least]
+            answer = min(
+                able, key=lambda candidate: (candidate.free_parameters, candidate.order, known[candidate.step])
+            )
+            return answer.step, f"of the front it predicts the held-out {what} best, error {known[answer.step]:.3g}"
     return best.number, "it is the simplest of those with the least error, and stable at every operating point"
+
+
+#: Ways of choosing by data that no fit saw, what those are, and the error there.
+_HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Candidate], float | None]], ...] = (
+    (("op", "plausible"), "operating points", lambda candidate: candidate.holdout),
+    (("frequencies",), "frequencies", lambda candidate: candidate.frequencies),
+)
 
 
 def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Candidate:

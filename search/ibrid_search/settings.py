@@ -12,7 +12,7 @@ from ibrid_search.proposal import SCALES
 from ibrid_search.requirements import Requirements, parse_requirements
 
 #: Ways to choose the answer.
-WAYS = ("error", "frequencies", "op")
+WAYS = ("plausible", "error", "frequencies", "op")
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Goal:
 
     `budget` : evaluations at most, the start included. `target` : NRMSE that ends the search; None: only the noise floor or an
     exact fit does. `require` : "stable", "passive:LO-HI", joined by commas; what does not meet it is not admitted. `choose` :
-    the answer by "error", held-out "frequencies", or held-out operating points ("op").
+    the answer by "error", held-out "frequencies", held-out operating points ("op"), or those where there are any ("plausible").
 
     Raises IbridError for a number that means nothing, and words that are none of these.
     """
@@ -29,7 +29,7 @@ class Goal:
     budget: int = 500
     target: float | None = None
     require: str = ""
-    choose: str = "error"
+    choose: str = "plausible"
 
     def __post_init__(self) -> None:
         _ = self.requirements  # words that are not understood end the search here

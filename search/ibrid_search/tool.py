@@ -4,11 +4,14 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
+from ibrid.structure.diagram import Diagram
+from ibrid_search.proposal import Evaluated
 
 #: Characters of JSON that an answer has at most.
 LONGEST_ANSWER = 12_000
@@ -23,6 +26,25 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
     "array": (list, tuple),
     "object": (Mapping,),
 }
+
+#: The argument that names a step.
+STEP = {"type": "integer", "minimum": 0, "description": "number of an evaluated step"}
+
+
+class Steps(Protocol):
+    """Where the tools find what was evaluated."""
+
+    def record(self, number: int) -> Record:
+        """The record of a fitted step; IbridError otherwise."""
+        ...
+
+    def best(self, count: int) -> Sequence[Evaluated]:
+        """The best fitted steps, best first."""
+        ...
+
+    def met(self, diagram: Diagram) -> str | None:
+        """Where a structure was met, such as "step 3"; None when it is new."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,9 @@
 """The tools of an agent that change nothing: vocabulary, grammar, records, comparison. Text is read, never run."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from ibrid.errors import IbridError, ProgramError
-from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.modules.in_full import kind_in_full
 from ibrid.modules.vocabulary import find_kind
@@ -15,10 +14,10 @@ from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program
 from ibrid.structure.wiring import wire
 from ibrid.study import Study
+from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.proposal import Evaluated
 from ibrid_search.record_view import Part, record_view, summary
-from ibrid_search.tool import Tool
+from ibrid_search.tool import STEP, Steps, Tool
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
@@ -30,29 +29,12 @@ PROGRAM = {
     "maxLength": LONGEST_PROGRAM,
     "description": "program text: one def with g.add and g.connect",
 }
-_STEP = {"type": "integer", "minimum": 0, "description": "number of an evaluated step"}
 _EITHER = {
     "type": ["string", "integer"],
     "maxLength": LONGEST_PROGRAM,
     "minimum": 0,
     "description": "program text, or the number of an evaluated step",
 }
-
-
-class Steps(Protocol):
-    """Where the tools find what was evaluated."""
-
-    def record(self, number: int) -> Record:
-        """The record of a fitted step; IbridError otherwise."""
-        ...
-
-    def best(self, count: int) -> Sequence[Evaluated]:
-        """The best fitted steps, best first."""
-        ...
-
-    def met(self, diagram: Diagram) -> str | None:
-        """Where a structure was met, such as "step 3"; None when it is new."""
-        ...
 
 
 class Tools:
@@ -65,13 +47,14 @@ class Tools:
     def reading(self) -> tuple[Tool, ...]:
         """Tools that evaluate nothing."""
         return (
+            *Insight(self.study, self.steps).tools,
             Tool(
                 "show_record",
                 "Where the error of an evaluated step lies, worst parts first (operating point, frequency band, admittance "
                 "entry), with parameters, those at a bound, stability and what the data cannot tell. "
                 "With op, band or entry: all frequencies of that part.",
                 {
-                    "step": _STEP,
+                    "step": STEP,
                     "op": {"type": "string", "maxLength": 200, "description": "operating point, such as p=1,q=0.3"},
                     "band": {
                         "type": "string",

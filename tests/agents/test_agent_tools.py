@@ -190,6 +190,49 @@ def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
     assert "Delay" not in "\n".join(ask(bench, "describe_vocabulary")["kinds"])
 
 
+def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(sweep: Sweep, bench: Workbench):
+    point = sweep.points[0]
+    answer = ask(bench, "show_data", op=point.op.name, view="Z")
+    shown = [row["hz"] for row in answer["rows"]]
+    assert shown == sorted(shown)
+    assert len(shown) + answer["left_out_between"] == len(point.frequency)
+    k = int(np.argmin(abs(point.frequency - shown[3])))
+    impedance = -np.linalg.inv(point.admittance[k])
+    assert answer["rows"][3]["dq"].startswith(f"{abs(impedance[0, 1]):.4g} at ")
+    assert "nothing lies between" in ask(bench, "show_data", low=1e6)["error"]
+
+
+def test_shipped_diagrams_come_in_the_order_of_a_first_look(bench: Workbench):
+    ranked = ask(bench, "list_diagrams")["ranked"]
+    assert ranked[0]["name"] == "gfl_pll_filter_exact"  # what the benchmark is
+    assert ranked[0]["error"] < 1e-6 < ranked[-1]["error"]
+    assert ask(bench, "read_diagram", name="gfl")["program"] == textbook_text("gfl")
+
+
+def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: Sweep):
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
+    before = ask(bench, "evaluate_program", program=textbook_text("gfl_exact"))
+    answer = ask(bench, "diagnose", step=0, count=3)
+    assert len(answer["ranked"]) == 3
+    assert answer["ranked"][0]["error"] <= answer["ranked"][1]["error"] * 1.5  # beside the error the size counts
+    after = ask(bench, "evaluate_program", program=answer["ranked"][0]["program"], parent=0)
+    assert after["nrmse"] <= 1.01 * answer["ranked"][0]["error"] < before["nrmse"]
+    again = ask(bench, "diagnose", step=0, count=3)
+    assert answer["ranked"][0]["edit"] not in {one["edit"] for one in again["ranked"]}
+
+
+def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Workbench):
+    steps = len(bench.logbook.steps)
+    looks = ask(bench, "try_programs", programs=[textbook_text("gfl_pll_filter_exact"), NAIVE, UNWIRED])["looks"]
+    assert looks[0]["error"] < 1e-6 < looks[1]["error"]
+    assert "check_grammar" in looks[2]["refused"]
+    assert (
+        ask(bench, "try_programs", programs=[NAIVE], parent=0)["looks"][0]["error"] < 1.01 * bench.steps.record(0).nrmse
+    )
+    assert "1 to 8" in ask(bench, "try_programs", programs=[])["error"]
+    assert len(bench.logbook.steps) == steps
+
+
 def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     answer = ask(bench, "describe_vocabulary")
     listed = [line.strip().split(":")[0] for line in answer["kinds"]]
@@ -229,7 +272,7 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
         ("show_record", {"step": 2}, "has no fit"),
         ("list_best", {"count": -1}, "must lie within"),
         ("list_best", ["count"], "of type object"),
-        ("list_bset", {}, "did you mean list_best?"),
+        ("list_bset", {}, "did you mean list_best"),
         ("x" * 1000, {}, "there is no tool"),
         (None, {}, "there is no tool"),
     ],

@@ -9,6 +9,7 @@ from fitted import measured
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor, noise_floor
 from ibrid_search.report.selection import read_selection
+from ibrid_search.rivals import rivals_of
 from ibrid_search.selecting import MOST, select, selection_json
 from ibrid_search.step import Status, Step
 from scripted_search import QUICK
@@ -205,3 +206,56 @@ def test_the_file_says_the_same_when_it_is_read(tmp_path):
     assert again is not None
     assert (again.answer, again.equally_good) == (found["answer"], tuple(found["equally_good"]))
     assert [one.step for one in again.front] == [one["step"] for one in found["front"]]
+
+
+def test_of_held_out_errors_within_the_noise_the_smaller_structure_is_the_answer():
+    held = {NAIVE: 0.019, NEARLY: 0.010, TRUE: 0.0099}
+    records = lambda number: replace(record(number), holdout={HELD: held[number]})  # noqa: E731
+    given = steps()
+    found = select(given, given[TRUE], records, SUBJECT, Floor(0.01, 10_000, "sigma"), errors_of(given), "plausible")
+    assert found["answer"] == NEARLY
+    found = select(given, given[TRUE], records, SUBJECT, Floor(0.02, 10_000, "sigma"), errors_of(given), "plausible")
+    assert found["answer"] == NAIVE
+
+
+def rivals(given: list[Step], floor: Floor = FLOOR, records=record) -> list[int]:
+    return [rival.step for rival in rivals_of(given[TRUE], given, records, floor)]
+
+
+def test_a_rival_fits_as_well_with_no_more_numbers_and_another_structure():
+    given = [replace(step, hash=f"structure {step.number}") for step in steps()]
+    assert rivals(given) == []
+    same = replace(given[TRUE], number=3)
+    assert rivals([*given, same]) == []  # the same structure is none
+    other = replace(same, hash="another")
+    assert rivals([*given, other], records=lambda number: record(min(number, TRUE))) == [3]
+    larger = replace(other, free=int(other.free or 0) + 1)
+    assert rivals([*given, larger], records=lambda number: record(min(number, TRUE))) == []
+
+
+def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
+    given = [replace(step, hash=f"structure {step.number}") for step in steps()]
+    floor, misfits = Floor(0.01, 1_000, "sigma"), {TRUE: 1.0, NEARLY: 1.0}
+    records = lambda number: replace(record(number), misfit=misfits.get(number, 9.0))  # noqa: E731
+    free = [record(number).free_parameters for number in (NEARLY, TRUE)]
+    assert free[0] < free[1]
+    (rival,) = rivals_of(given[TRUE], given, records, floor)
+    assert rival.step == NEARLY
+    assert rival.odds == pytest.approx(1_000 ** ((free[0] - free[1]) / 2))
+    misfits[NEARLY] = 1.1
+    assert rivals(given, floor, records) == []
+
+
+def test_where_two_models_differ_most_is_named():
+    given = [replace(step, hash=f"structure {step.number}") for step in steps()]
+    records = lambda number: replace(record(number), misfit=1.0)  # noqa: E731
+    rival = next(
+        one for one in rivals_of(given[TRUE], given, records, Floor(0.01, 1_000, "sigma")) if one.step == NEARLY
+    )
+    assert rival.op is not None
+    assert rival.hz is not None
+    p, q = (float(part.split(" = ")[1]) for part in rival.op.split(", "))
+    y = [ibrid.predict(record(number), f"p={p},q={q}", np.array([rival.hz])).admittance[0] for number in (TRUE, NEARLY)]
+    assert rival.differs == pytest.approx(np.linalg.norm(y[0] - y[1]) / np.linalg.norm(y[0]))
+    assert "would tell" in rival.words(rival.differs / 2)
+    assert "no sweep" in rival.words(rival.differs * 2)

@@ -38,6 +38,7 @@ class Proposers:
     pairs of proposers and their weights.
     `models` : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. `limits` : what they may spend in the whole
     run. `prices` : of a million tokens in and a million out; one pair for all models, or one for each.
+    `prompt` : of the questions of "llm": "engineer", with the diagnosis of the parent, or "paper", the paper's own.
     `policy` : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
     `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
     it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
@@ -48,6 +49,7 @@ class Proposers:
     models: Sequence[str] = ()
     limits: Limits = field(default_factory=Limits)
     prices: Prices = ()
+    prompt: str = "engineer"
     policy: str | Path | None = None
     learn: bool | str | Learning = False
 
@@ -110,7 +112,7 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
         "diagnosis": Diagnosis,
         "rules": Rules,
         "random": RandomEdits,
-        "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices),
+        "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices, asked=given.prompt),
         "policy": lambda: policy_part("proposer").PolicyProposer(given.policy),
         "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
     }

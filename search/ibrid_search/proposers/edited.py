@@ -4,21 +4,12 @@ from ibrid.parts.view import Move, View
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid_search.edits import edit_between
-from ibrid_search.gates import implausible
-from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposal import Proposal
 
 
 def edited(view: View, move: Move) -> Diagram:
     """The parent after a move, with all its devices."""
     return view.after(move)
-
-
-def new_structure(diagram: Diagram, context: Context) -> bool:
-    """True for a legal, plausible structure that the run has not met."""
-    found = context.study.examined(diagram, program_text(diagram))
-    if not found.hash or context.seen(found.hash):
-        return False
-    return not found.violations and not implausible(found.warnings)
 
 
 def proposal_of(view: View, move: Move, diagram: Diagram, family: str = "") -> Proposal:

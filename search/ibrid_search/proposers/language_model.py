@@ -15,13 +15,15 @@ from ibrid_search.proposers.model_names import models_of
 from ibrid_search.spending import Limits, Prices, Spender, Spending
 
 _CHANGE = "change:"
+#: With the diagnosis of the parent; as in the paper, without it.
+QUESTIONS = ("engineer", "paper")
 
 
 class LanguageModel(Spender):
     """Asks a model for an edit of the parent; a proposer in the sense of `ibrid_search.proposal`.
 
     `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one
-    question, see `ibrid_search.context.prompt`. `spending` : tokens, cost and seconds so far.
+    question, see `ibrid_search.context.prompt`. `asked` : of `QUESTIONS`. `spending` : tokens, cost and seconds so far.
     """
 
     name = "llm"
@@ -34,6 +36,7 @@ class LanguageModel(Spender):
         *,
         limits: Limits | None = None,
         prompt_tokens: int = 16_000,
+        asked: str = "engineer",
     ) -> None:
         weights = np.array([weight for _, weight in models], dtype=float)
         if not len(models) or not np.isfinite(weights).all() or (weights < 0).any() or not weights.sum() > 0:
@@ -42,7 +45,11 @@ class LanguageModel(Spender):
             )
         self.models = tuple(chat for chat, _ in models)
         self.weights = weights / weights.sum()
-        self.prompt_tokens = prompt_tokens
+        if asked not in QUESTIONS:
+            raise IbridError(
+                f"a language model is asked as {' or '.join(QUESTIONS)}, found {asked!r}; choose one of them"
+            )
+        self.prompt_tokens, self.asked = prompt_tokens, asked
         self.spending = Spending(limits)
 
     @classmethod
@@ -53,13 +60,14 @@ class LanguageModel(Spender):
         limits: Limits | None = None,
         prices: Prices = (),
         prompt_tokens: int = 16_000,
+        asked: str = "engineer",
         **settings: Any,
     ) -> "LanguageModel":
         """Models by name: see `ibrid_search.proposers.model_names`; `settings` go to every ChatServer.
 
         Raises IbridError for a name that says nothing, a folder without a model or a package that is not installed.
         """
-        return cls(models_of(models, prices, **settings), limits=limits, prompt_tokens=prompt_tokens)
+        return cls(models_of(models, prices, **settings), limits=limits, prompt_tokens=prompt_tokens, asked=asked)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; a failure in one sentence for whatever a server or a model does wrong."""
@@ -69,7 +77,9 @@ class LanguageModel(Spender):
             return Proposal("", failure=self.spending.over)
         try:
             count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
-            answer = chat.complete(prompt(context, limit_tokens=self.prompt_tokens, count=count), rng_seed=seed)
+            diagnosed = self.asked == "engineer"
+            question = prompt(context, limit_tokens=self.prompt_tokens, count=count, diagnosed=diagnosed)
+            answer = chat.complete(question, rng_seed=seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
             self.spending.count(usage)

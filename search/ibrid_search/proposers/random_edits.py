@@ -10,7 +10,6 @@ from ibrid.structure.program import program_text
 from ibrid.structure.wiring import split_port
 from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.edited import new_structure
 
 #: Drawn edits before the proposer gives up for this parent.
 TRIES = 200
@@ -37,7 +36,7 @@ class RandomEdits:
                 continue
             draft.tidy()
             diagram = draft.diagram()
-            if new_structure(diagram, context):
+            if context.is_new(diagram):
                 edit = edit_between(program_text(parent), program_text(diagram))
                 return Proposal(edit, note="; ".join(notes))
         return Proposal("", failure=f"{TRIES} random edits led to no new legal structure")

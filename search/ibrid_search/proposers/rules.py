@@ -13,7 +13,7 @@ from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.edited import edited, new_structure, proposal_of
+from ibrid_search.proposers.edited import edited, proposal_of
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2
@@ -70,7 +70,7 @@ class Rules:
                 continue
             view, move = _popped(moves.of(family), rng)
             found = edited(view, move)
-            if new_structure(found, context):
+            if context.is_new(found):
                 edits.append(_Edit(view, move, found, family.name))
         if not edits:
             return Proposal("", failure="every edit that the rules know leads to a structure met before")

@@ -8,7 +8,6 @@ from ibrid.structure.program import program_text
 from ibrid_search.diagnosis import Edited
 from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.edited import new_structure
 
 
 class Shipped:
@@ -27,7 +26,7 @@ class Shipped:
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit that turns the parent into that diagram."""
         for start in self.starts:
-            if new_structure(start.diagram, context):
+            if context.is_new(start.diagram):
                 edit = edit_between(program_text(context.parent.diagram), program_text(start.diagram))
                 return Proposal(edit, note=start.words)
         return Proposal("", failure="every shipped diagram that a first look speaks for has been tried")

@@ -30,13 +30,15 @@ class Choice:
 @dataclass(frozen=True)
 class Selection:
     """`front` : candidates that nothing simpler beats. `equally_good` : steps that fit as well as the answer. `why` : a
-    sentence. `residual` : modules of the answer that stand for no physics."""
+    sentence. `residual` : modules of the answer that stand for no physics. `rivals` : sentences about structures that the data
+    cannot tell from the answer, and what would."""
 
     front: tuple[Choice, ...] = ()
     equally_good: tuple[int, ...] = ()
     answer: int | None = None
     why: str = ""
     residual: tuple[str, ...] = ()
+    rivals: tuple[str, ...] = ()
 
 
 def read_selection(path: Path) -> Selection | None:
@@ -56,6 +58,7 @@ def read_selection(path: Path) -> Selection | None:
             answer=None if found.get("answer") is None else int(found["answer"]),
             why=str(found.get("why") or ""),
             residual=tuple(map(str, found.get("residual_modules") or ())),
+            rivals=tuple(str(rival["words"]) for rival in found.get("rivals") or ()),
         )
     except (KeyError, TypeError, ValueError, AttributeError):
         raise IbridError(f"{path}: must hold a front of steps with their numbers; finish the run again") from None

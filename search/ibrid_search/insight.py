@@ -1,0 +1,196 @@
+"""The tools of an agent that look at the data: what was measured, what ships, what a step lacks, what a program promises."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, ProgramError
+from ibrid.evaluation.time_limit import time_limit
+from ibrid.measurement.inspect import inspect
+from ibrid.measurement.sweep import ENTRIES, PointSweep
+from ibrid.structure.check import examine
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook, textbook_names, textbook_text
+from ibrid.structure.program import LONGEST_PROGRAM, parse_program, program_text
+from ibrid.study import Study
+from ibrid_search.diagnosis import Edited, RankedEdit
+from ibrid_search.proposal import Evaluated
+from ibrid_search.rankings import rankings_of
+from ibrid_search.record_view import polar
+from ibrid_search.tool import STEP, Steps, Tool
+
+#: Frequencies that are shown of a view, edits that are ranked and shown with their programs, programs that are looked at.
+ROWS, RANKED, WRITTEN, TRIED = 24, 6, 2, 8
+#: Seconds that a ranking, and looks at some programs, may take.
+PATIENCE = 120.0
+
+
+class Insight:
+    """What the data say to whoever asks; nothing is evaluated. `steps` : what was."""
+
+    def __init__(self, study: Study, steps: Steps) -> None:
+        self.study, self.steps = study, steps
+
+    @property
+    def tools(self) -> tuple[Tool, ...]:
+        """Data, shipped diagrams, diagnosis, looks at programs."""
+        program = {"type": "string", "maxLength": LONGEST_PROGRAM}
+        hertz = {"type": "number", "minimum": 0}
+        return (
+            Tool(
+                "show_data",
+                "The measurement in frequency order, admittance Y or impedance Z = -Y^-1 seen from the grid, each entry as size "
+                f"and angle, with warnings and resonances; at most {ROWS} frequencies evenly chosen between low and high (Hz).",
+                {
+                    "op": {
+                        "type": "string",
+                        "maxLength": 200,
+                        "description": "operating point; the first if not given",
+                    },
+                    "view": {"type": "string", "enum": ["Y", "Z"]},
+                    "low": hertz,
+                    "high": hertz,
+                },
+                self.show_data,
+            ),
+            Tool(
+                "list_diagrams",
+                "Published controls that ship as diagrams, in the order of a first look at the data: the likely family at once.",
+                {},
+                self.list_diagrams,
+            ),
+            Tool(
+                "read_diagram",
+                "The program of a published control, to start from.",
+                {"name": {"type": "string", "enum": list(textbook_names())}},
+                self.read_diagram,
+                ("name",),
+            ),
+            Tool(
+                "diagnose",
+                "What an evaluated step lacks or has too much: every edit that control practice knows, ranked by the error that "
+                "a few descent steps reach with it (an upper end of what a fit finds), with ready programs of the best. Costs "
+                "seconds and no evaluation. Ask this before you guess.",
+                {
+                    "step": STEP,
+                    "count": {"type": "integer", "minimum": 1, "maximum": 20, "description": f"how many ({RANKED})"},
+                },
+                self.diagnose,
+                ("step",),
+            ),
+            Tool(
+                "try_programs",
+                f"First looks at up to {TRIED} programs at once: the error that a few descent steps reach, from the values of an "
+                "evaluated step where one is named. Not counted as evaluations.",
+                {
+                    "programs": {"type": "array", "items": program, "description": "program texts"},
+                    "parent": STEP,
+                },
+                self.try_programs,
+                ("programs",),
+            ),
+        )
+
+    def show_data(
+        self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")
+    ) -> dict[str, Any]:
+        """Rows of a view of one operating point; every left-out frequency is counted."""
+        point = self.study.fitted.point(op) if op is not None else self.study.fitted.points[0]
+        inside = np.flatnonzero((point.frequency >= low) & (point.frequency <= high))
+        if not inside.size:
+            raise IbridError(
+                f"{point.op.name} was measured from {point.frequency[0]:.4g} to {point.frequency[-1]:.4g} Hz, nothing lies "
+                f"between {low:g} and {high:g} Hz; ask for a band inside"
+            )
+        shown = inside[np.unique(np.linspace(0, inside.size - 1, min(ROWS, inside.size)).round().astype(int))]
+        found = inspect(self.study.fitted)
+        peaks = next(one.resonances for one in found.points if one.op == point.op)
+        return {
+            "op": point.op.name,
+            "p_q_v": [point.op.p, point.op.q, point.op.v],
+            "operating_points": list(self.study.fitted.names),
+            "view": view,
+            "rows": list(_rows(point, view, shown)),
+            "left_out_between": int(inside.size - shown.size),
+            "peaks_hz": [round(one.frequency, 1) for one in peaks],
+            "warnings": list(found.warnings),
+            "next": "list_diagrams",
+        }
+
+    def list_diagrams(self) -> dict[str, Any]:
+        """Names of shipped diagrams with their first looks."""
+        with time_limit(PATIENCE):
+            looks = rankings_of(self.study).textbooks
+        ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
+        others = sorted({*textbook_names()} - {look.edit.part for look in looks})
+        return {"ranked": ranked, "without_a_look": others, "next": "read_diagram, then evaluate_program"}
+
+    def read_diagram(self, name: str) -> dict[str, Any]:
+        """The text, with its comments."""
+        return {"name": name, "program": textbook_text(name), "modules": len(textbook(name).instances)}
+
+    def diagnose(self, step: int, count: int = RANKED) -> dict[str, Any]:
+        """Edits of a step by what they explain; structures that were met before are left out."""
+        record = self.steps.record(step)
+        parent = Evaluated(step, record.diagram, record)
+        rankings = rankings_of(self.study)
+        with time_limit(PATIENCE):
+            ranked = rankings.best(parent, self._new, count)
+        floor = rankings.looker.criterion.floor
+        answer = {
+            "step": step,
+            "error": floor.error(record),
+            "noise_leaves": floor.level if floor.known else None,
+            "ranked": [_told(look, place < WRITTEN) for place, look in enumerate(ranked)],
+        }
+        if not ranked:
+            return answer | {
+                "why": "no edit that is new has a response near the values of this step; take another step"
+            }
+        return answer | {"next": f"evaluate_program with the first program and parent={step}"}
+
+    def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
+        """A look at each; what is no legal program gets its reason instead."""
+        if not 0 < len(programs) <= TRIED:
+            raise IbridError(f"try_programs takes 1 to {TRIED} programs, found {len(programs)}")
+        values = None
+        if parent is not None:
+            parameters = self.steps.record(parent).parameters
+            values = [parameters[name] for name in self.study.fitted.names]
+        looker, answers = rankings_of(self.study).looker, []
+        with time_limit(PATIENCE):
+            for text in programs:
+                try:
+                    edit = Edited(self._legal(text), "", "", {})
+                except ProgramError as error:
+                    answers.append({"refused": str(error)})
+                    continue
+                look = looker.fresh(edit) if values is None else looker.look(edit, values)
+                answers.append(_told(replace(look, edit=edit), written=False))
+        return {"looks": answers, "next": "evaluate_program with the best"}
+
+    def _legal(self, text: str) -> Diagram:
+        diagram = parse_program(text)
+        if found := examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)[0]:
+            raise ProgramError(f"{found[0]}; check_grammar tells all of it")
+        return diagram
+
+    def _new(self, diagram: Diagram) -> bool:
+        legal = not self.study.examined(diagram, program_text(diagram)).violations
+        return legal and self.steps.met(diagram) is None
+
+
+def _rows(point: PointSweep, view: str, chosen: np.ndarray) -> Iterator[dict[str, Any]]:
+    matrix = point.admittance[chosen]
+    matrix = matrix if view == "Y" else -np.linalg.inv(matrix)
+    for frequency, values in zip(point.frequency[chosen], matrix, strict=True):
+        yield {"hz": float(frequency)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
+
+
+def _told(look: RankedEdit, written: bool) -> dict[str, Any]:
+    """A look in plain data; without a response it has no error."""
+    told: dict[str, Any] = {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
+    told |= {"error": look.error if look.values else None, "free": look.free}
+    return told | ({"program": program_text(look.edit.diagram)} if written else {})

@@ -1,0 +1,102 @@
+"""What a fitted candidate lacks, asked of the data once and remembered: its edits in the order of what they explain."""
+
+from collections.abc import Callable, Iterator
+from functools import cached_property, lru_cache
+from itertools import islice
+from math import log
+
+from ibrid.structure.diagram import Diagram
+from ibrid.study import Study
+from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, anywhere_of, effects_of, ideas_of, itself_of
+from ibrid_search.merit import criterion
+from ibrid_search.proposal import Evaluated
+from ibrid_search.settings import SearchSettings
+
+#: An error of a look up to which a fit may be exact.
+LOOKED_EXACT = 1e-5
+#: Gain in ln(error), prices paid, from which a look is proposed before more is looked at.
+PROMISES = 0.7
+#: Single edits, of least error, from which pairs are looked at when no single one promises anything.
+AHEAD = 3
+#: Rankings that are kept: a candidate is asked about more than once.
+REMEMBERED = 400
+
+
+class Rankings:
+    """The rankings of the candidates of one study (`ibrid_search.diagnosis`)."""
+
+    def __init__(self, study: Study) -> None:
+        self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
+        self._known: dict[str, list[RankedEdit]] = {}
+
+    def best(self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1) -> list[RankedEdit]:
+        """Edits of a candidate that lead to a structure which is `new`, at most so many, the best first.
+
+        Effects of the catalogue are looked at first; where none promises half of what can be gained, other ideas, then two at
+        once, then blocks and wires anywhere. Empty where no edit has a response.
+        """
+        error, floor = self._error(parent), self.looker.criterion.floor
+        enough = self.looker.worth(error, parent.record.free_parameters)
+        enough -= min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
+        best: list[RankedEdit] = []
+        for looks in self._stages(parent):
+            candidates = (look for look in looks if look.values and new(look.edit.diagram))
+            best = sorted([*best, *islice(candidates, number)], key=_worth)[:number]
+            if best and best[0].worth < enough:
+                break
+        return best
+
+    @cached_property
+    def textbooks(self) -> tuple[RankedEdit, ...]:
+        """First looks at the shipped diagrams of one device."""
+        return self.looker.textbooks()
+
+    def loss(self, parent: Evaluated, without: Diagram) -> float:
+        """What a candidate loses when something is taken away, in ln(error) above the floor, by a look."""
+        floor = self.looker.criterion.floor
+        least = floor.most if floor.known else LOOKED_EXACT
+        look = self._ranked(without, self._values(parent), itself_of)[0]
+        return log(max(look.error, least) / max(self._error(parent), least))
+
+    def _error(self, parent: Evaluated) -> float:
+        return self.looker.criterion.floor.error(parent.record)
+
+    def _stages(self, parent: Evaluated) -> Iterator[list[RankedEdit]]:
+        """Looks at effects, at other ideas, at pairs, at blocks and wires anywhere; each the best first."""
+        diagram, values = parent.diagram, self._values(parent)
+        effects = self._ranked(diagram, values, effects_of)
+        yield effects
+        ideas = self._ranked(diagram, values, ideas_of)
+        yield ideas
+        pairs: list[RankedEdit] = []
+        for first in sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD]:
+            for second in self._ranked(first.edit.diagram, first.values, effects_of):
+                words = f"{first.edit.words}; {second.edit.words}"
+                both = Edited(second.edit.diagram, words, f"{first.edit.part} + {second.edit.part}", {})
+                pairs.append(RankedEdit(both, second.error, second.free, second.worth, second.values))
+        yield sorted(pairs, key=_worth)
+        yield self._ranked(diagram, values, anywhere_of)
+
+    def _values(self, parent: Evaluated) -> Values:
+        return [parent.record.parameters[name] for name in self.study.fitted.names]
+
+    def _ranked(
+        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
+    ) -> list[RankedEdit]:
+        """Edits of a diagram with fitted values, by looks; the last ones are kept."""
+        key = f"{edits.__name__} {self.study.hash_of(diagram)} {[sorted(point.items()) for point in values]}"
+        if key not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[key] = self.looker.ranked(edits(diagram, self.study), values)
+        return self._known[key]
+
+
+@lru_cache(maxsize=2)
+def rankings_of(study: Study) -> Rankings:
+    """The rankings of a study, the same for whoever asks."""
+    return Rankings(study)
+
+
+def _worth(look: RankedEdit) -> float:
+    return look.worth

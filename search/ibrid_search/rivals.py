@@ -1,0 +1,94 @@
+"""Structures that the data cannot tell from the answer, and the measurement that would."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import exp, inf, log
+from typing import Any
+
+import numpy as np
+
+from ibrid.analysis.prediction import predict
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid_search.merit import Floor
+from ibrid_search.step import Step
+from ibrid_search.trajectory import eligible
+
+#: Odds up to which a structure is a rival of the answer, and rivals that are compared with it.
+ODDS, MOST = 20.0, 3
+#: Where they are compared: p and q, per unit, at the voltage of the data.
+P, Q = (0.0, 0.5, 1.0), (-0.3, 0.0, 0.3)
+#: Least difference, relative to Y, that a measurement without stated noise would see.
+VISIBLE = 1e-2
+
+
+@dataclass(frozen=True)
+class Rival:
+    """`odds` : of the answer against it, by the evidence of the data. `op`, `hz`, `differs` : where a sweep would tell them apart
+    best, and by how much of Y there; None where neither can be predicted."""
+
+    step: int
+    free: int
+    odds: float
+    note: str
+    op: str | None = None
+    hz: float | None = None
+    differs: float | None = None
+
+    def words(self, noise: float) -> str:
+        """A sentence; `noise` : of a measurement, relative to Y."""
+        said = f"step {self.step} ({self.note or 'no note'}) explains the data as well"
+        if self.differs is None:
+            return f"{said}; what would tell them apart is not known"
+        if self.differs < noise:
+            where = f"from p = {P[0]:g} to {P[-1]:g} and q = {Q[0]:g} to {Q[-1]:g}"
+            return f"{said}, and no sweep {where} tells them apart: they differ by at most {self.differs:.1g} of Y"
+        return f"{said}; a sweep at {self.op} would tell: at {self.hz:.3g} Hz they differ by {100 * self.differs:.2g} % of Y"
+
+
+def rivals_of(
+    answer: Step, steps: Sequence[Step], record_of: Callable[[int], Record], floor: Floor
+) -> tuple[Rival, ...]:
+    """Other structures with no more free numbers within `ODDS` of the answer, the most likely first, at most `MOST` of them.
+
+    Law: with known noise the odds are exp(difference of the Bayesian information criterion / 2); else a rival fits exactly.
+    """
+    own, most = _information(record_of(answer.number), floor), int(answer.free or 0)
+    found: list[Rival] = []
+    for step in steps:
+        if step.number != answer.number and eligible(step) and step.hash != answer.hash and int(step.free or 0) <= most:
+            difference = _information(record_of(step.number), floor) - own
+            if difference <= 2 * log(ODDS):
+                found.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
+    likely = sorted(found, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
+    return tuple(_told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
+
+
+def _information(record: Record, floor: Floor) -> float:
+    """-2 ln(evidence), up to what all structures share; without a known noise 0 for an exact fit and infinite for others."""
+    if not floor.known:
+        return 0.0 if floor.reached(floor.error(record)) else inf
+    misfit = inf if record.misfit is None else record.misfit
+    return floor.numbers * misfit**2 + log(floor.numbers) * record.free_parameters
+
+
+def _told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
+    """With the operating point and frequency at which two fitted models differ most."""
+    low, high = answer.settings["frequency_hz"]
+    frequency = np.geomspace(low, high, 60)
+    points: Mapping[str, Any] = answer.settings["operating_points"]
+    v = float(np.mean([point["v"] for point in points.values()]))
+    best = rival
+    for p, q in product(P, Q):
+        op = OperatingPoint(f"p = {p:g}, q = {q:g}", p, q, v)
+        try:
+            one, two = (predict(record, op, frequency).admittance for record in (answer, other))
+        except IbridError:
+            continue
+        apart = np.linalg.norm(one - two, axis=(1, 2)) / np.linalg.norm(one, axis=(1, 2))
+        k = int(np.argmax(apart))
+        if np.isfinite(apart[k]) and (best.differs is None or apart[k] > best.differs):
+            best = Rival(rival.step, rival.free, rival.odds, rival.note, op.name, float(frequency[k]), float(apart[k]))
+    return best
