@@ -16,6 +16,7 @@ from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perfo
 from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
 from ibrid_bench.search.tables import heading, seed_line, summary
 from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
+from ibrid_search.settings import SearchSettings
 
 import ibrid
 from ibrid.errors import IbridError
@@ -98,7 +99,15 @@ def test_the_search_never_gets_the_held_out_point():
     assert folder == FOLDER
     assert options == {
         "proposer": "rules", "budget": 500, "seed": 3, "workers": 2, "holdout_op": (),
+        "start": ibrid.textbook("naive"), "settings": SearchSettings(),
     }  # fmt: skip
+
+
+def test_only_diagnosis_begins_with_what_ships_and_never_in_the_papers_setting():
+    assert trial(proposer="diagnosis").start is None
+    assert {trial(table="paper", proposer=name).start for name in PROPOSERS} == {"naive"}
+    assert trial().start == "naive"
+    assert trial(inverter="parallel_gfl_gfm").devices == 2
 
 
 def test_noise_asks_for_no_less_than_the_refitted_truth_and_has_the_trials_seed():
@@ -157,9 +166,9 @@ def test_every_search_has_its_own_name_and_the_baseline_beside_it():
     assert {one.table for one in found} == set(TABLES) - absent
     assert {one.noise_db for one in found if one.table == "structure"} == {None, 60.0, 40.0}
     assert len({one.inverter for one in found if one.table == "inverters"}) >= 20
-    for first, second in zip(found[::2], found[1::2], strict=True):
-        assert (first.proposer, second.proposer) == PROPOSERS
-        assert replace(first, proposer="") == replace(second, proposer="")
+    for together in zip(*(found[k :: len(PROPOSERS)] for k in range(len(PROPOSERS))), strict=True):
+        assert tuple(one.proposer for one in together) == PROPOSERS
+        assert len({(one.table, one.inverter, one.noise_db, one.seed) for one in together}) == 1
     assert {one.inverter for one in trials(range(1), 5, only=["droop"])} == {"droop"}
     assert {one.table for one in trials(range(1), 5, only=["paper"])} == {"paper"}
     assert len(list(trials(range(1), 5, few=True))) < len(list(trials(range(1), 5)))
@@ -171,15 +180,15 @@ def test_a_finished_benchmark_measures_nothing_again(tmp_path, capsys):
     program = inverter("l_filter").program
     assert main(arguments, search=answering(program, seen)) == 0
     first = capsys.readouterr().out
-    assert len(seen) == 4
-    assert first.count("yes") == 4
+    assert len(seen) == 12
+    assert first.count("yes") == 12
     assert "2 of 2" in first
-    assert len((tmp_path / NAME).read_text(encoding="utf-8").splitlines()) == 4
+    assert len((tmp_path / NAME).read_text(encoding="utf-8").splitlines()) == 12
     assert main(arguments, search=answering(program, seen)) == 0
-    assert len(seen) == 4
+    assert len(seen) == 12
     assert capsys.readouterr().out == first
     assert main([*arguments, "--proposer", "other"], search=answering(program, seen)) == 0
-    assert len(seen) == 6
+    assert len(seen) == 16
 
 
 def test_a_search_that_fails_is_said_and_tried_again(tmp_path, capsys):

@@ -12,9 +12,11 @@ Row = Mapping[str, Any]
 _TOP = """# What the search finds
 
 Made by `make bench-search`, which keeps what it has measured and goes on where it was stopped; the tables are made of its rows.
-Every search begins with the naive diagram and sees the sweep alone, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3
-unless it is a measured one. It ends at its budget of evaluations, or at the noise floor (for clean data, at an exact fit) when
-nothing better has come for a while. `rules` is the default proposer, `random` draws legal edits, the baseline.
+Every search sees the sweep alone, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3 unless it is a measured one. It
+ends at its budget of evaluations, or at the noise floor (for clean data, at an exact fit) when nothing better comes for a while.
+`diagnosis`, the default, begins with the shipped diagrams that a first look finds best and edits by what a few descent steps say
+of every edit; `rules` begins with the naive diagram, as does `random`, which draws legal edits, the baseline. In the paper's
+setting all begin with the naive diagram.
 
 **Reached**: the NRMSE that is asked for, 0.0435 in the paper's setting, 1e-3 else, with noise 1.1 times that of the refitted
 truth. **Found**: reached by a stable answer whose modules and connections have an F1 of at least 0.9 against the hidden

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.trials import Trial
+from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
@@ -15,6 +16,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep, measured_numbers
 from ibrid.structure.compare import compare
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
 #: NRMSE that counts as reached: the paper's own result, and the contract's for the exact equilibrium.
@@ -58,10 +60,11 @@ Search = Callable[..., Answer]
 def perform(trial: Trial, folder: Path, *, search: Search, workers: int, start: Diagram | None = None) -> Row:
     """Make the search in `folder` and score its answer; the row is plain data. It never sees the held-out point.
 
-    start : None for the naive diagram.
+    start : None for what the trial says.
     """
     hidden = trial.hidden()
-    beginning = {} if start is None else {"start": start}
+    if start is None and trial.start is not None:
+        start = textbook(trial.start)
     run = search(
         hidden.sweep,
         folder,
@@ -70,7 +73,8 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int, start: 
         seed=trial.seed,
         workers=workers,
         holdout_op=(),
-        **beginning,
+        start=start,
+        settings=SearchSettings(devices=trial.devices),
         **trial.mode,
     )
     if not run.finished:  # the first Ctrl-C ends a search softly, but a part of one is no result

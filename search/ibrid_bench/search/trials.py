@@ -17,8 +17,12 @@ TABLES = ("paper", "structure", "inverters", "hardware")
 BUDGETS: Mapping[str, int] = {"paper": 500, "structure": 1000, "inverters": 1000, "hardware": 150}
 #: The same on noisy data: what comes after the noise floor, which is reached in a third of that, changes little.
 NOISY_BUDGET = 500
-#: Rules on the left, the baseline beside it.
-PROPOSERS = ("rules", "random")
+#: By diagnosis a tenth of that is plenty.
+DIAGNOSIS, DIAGNOSIS_BUDGET = "diagnosis", 100
+#: The default on the left, the baselines beside it.
+PROPOSERS = (DIAGNOSIS, "rules", "random")
+#: Hidden pairs of inverters: the search is told so.
+PAIRS = ("parallel_gfl_gfm",)
 NOISE_DB = (None, 60.0, 40.0)
 
 #: The inverter of the first two tables.
@@ -49,6 +53,16 @@ class Trial:
         """Names the trial, in the results and as a folder."""
         data = self.data.replace(" ", "")
         return f"{self.table}-{self.inverter}-{data}-{self.proposer}-{self.budget}-{self.seed}"
+
+    @property
+    def start(self) -> str | None:
+        """The baselines begin with the naive diagram, as everything does in the paper's setting; None: with what ships."""
+        return None if self.proposer == DIAGNOSIS and self.table != "paper" else "naive"
+
+    @property
+    def devices(self) -> int:
+        """Inverters behind the terminals, which a search is told."""
+        return 2 if self.inverter in PAIRS else 1
 
     @property
     def mode(self) -> Mapping[str, Any]:
@@ -92,10 +106,14 @@ def trials(
         if not only or table in only or name in only:
             for seed in seeds:
                 for proposer in proposers:
-                    yield Trial(table, name, proposer, seed, budget or _usual_budget(table, noise_db), noise_db)
+                    yield Trial(
+                        table, name, proposer, seed, budget or _usual_budget(table, proposer, noise_db), noise_db
+                    )
 
 
-def _usual_budget(table: str, noise_db: float | None) -> int:
+def _usual_budget(table: str, proposer: str, noise_db: float | None) -> int:
+    if proposer == DIAGNOSIS:
+        return DIAGNOSIS_BUDGET
     return BUDGETS[table] if noise_db is None else NOISY_BUDGET
 
 
@@ -106,6 +124,7 @@ def _cases(few: bool) -> Iterator[tuple[str, str, float | None]]:
     others = ("l_filter", "delay", "droop", "unusual", "random_00") if few else inverter_names()[1:]
     for name in others:
         yield "inverters", name, None
+        yield "inverters", name, 50.0
     for name in _hardware_names():
         yield "hardware", name, None
 
