@@ -17,8 +17,10 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
 from ibrid_search.blocks import shown
+from ibrid_search.merit import criterion
 from ibrid_search.proposal import Evaluated
 from ibrid_search.run_folder import write_best
+from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 
@@ -133,10 +135,16 @@ class Logbook:
         return self._records[number]
 
     def best(self, count: int) -> tuple[Evaluated, ...]:
-        """The best fitted steps of the usual effort, stable ones first; an unstable model is no answer."""
-        fitted = [one for one in self._steps if one.status is Status.OK and "holdout_op" not in one.usage]
-        ranked = sorted(fitted, key=lambda one: (not one.stable, one.nrmse, one.free, one.order, one.number))
-        return tuple(self._evaluated(one.number) for one in ranked[:count])
+        """The most plausible fitted steps of the usual effort, error against free numbers as a search weighs them, stable ones
+        first; an unstable model is no answer."""
+        worth = criterion(self.study, SearchSettings())
+
+        def rank(step: Step) -> tuple[bool, float, int, int]:
+            error = worth.floor.error(self.record(step.number))
+            return not step.stable, worth.value(error, int(step.free or 0)), int(step.order or 0), step.number
+
+        fitted = [step for step in self._steps if step.status is Status.OK and "holdout_op" not in step.usage]
+        return tuple(self._evaluated(step.number) for step in sorted(fitted, key=rank)[:count])
 
     def _evaluated(self, number: int) -> Evaluated:
         record = self.record(number)

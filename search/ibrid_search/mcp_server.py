@@ -44,9 +44,12 @@ INSTRUCTIONS = """\
 These tools identify the hidden controller of an inverter from its measured 2x2 dq admittance at the terminals. You write
 block diagrams as programs; evaluate_program fits their parameters and answers with the error: NRMSE, lower is better, and
 where it lies by operating point, frequency band and entry. Step 0 is the start.
-Work in a loop: look at the worst parts of the best record (list_best, show_record), name the layer that is missing or wrong,
-change one thing, check_grammar, evaluate_program, and write down what the result says about your guess. A smaller diagram
-that fits as well is better; an unstable one is no answer, because the device was measured in steady state.
+Begin with show_data and list_diagrams, which ranks the published controls that ship by a first look: read_diagram and evaluate
+the likely ones. Then work in a loop: diagnose the best step (every edit that control practice knows, ranked by what it
+explains, with a ready program), evaluate its first program with parent = that step, look at the worst parts of what is left
+(show_record), and write down what the result says about your guess. try_programs looks at several ideas of your own at once, at
+no cost. A smaller diagram that fits as well is better; an unstable one is no answer, because the device was measured in steady
+state.
 describe_vocabulary tells how programs are written and which modules there are.
 
 {priors}

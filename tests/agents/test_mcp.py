@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not inst
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 
+ROOT = Path(__file__).resolve().parents[2]
 NAIVE = textbook_text("naive")
 UNWIRED = 'def build(g):\n    g.add("LCL", "plant")\n'
 CODE = """\
@@ -70,7 +72,8 @@ def answers() -> dict[str, Any]:
 
 def test_the_tools_are_listed_with_their_schemas(answers: dict[str, Any]):
     tools = {tool.name: tool for tool in answers["tools"]}
-    assert {"evaluate_program", "show_record", "list_best", "check_grammar"} <= set(tools)
+    page = (ROOT / "docs" / "agents.md").read_text(encoding="utf-8")
+    assert set(tools) == set(re.findall(r"`(\w+_\w+|diagnose)`", page.partition("## The tools")[2].partition("## ")[0]))
     assert tools["show_record"].input_schema["required"] == ["step"]
     assert "paper" not in answers["instructions"]
     assert "p=1,q=0.3" in answers["instructions"]
