@@ -171,7 +171,7 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ("--start nowhere.py", "must be a program file or a textbook diagram"),
         ("--truth nowhere.py", "must be a program file or a textbook diagram"),
         ("--require lively", "--require takes stable and passive:LO-HI"),
-        ("--choose luck", "chosen by error, frequencies, op"),
+        ("--choose luck", "chosen by plausible, error, frequencies, op"),
         ("--choose op", "--holdout-op"),
         ("--vocabulary papr", "did you mean paper"),
         ("--equilibrium rough", "equilibrium must be"),
