@@ -15,6 +15,7 @@ from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary,
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.examination import Examination
+from ibrid.structure.outside import NOTHING, Outside
 from ibrid.structure.parameters import EQUILIBRIA
 
 #: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
@@ -29,6 +30,7 @@ class StudyOptions(TypedDict, total=False):
     vocabulary: str | Sequence[ModuleKind]
     holdout_op: str | Sequence[str]
     seed: int
+    port: Outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,7 @@ class Study:
     vocabulary : "extended", "paper" or kinds of one's own.
     holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
     seed : of everything random.
+    port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs the exact equilibrium.
     kinds, held : the kinds of the vocabulary and the names of the held-out points; they follow from the others.
 
     Raises
@@ -56,6 +59,7 @@ class Study:
     vocabulary: str | Sequence[ModuleKind] = "extended"
     holdout_op: str | Sequence[str] = ()
     seed: int = 0
+    port: Outside = NOTHING
     kinds: Vocabulary = field(init=False, repr=False)
     held: tuple[str, ...] = field(init=False, repr=False)
 
@@ -75,6 +79,10 @@ class Study:
                 "a held-out operating point can be predicted only with shared parameters and the exact equilibrium; "
                 "drop --holdout-op or the other options"
             )
+        if self.port and self.equilibrium != "exact":
+            raise IbridError(
+                "a port joins the operating point, which the paper's equilibrium fits; use the exact equilibrium"
+            )
         if len(set(held)) >= len(self.sweep.points):
             raise IbridError("every operating point is held out; leave at least one to fit")
         object.__setattr__(self, "sweep", with_sigma(self.sweep))
@@ -87,6 +95,10 @@ class Study:
         if isinstance(data, Study):
             return replace(data, **options) if options else data
         return cls(data, **options)
+
+    def placed(self, diagram: Diagram) -> Diagram:
+        """A diagram behind the port."""
+        return diagram.behind(self.port) if self.port else diagram
 
     @cached_property
     def fitted(self) -> Sweep:

@@ -5,6 +5,7 @@ import numpy as np
 from ibrid.analysis.grid import J, SeriesRL
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.operating_point import plant_equilibrium
+from ibrid.assembly.terminals import behind_terminals
 from ibrid.evaluation.record import Record
 from ibrid.modules.branch import BRANCH
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
@@ -24,8 +25,12 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
         return None
     at = (float(point["p"]), float(point["q"]), float(point["v"]))
     table = parameter_table(wiring, settings["equilibrium"])
-    numbers = parameters_at(wiring, table, values)[wiring.plant]
-    current = np.array(plant_equilibrium(plant, numbers, *at, settings["power_node"])["i_g"], dtype=float)
+    every = parameters_at(wiring, table, values)
+    inner = behind_terminals(wiring, every, at, settings["power_node"])
+    if inner.current is not None:
+        return np.array(inner.current, dtype=float)
+    numbers = every[wiring.plant]
+    current = np.array(plant_equilibrium(plant, numbers, *inner.point, inner.power_node)["i_g"], dtype=float)
     shunts = [
         split_port(source)[0]
         for source in wiring.sources[TERMINAL_CURRENT]

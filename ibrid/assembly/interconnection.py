@@ -5,7 +5,6 @@ feedthrough; a loop of direct terms is solved as a small linear system of its ow
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -13,36 +12,20 @@ import networkx as nx
 import numpy as np
 
 from ibrid.assembly.direct_loops import inverse_of_loop
+from ibrid.assembly.joined import Interconnected, Row
+from ibrid.assembly.modules_at import ModuleMatrices
 from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import Wiring, split_port
 
-Row = dict[int, Any]
-
-
-@dataclass(frozen=True)
-class Interconnected:
-    """x' = M_xx x + M_xv v, y = M_yx x + M_yv v, with delayed signals as further entries of x.
-
-    `rows` : n + m rows of x (state derivatives, then what enters each delay) and 2 rows of y = i_DQ.
-    `states` : names "instance.state". `delayed` : (instance, axis) of each delayed signal.
-    """
-
-    rows: tuple[Row, ...]
-    states: tuple[str, ...]
-    delayed: tuple[tuple[str, int], ...]
-
-    @property
-    def size(self) -> int:
-        """Number of states and delayed signals."""
-        return len(self.states) + len(self.delayed)
-
 
 def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> Interconnected:
-    """Join the modules of a wiring whose matrices are given; with `exact_delays` delays stay outside the matrices."""
-    return _Joiner(wiring, matrices, exact_delays).join()
+    """Join the modules of a wiring whose matrices are given, seen from where it was measured; with `exact_delays` delays stay
+    outside the matrices."""
+    joined = _Joiner(wiring, matrices, exact_delays).join()
+    return matrices.seen(joined) if isinstance(matrices, ModuleMatrices) else joined
 
 
 class _Joiner:

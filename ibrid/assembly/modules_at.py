@@ -1,15 +1,24 @@
 """Matrices of every module of a diagram at parameter values and an operating point, numbers or symbols."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from ibrid.assembly.equilibrium import device_equilibria, paper_equilibria
+from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import zero_of
 from ibrid.assembly.signals_at_rest import Pair, matrices_of
+from ibrid.assembly.terminals import at_terminals, behind_terminals
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
 from ibrid.structure.parameters import ParameterTable, parameters_at
 from ibrid.structure.wiring import PLANT, Wiring
+
+
+class ModuleMatrices(dict[str, Matrices]):
+    """instance -> (A, B, C, D). `seen` : their joined system -> the one seen from where it was measured."""
+
+    seen: Callable[[Interconnected], Interconnected]
 
 
 def module_matrices(
@@ -22,7 +31,7 @@ def module_matrices(
     power_node: str,
     omega_0: float,
     pade_orders: Mapping[str, int] | None = None,
-) -> dict[str, Matrices]:
+) -> ModuleMatrices:
     """instance -> (A, B, C, D).
 
     Parameters
@@ -33,11 +42,13 @@ def module_matrices(
     Where no real operating point exists the matrices of the plant are not numbers.
     """
     parameters = parameters_at(wiring, table, values)
+    inner = behind_terminals(wiring, parameters, point, power_node)
     if equilibrium == "paper":
         at = paper_equilibria(wiring, parameters)
     else:
-        at = device_equilibria(wiring, parameters, point, power_node, omega_0)
-    found: dict[str, Matrices] = {}
+        at = device_equilibria(wiring, parameters, inner.point, inner.power_node, omega_0)
+    found = ModuleMatrices()
+    found.seen = partial(at_terminals, outside=wiring.outside, parameters=parameters, turn=inner.turn, omega_0=omega_0)
     for name, kind in wiring.kinds.items():
         if kind.delay is not None and pade_orders is not None:
             found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
@@ -45,7 +56,7 @@ def module_matrices(
             found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
     for name, kind in wiring.kinds.items():
         # only a node behind an impedance has a limit
-        if equilibrium != "paper" and kind.family == PLANT and "L_g" in parameters[name]:
+        if equilibrium != "paper" and kind.family == PLANT and ("L_g" in parameters[name] or wiring.outside):
             found[name] = _where_it_exists(found[name], at[name][1])
     return found
 

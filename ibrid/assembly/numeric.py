@@ -11,6 +11,8 @@ import numpy as np
 
 from ibrid.assembly.direct_loops import joined_by_direct_terms
 from ibrid.assembly.interconnection import state_names
+from ibrid.assembly.joined import Interconnected
+from ibrid.assembly.modules_at import ModuleMatrices
 from ibrid.assembly.signals_at_rest import channels_of
 from ibrid.errors import OperatingPointError
 from ibrid.modules.kind import Matrices, ModuleKind
@@ -60,15 +62,12 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
     within = [state for block in blocks.values() for state in block.state_labels]
     states = [(label, one) for label, kind in wiring.kinds.items() for one in _states(kind, matrices[label])]
     order = [within.index(f"{label}:{one}") for label, one in states]
+    whole = np.block([[a[np.ix_(order, order)], b[order]], [c[:, order], d]])
+    seen = Interconnected.of(whole, [f"{label}.{one}" for label, one in states])
+    seen = matrices.seen(seen) if isinstance(matrices, ModuleMatrices) else seen
+    a, b, c, d = seen.matrices()
     return control.StateSpace(
-        a[np.ix_(order, order)],
-        b[order],
-        c[:, order],
-        d,
-        inputs=list(INPUTS),
-        outputs=list(OUTPUTS),
-        states=[f"{label}.{one}" for label, one in states],
-        name=name,
+        a, b, c, d, inputs=list(INPUTS), outputs=list(OUTPUTS), states=list(seen.states), name=name
     )
 
 

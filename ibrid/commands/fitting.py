@@ -32,6 +32,7 @@ def declare(commands: Any) -> None:
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
     )
+    inputs.add_port_option(parser)
     parser.add_argument("--seeds", default="textbook", help="starts from: textbook (default) | vector-fitting")
     parser.add_argument("--seconds", type=inputs.positive, metavar="S", help="hard limit of the fit (60)")
     add_json_option(parser)
@@ -68,6 +69,7 @@ def run(arguments: Namespace) -> int:
         restarts=arguments.restarts,
         seed=arguments.seed,
         holdout_op=arguments.holdout_op,
+        port=inputs.port(arguments.port, sweep),
         settings=settings,
     )
     printed = give_json(record.to_json(), arguments.json)

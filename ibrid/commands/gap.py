@@ -54,6 +54,7 @@ def declare(commands: Any) -> None:
     )
     parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
     add_kinds_option(parser)
+    inputs.add_port_option(parser)
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.set_defaults(run=run)
 
@@ -94,6 +95,7 @@ def _answer(
 
     options = {
         "holdout_op": arguments.holdout_op,
+        "port": inputs.port(arguments.port, sweep),
         "vocabulary": inputs.vocabulary(files=arguments.kinds),
         "catalogue": extended_catalogue(complain),
         "seed": arguments.seed,

@@ -1,6 +1,6 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ibrid.measurement.sweep import Sweep
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
+    from ibrid.structure.outside import Outside
 
 PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
 DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped one such as paper_like"
@@ -49,6 +50,23 @@ def measured(text: str) -> "Sweep":
     for sentence in check_conventions(sweep).warnings:
         complain(f"of the data: {sentence}")
     return sweep
+
+
+def add_port_option(parser: ArgumentParser) -> None:
+    """`--port PORT`."""
+    parser.add_argument(
+        "--port",
+        metavar="PORT.toml",
+        help="passive elements that are known between the PCC and the filter, with tolerances",
+    )
+
+
+def port(text: str | None, sweep: "Sweep") -> "Outside":
+    """The port in a file; nothing without one."""
+    from ibrid.structure.outside import NOTHING
+    from ibrid.structure.port_file import read_port
+
+    return NOTHING if text is None else read_port(text, sweep)
 
 
 def sweep_file(text: str) -> str | Path | None:

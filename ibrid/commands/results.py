@@ -62,6 +62,10 @@ def run_export(arguments: Namespace) -> int:
         nonlinear=arguments.nonlinear,
     )
     print(f"{arguments.out}: {len(model.states)} states at {model.op}{', nonlinear' if arguments.nonlinear else ''}")
+    if arguments.nonlinear and record.diagram.outside.elements:
+        complain(
+            "the nonlinear model is the device behind its port; put the port's elements into the network around it"
+        )
     for doubt in doubts(record, model, frequency):
         complain(doubt)
     return 0

@@ -133,6 +133,7 @@ def declare(commands: Any) -> None:
     search.add_argument(
         "--history", type=inputs.natural, default=0, metavar="N", help="best and failed candidates a proposer sees (0)"
     )
+    inputs.add_port_option(search)
     search.add_argument("--require", metavar="WHAT", help="what a candidate must be: stable,passive:LO-HI (Hz)")
     search.add_argument(
         "--choose",
@@ -226,6 +227,7 @@ def run_search(arguments: Namespace) -> int:
             equilibrium=arguments.equilibrium,
             vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
             holdout_op=arguments.holdout_op,
+            port=inputs.port(arguments.port, sweep),
             truth=truth,
             resume=arguments.resume,
             progress="auto",

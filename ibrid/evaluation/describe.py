@@ -64,7 +64,7 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
         reward=reward(None),
         modules=len(diagram.instances),
         program=program_text(diagram),
-        settings=study.described(effort),
+        settings={**study.described(effort), **({"outside": diagram.outside.to_json()} if diagram.outside else {})},
         vocabulary=study.kinds,
     )
 

@@ -66,6 +66,7 @@ def evaluate(
             "make them with parse_program or textbook, and read_sweep"
         )
     study = Study.of(sweep, **options)
+    diagram = study.placed(diagram)
     effort = study.effort(settings, objective=objective, restarts=restarts)
     base = unfitted(diagram, study, effort)
     try:
@@ -118,6 +119,11 @@ def _seed(diagram: Diagram, study: Study, problem: Problem) -> list[int]:
 
 
 def _why_nothing_fits(study: Study) -> str:
+    if study.port:
+        return (
+            "no start has a real operating point behind the port: it cannot carry the p, q of the data at their v; check the "
+            "port's elements with their units and tolerances, its power_node, and p, q, v"
+        )
     if study.equilibrium == "exact":
         return (
             "no start has a real operating point with a finite response at the p, q, v of the data; "

@@ -20,6 +20,7 @@ from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.schemas import breach
 from ibrid.showing import shown
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.outside import Outside
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import Wiring, wire
@@ -80,7 +81,8 @@ class Record:
     @property
     def diagram(self) -> Diagram:
         """The block diagram."""
-        return parse_program(self.program, "the record's program")
+        found = parse_program(self.program, "the record's program")
+        return found.behind(Outside.from_json(self.settings["outside"])) if "outside" in self.settings else found
 
     def to_json(self) -> dict[str, Any]:
         """Plain data in the order of the fields, with the schema first."""

@@ -28,6 +28,7 @@ def record_at(
     an illegal diagram.
     """
     study = Study.of(sweep, **options)
+    diagram = study.placed(diagram)
     effort = study.effort()
     found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
     base = replace(unfitted(diagram, study, effort), reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))

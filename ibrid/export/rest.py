@@ -14,6 +14,7 @@ import numpy as np
 from ibrid.assembly.equilibrium import Frame, Pair, device_points, equilibria, to_frame
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.assembly.terminals import behind_terminals
 from ibrid.errors import IbridError
 from ibrid.export.module_motion import Module, asked, by_port, module_at
 from ibrid.modules.kind import EQUILIBRIUM
@@ -59,13 +60,14 @@ def rest(
         require_large_signal(kind)
     numbers = parameters_at(wiring, table, {name: float(value) for name, value in values.items()})
     settled = []
-    for device, own in device_points(wiring, numbers, point):
-        frame, ports = equilibria(device, numbers, own, power_node, omega_0)
+    inner = behind_terminals(wiring, numbers, point, power_node)
+    for device, own in device_points(wiring, numbers, inner.point):
+        frame, ports = equilibria(device, numbers, own, inner.power_node, omega_0)
         modules = tuple(
             module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
             for name, kind in device.kinds.items()
         )
-        plant = plant_equilibrium(device.kinds[device.plant], numbers[device.plant], *own, power_node)
+        plant = plant_equilibrium(device.kinds[device.plant], numbers[device.plant], *own, inner.power_node)
         settled.append(_Settled(device, frame, ports, plant, own[2]).settle(modules))
     return _together(wiring, settled)
 

@@ -55,6 +55,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     for slope, deviation in zip(problem.jacobians(x), deviations, strict=True):
         white = slope / deviation[..., None]
         rows += [white.real.reshape(-1, size), white.imag.reshape(-1, size)]
+    rows.append(np.diag(np.sqrt(problem.hold))[problem.hold > 0])
     jacobian = np.concatenate(rows)
     if not np.isfinite(jacobian).all():
         return nothing
@@ -67,6 +68,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     if objective is not None:
         white = (jacobian / unit) @ root  # orthonormal columns
         factor = _weight_times_noise(problem, x, deviations, objective)
+        factor = np.concatenate([factor, np.ones(len(jacobian) - len(factor))])
         q, r = np.linalg.qr(factor[:, None] * white)
         root = root @ (np.linalg.pinv(r) @ q.T * factor)
     root = root / unit[:, None]

@@ -19,6 +19,8 @@ from ibrid.fit.objective import Residual, residual
 from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.structure.parameters import Parameter
 
+#: Squared relative noise of the data that what is known beforehand is weighed against where the objective knows none.
+KNOWN_NOISE = 1e-4
 #: A signed box wider than this is searched in asinh(value / SIGNED_SCALE).
 WIDE_SIGNED_BOX, SIGNED_SCALE = 10.0, 0.1
 
@@ -69,6 +71,7 @@ class Problem:
 
     model : from `symbolic_model`. points : measured operating points.
     shared : one value of each parameter for all points, but for those that are local (E0d, I0d, delta_eq).
+    hold : (P,) of x, 1 / tolerance^2 of what is known beforehand, which every cost includes.
     """
 
     def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
@@ -87,6 +90,8 @@ class Problem:
         self._entries = _Caller(model.entries, len(model.parameters), (len(model.rows), len(model.derivative_entry)))
         self._values = _Caller(model.values_only, len(model.parameters), (len(model.rows),))
         self.evaluations = 0
+        self._known = self.coordinates.to_x(np.array([one.parameter.typical for one in self.numbers], dtype=float))
+        self.hold = np.array([one.parameter.tolerance or np.inf for one in self.numbers], dtype=float) ** -2.0
 
     @property
     def size(self) -> int:
@@ -119,6 +124,9 @@ class Problem:
         gradient = np.zeros((starts, len(self.points), self.size)) if derivatives else np.zeros(0)
         hessian = np.zeros((starts, len(self.points), self.size, self.size)) if derivatives else np.zeros(0)
         self.evaluations += starts
+        held = self.hold / len(self.points)
+        if objective != "chi2":
+            held = self.hold / measured_numbers(self.points) * (1.0 if objective == "sigma" else KNOWN_NOISE)
         caller = self._entries if derivatives else self._values
         for m, weights in enumerate(self.residuals(objective)):
             index = self.index[m]
@@ -135,6 +143,11 @@ class Problem:
                 scale = slope_all[:, index]
                 gradient[:, m, index] = part[1] * scale
                 hessian[:, m, index[:, None], index[None, :]] = part[2] * scale[:, :, None] * scale[:, None, :]
+            if held.any():
+                cost[:, m] += (held * (x - self._known) ** 2).sum(axis=1)
+                if slope_all is not None:
+                    gradient[:, m] += held * (x - self._known)
+                    hessian[:, m, range(self.size), range(self.size)] += held
         return cost, gradient, hessian
 
     def responses(self, x: np.ndarray) -> list[np.ndarray]:

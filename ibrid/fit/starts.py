@@ -51,13 +51,13 @@ class StartDrawer:
     def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
         self.problem = problem
         plant = wiring.kinds[wiring.plant]
-        seed = high_frequency_seed(problem, omega_0) if plant.branches == UNDAMPED else {}
+        seed = high_frequency_seed(problem, omega_0) if plant.branches == UNDAMPED and not wiring.outside else {}
         if not all(plant.parameters[name].low <= value <= plant.parameters[name].high for name, value in seed.items()):
             seed = {}  # read from too low a band, or in wrong units: it would exclude every operating point
         members = [one.parameter.members[0] for one in problem.numbers]
-        kinds = [wiring.kinds[instance] for instance, _ in members]
+        kinds = [wiring.kinds.get(instance) for instance, _ in members]
         self._seed = [
-            (seed[parameter], SEED_SPREAD[parameter]) if kind.family == PLANT and parameter in seed else None
+            (seed[parameter], SEED_SPREAD[parameter]) if kind and kind.family == PLANT and parameter in seed else None
             for kind, (_, parameter) in zip(kinds, members, strict=True)
         ]
         names = [one.name for one in problem.numbers]
@@ -65,7 +65,7 @@ class StartDrawer:
         self._coupling = [  # (entry, factor): a decoupling gain starts at the filter inductance
             (index, 1.0 / omega_0 if kind.element is Element.COUPLING else 1.0)
             for index, kind in enumerate(kinds)
-            if kind.element in COUPLINGS and members[index][1] in kind.parameters
+            if kind and kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
 
     def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
@@ -77,6 +77,8 @@ class StartDrawer:
             point = self.problem.points[one.point or 0].op
             if seeded and (seed := self._seed[index]) is not None:
                 theta[:, index] = seed[0] * (1.0 + seed[1] * spread)
+            elif parameter.tolerance is not None:
+                theta[:, index] = parameter.typical * np.exp(parameter.tolerance * spread)
             elif parameter.name == "I0d":
                 theta[:, index] = abs(point.p) * (1 + 0.15 * spread)
             elif parameter.name == "E0d":

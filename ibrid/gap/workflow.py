@@ -90,6 +90,7 @@ def find_gap(
         )
     kernel.load()
     require_legal(diagram, study.kinds, equilibrium="exact")
+    diagram = study.placed(diagram)
     wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)

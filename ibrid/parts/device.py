@@ -40,7 +40,7 @@ class Device:
             own = [one for one in self.whole.instances if one.name == self.share] + own
             links = [(TERMINAL_VOLTAGE, f"{self.share}.v_DQ"), *(_through(self.share, ends, draft) for ends in links)]
         first = self.whole.instances[0].name in self.names
-        joined = Diagram(self.whole.name)
+        joined = Diagram(self.whole.name).behind(self.whole.outside)
         joined.extend(
             [*own, *rest] if first else [*rest, *own],
             [Connection(*wire) for wire in ([*links, *others] if first else [*others, *links])],
@@ -50,7 +50,7 @@ class Device:
     def without_part(self, kinds: Vocabulary) -> Diagram:
         """The whole without this device: the other delivers everything, so it needs no share."""
         rest, wires = self._beside()
-        diagram = Diagram(self.whole.name)
+        diagram = Diagram(self.whole.name).behind(self.whole.outside)
         diagram.extend(rest, [Connection(*one) for one in wires])
         draft = Draft(diagram, kinds)
         for share in draft.having(Element.SHARE):
@@ -79,7 +79,7 @@ def _device(diagram: Diagram, own: Wiring) -> Device:
     if len(names) == len(diagram.instances):
         return Device(diagram, names, None, diagram)
     share = next(iter(own.having(Element.SHARE)), None)
-    part = Diagram(diagram.name)
+    part = Diagram(diagram.name).behind(diagram.outside)
     wires = []
     for one in diagram.connections:
         if _touches((one.source, one.target), names) and split_port(one.target)[0] != share:

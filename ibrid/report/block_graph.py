@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
-from ibrid.structure.wiring import split_port
+from ibrid.structure.outside import PORT
+from ibrid.structure.wiring import PLANT, split_port
 
 TERMINALS = (TERMINAL_VOLTAGE, TERMINAL_CURRENT)
 #: Names of sums begin like this, which no module name can.
@@ -58,7 +59,10 @@ def block_graph(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> BlockGrap
     sources: dict[str, list[str]] = {}
     for source, target in wires:
         sources.setdefault(target, []).append(source)
-    nodes = [_module(name, kind, kinds.get(kind), wires) for name, kind in _modules(diagram, wires).items()]
+    modules = _modules(diagram, wires)
+    port = modules.pop(PORT, "")
+    nodes = [_module(name, kind, kinds.get(kind), wires) for name, kind in modules.items()]
+    nodes += [Node(PORT, "module", port, PLANT, ("v", "i_in"), ("v_in", "i"))] if port else []
     driven: dict[str, list[Pin]] = {}
     for target, given in sources.items():
         pin = _pin(target)
@@ -84,11 +88,16 @@ def block_graph(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> BlockGrap
 def _wires(diagram: Diagram) -> list[tuple[str, str]]:
     """Connections that can be drawn: none into the voltage, out of the current, or twice the same."""
     pairs = [(one.source, one.target) for one in diagram.connections]
-    return [
+    drawn = [
         (source, target)
         for source, target in dict.fromkeys(pairs)
         if source != TERMINAL_CURRENT and target != TERMINAL_VOLTAGE
     ]
+    if not diagram.outside.elements:
+        return drawn
+    inner = {TERMINAL_VOLTAGE: f"{PORT}.v_in", TERMINAL_CURRENT: f"{PORT}.i_in"}
+    behind = [(inner.get(source, source), inner.get(target, target)) for source, target in drawn]
+    return [(TERMINAL_VOLTAGE, f"{PORT}.v"), *behind, (f"{PORT}.i", TERMINAL_CURRENT)]
 
 
 def _modules(diagram: Diagram, wires: Sequence[tuple[str, str]]) -> dict[str, str]:
@@ -101,6 +110,8 @@ def _modules(diagram: Diagram, wires: Sequence[tuple[str, str]]) -> dict[str, st
             name = _pin(end)[0]
             if name not in TERMINALS:
                 found.setdefault(name, "?")
+    if diagram.outside.elements:
+        found[PORT] = ", ".join(element.kind for element in diagram.outside.elements)
     return found
 
 

@@ -49,6 +49,7 @@ def canonical_wiring(
         instances,
         {one.name: wiring.kinds[one.name] for one in instances},
         {target: tuple(sorted(wiring.sources[target], key=place)) for target in sorted(wiring.sources, key=place)},
+        wiring.outside,
     )
 
 

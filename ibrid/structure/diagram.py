@@ -8,6 +8,7 @@ from keyword import iskeyword
 
 from ibrid.errors import DiagramError
 from ibrid.showing import shown
+from ibrid.structure.outside import NOTHING, Outside
 
 Binding = str | float | tuple[float, float]
 
@@ -53,6 +54,7 @@ class Diagram:
         self.name = name
         self._instances: list[Instance] = []
         self._connections: list[Connection] = []
+        self.outside = NOTHING
 
     @property
     def instances(self) -> tuple[Instance, ...]:
@@ -94,6 +96,15 @@ class Diagram:
         """An independent diagram with the same modules and connections."""
         other = Diagram(self.name)
         other._instances, other._connections = list(self._instances), list(self._connections)
+        other.outside = self.outside
+        return other
+
+    def behind(self, outside: Outside) -> "Diagram":
+        """The same diagram behind labels and a port; they are no part of its structure, its program or its equality."""
+        if outside == self.outside:
+            return self
+        other = self.copy()
+        other.outside = outside
         return other
 
     def __eq__(self, other: object) -> bool:

@@ -18,7 +18,7 @@ class Draft:
     """A working copy of a diagram. Ports are "NAME.port" or an outer port; nothing is checked until it is parsed again."""
 
     def __init__(self, diagram: Diagram, kinds: Vocabulary) -> None:
-        self.name = diagram.name
+        self.name, self.outside = diagram.name, diagram.outside
         self.vocabulary = {kind.name: kind for kind in kinds}
         self.instances: dict[str, Instance] = {one.name: one for one in diagram.instances}
         self.wires: list[tuple[str, str]] = [(one.source, one.target) for one in diagram.connections]
@@ -26,6 +26,7 @@ class Draft:
     def diagram(self) -> Diagram:
         """The diagram as it stands."""
         done = Diagram(self.name)
+        done.outside = self.outside
         done.extend(self.instances.values(), [Connection(source, target) for source, target in self.wires])
         return done
 

@@ -1,6 +1,6 @@
 """The parameters of a diagram: which numbers are free, fixed, shared by name, and within which box."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,9 @@ class Parameter:
 
     `name` : "NAME.parameter", or the shared name. `low`, `high` : the intersection of the boxes of all members.
     `members` : (instance, parameter) pairs that take this value. `typical` : a first guess. `unit`, `meaning` : words.
-    `local` : True when it belongs to one operating point even in a shared fit (E0d, I0d, delta_eq of the paper).
+    `tolerance` : one standard deviation of its logarithm (of itself where it may be zero) around what is known of it, None
+    where nothing is. `local` : True when it belongs to one operating point even in a shared fit (E0d, I0d, delta_eq of the
+    paper).
     """
 
     name: str
@@ -30,6 +32,7 @@ class Parameter:
     meaning: str
     members: tuple[tuple[str, str], ...]
     local: bool = False
+    tolerance: float | None = None
 
     @property
     def logarithmic(self) -> bool:
@@ -86,14 +89,28 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
             name = binding if isinstance(binding, str) else own
             bound[key] = name
             groups.setdefault(name, []).append((key, box))
-    return ParameterTable(tuple(_merge(name, members) for name, members in groups.items()), bound)
+    free = [_merge(name, members) for name, members in groups.items()]
+    return ParameterTable((*free, *_outside(wiring, bound)), bound)
+
+
+def _outside(wiring: Wiring, bound: dict[tuple[str, str], str | float]) -> Iterator[Parameter]:
+    """Free labels and port values; `bound` takes the fixed ones too."""
+    for instance, name, value in wiring.outside.numbers():
+        if not isinstance(value, tuple):
+            bound[instance, name] = value
+            continue
+        (box, tolerance), own = value, f"{instance}.{name}"
+        bound[instance, name] = own
+        yield Parameter(
+            own, box.low, box.high, box.typical, box.unit, box.meaning, ((instance, name),), tolerance=tolerance
+        )
 
 
 def parameters_at(wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """instance -> parameter -> value, for the table of a wired diagram. values : free name -> value, number or symbol."""
     found: dict[str, dict[str, Any]] = {name: {} for name in wiring.kinds}
     for name, parameter in table.bound:
-        found[name][parameter] = table.value(name, parameter, values)
+        found.setdefault(name, {})[parameter] = table.value(name, parameter, values)
     return found
 
 

@@ -9,6 +9,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
+from ibrid.structure.outside import NOTHING, Outside
 
 __all__ = ["PLANT", "Wiring", "split_port", "wire"]
 
@@ -19,11 +20,13 @@ class Wiring:
 
     `instances` : as added. `kinds` : instance name -> kind.
     `sources` : "NAME.port" of an input, or the outer port `i_DQ`, -> the outputs (or `v_DQ`) that add up there.
+    `outside` : what lies between the terminals and the measurement.
     """
 
     instances: tuple[Instance, ...]
     kinds: Mapping[str, ModuleKind]
     sources: Mapping[str, tuple[str, ...]]
+    outside: Outside = NOTHING
 
     @property
     def plant(self) -> str:
@@ -50,7 +53,7 @@ def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
         if connection.source not in outputs:
             raise DiagramError(f"{connection.source} is no output of this diagram; run ibrid check on the program")
         sources[connection.target] += (connection.source,)
-    return Wiring(diagram.instances, kinds, sources)
+    return Wiring(diagram.instances, kinds, sources, diagram.outside)
 
 
 def split_port(port: str) -> tuple[str, str]:

@@ -144,6 +144,7 @@ def search(
         "seed": study.seed, "budget": goal.budget, "target": goal.target, "proposer": panel.names,
         "models": list(proposers.models), "prices": [list(pair) for pair in proposers.prices],
         "parameters": study.parameters, "equilibrium": study.equilibrium, "vocabulary": study.vocabulary_name,
+        **({"port": study.port.to_json()} if study.port else {}),
         "holdout_op": list(study.held), "require": goal.require, "choose": goal.choose, "workers": workers.number,
         "ray": workers.ray or "", "data": study.sweep.source, "data_sha256": digest(texts["data"]),
         "start_sha256": digest(first), "settings": vars(settings), **learnt,

@@ -1,0 +1,94 @@
+"""A port file: the passive elements that are known between the PCC and the filter, TOML, in SI units or per unit."""
+
+import tomllib
+from collections.abc import Mapping
+from math import isfinite, pi
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.outside import ELEMENTS, Outside, PortElement
+
+_USUAL = {"R": 0.0, "ratio": 1.0}
+_KEYS = ("kind", "unit", "tolerance", "v_base_v", "shift_deg")
+#: Largest and smallest reactance or susceptance per unit that an element at a port may have.
+PLAUSIBLE = (1e-7, 2.0)
+
+
+def read_port(path: str | Path, sweep: Sweep) -> Outside:
+    """The port of a sweep, from the PCC inwards.
+
+    `power_node = "outside" | "inside"`, where p and q were measured; `[[element]]` with `kind` (series R, L | shunt R, C |
+    transformer R, L, ratio, shift_deg), values in ohm, H, F (`unit = "si"`) or per unit at f0 ("pu"), on the base voltage of
+    the sweep or of `v_base_v` in the element; `tolerance`, one standard deviation of the logarithm.
+
+    Raises SweepError, one sentence that says what to change, for anything else.
+    """
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SweepError(f"the port {path} cannot be read ({error.strerror}); give the path of a TOML file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SweepError(f"the port {path} is no TOML: {error}") from None
+    _require_known(content, ("power_node", "element"), f"the port {path}")
+    node = content.get("power_node", "outside")
+    if node not in ("outside", "inside"):
+        raise SweepError(f'power_node of the port {path} must be "outside" or "inside", found {node!r:.40}')
+    elements = content.get("element", [])
+    if not isinstance(elements, list) or not elements or not all(isinstance(one, dict) for one in elements):
+        raise SweepError(f"the port {path} must have elements; write [[element]] with kind, values and unit")
+    named = [(f"element {number} of the port {path}", one) for number, one in enumerate(elements, start=1)]
+    return Outside(tuple(_element(one, where, sweep) for where, one in named), node == "inside")
+
+
+def _element(entry: Mapping[str, Any], where: str, sweep: Sweep) -> PortElement:
+    kind = str(entry.get("kind"))
+    if kind not in ELEMENTS:
+        raise SweepError(f"{where} must be one of {', '.join(ELEMENTS)}, found {kind!r:.40}; {near(kind, ELEMENTS)}")
+    _require_known(entry, (*_KEYS, *ELEMENTS[kind]), where)
+    tolerance = _number(entry, "tolerance", where, 0.0)
+    unit = entry.get("unit")
+    if unit not in ("si", "pu"):
+        raise SweepError(f'{where} must have unit = "si" or "pu", found {unit!r:.40}; ohm, H and F are "si"')
+    if not 0 <= tolerance <= 1:
+        raise SweepError(f"the tolerance of {where} must lie between 0 and 1, found {tolerance:g}; 0.05 is 5 %")
+    scale = _per_unit(entry, where, sweep, unit)
+    values = {name: _number(entry, name, where, _USUAL.get(name)) * scale.get(name, 1.0) for name in ELEMENTS[kind]}
+    _number(entry, "shift_deg", where, 0.0)
+    for name, value in values.items():
+        least, most = PLAUSIBLE
+        if value < 0 or value > 1e4 or (name in "LC" and not least <= value <= most):
+            raise SweepError(
+                f"{name} of {where} is {value:.3g} per unit, which no port has; see that its unit is {unit!r}"
+                + (" (ohm, H, F)" if unit == "si" else " (per unit at f0)")
+                + " and that v_base_v and s_base_va are right"
+            )
+    return PortElement(kind, values, tolerance)
+
+
+def _per_unit(entry: Mapping[str, Any], where: str, sweep: Sweep, unit: str) -> dict[str, float]:
+    """Factors from the element's unit to per unit of the sweep's base, name by name."""
+    voltage = _number(entry, "v_base_v", where, sweep.v_base_v if sweep.v_base_v is not None else 0.0)
+    if unit == "pu":
+        return {}
+    if not voltage > 0 or sweep.s_base_va is None:
+        raise SweepError(
+            f'{where} is in SI units, which need s_base_va and v_base_v; write them at the top of the sweep, or use unit = "pu"'
+        )
+    base = voltage**2 / sweep.s_base_va
+    return {"R": 1 / base, "L": 2 * pi * sweep.f0_hz / base, "C": 2 * pi * sweep.f0_hz * base}
+
+
+def _number(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:
+    value = entry.get(name, usual)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise SweepError(
+            f"{name} of {where} must be a number, found {'nothing' if value is None else repr(value)[:40]}"
+        )
+    return float(value)
+
+
+def _require_known(entry: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    if unknown := [key for key in entry if key not in known]:
+        raise SweepError(f"{where} has {unknown[0]!r:.40}; {near(unknown[0], known)}")
