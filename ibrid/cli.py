@@ -16,7 +16,19 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
-from ibrid.commands import diagrams, fitting, gap, importing, policy, predicting, results, searching, sweeps, vocabulary
+from ibrid.commands import (
+    diagrams,
+    fitting,
+    gap,
+    importing,
+    policy,
+    predicting,
+    results,
+    searching,
+    starting,
+    sweeps,
+    vocabulary,
+)
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
 
@@ -25,6 +37,7 @@ _NEGATIVE = re.compile(r"-\.?\d")
 
 _EXAMPLES = """\
 for a start:
+  ibrid start paper_like                        a first answer: what is odd, which shipped diagram fits, what next
   ibrid modules                                 the blocks that diagrams are made of
   ibrid inspect paper_like                      a first look at the shipped benchmark
   ibrid evaluate gfl_pll_filter_exact paper_like --json out.json --report out.html
@@ -59,7 +72,19 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
-    for family in (vocabulary, diagrams, importing, sweeps, fitting, gap, searching, policy, predicting, results):
+    for family in (
+        starting,
+        vocabulary,
+        diagrams,
+        importing,
+        sweeps,
+        fitting,
+        gap,
+        searching,
+        policy,
+        predicting,
+        results,
+    ):
         family.declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole

@@ -5,7 +5,7 @@ from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.writing import require_place
+from ibrid.writing import aligned, require_place
 
 #: Options that say what a table does not, and their help.
 _SAID = {
@@ -60,7 +60,7 @@ def run(arguments: Namespace) -> int:
     require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
     said = {name: getattr(arguments, name) for name in _SAID}
     imported = import_files(arguments.files, arguments.map, **said)
-    print(format_import(imported.readings), end="")
+    print(aligned(imported.readings))
     for remark in imported.remarks:
         complain(f"mind: {remark}")
     sweep = imported.answered()
@@ -70,11 +70,3 @@ def run(arguments: Namespace) -> int:
     print(f"{Path(arguments.out)}: {grid} frequencies at {'; '.join(sweep.names)}")
     print(f"next: ibrid start {arguments.out} --out {Path(arguments.out).stem}_start")
     return 0
-
-
-def format_import(readings: tuple[tuple[str, str, str], ...]) -> str:
-    """A line for each number: what it is, from which columns, in which unit."""
-    widths = [max((len(row[k]) for row in readings), default=0) for k in range(2)]
-    return "".join(
-        f"{what.ljust(widths[0])}  {source.ljust(widths[1])}  {unit}".rstrip() + "\n" for what, source, unit in readings
-    )

@@ -37,12 +37,17 @@ class Imported:
     sweep: Sweep | None
     where: str = ""
 
+    @property
+    def asked(self) -> str:
+        """All that must be said first, with the options to add, in a sentence."""
+        asked = "; ".join(f"{one.sentence}: add {' or '.join(one.answers)}" for one in self.questions)
+        return f"{self.where} does not say {asked}."
+
     def answered(self) -> Sweep:
         """The sweep; SweepError with all that must be said first."""
         if self.sweep is not None:
             return self.sweep
-        asked = "; ".join(f"{one.sentence}: add {' or '.join(one.answers)}" for one in self.questions)
-        raise SweepError(f"{self.where} does not say {asked}.")
+        raise SweepError(self.asked)
 
 
 def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: Any) -> Imported:
