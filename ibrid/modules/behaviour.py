@@ -101,6 +101,13 @@ class Behaviour:
         return [*kind.inputs] == ["in_"] and [*kind.outputs] == ["out"] and kind.inputs["in_"] is kind.outputs["out"]
 
     @property
+    def through(self) -> bool:
+        """True for a block in line that may hear a deviation of the frequency beside its input."""
+        (first, *others), outputs = (*_of(self).inputs, ""), [*_of(self).outputs]
+        heard = all(port in ("", "delta_omega") for port in others)
+        return first == "in_" and outputs == ["out"] and heard and _of(self).inputs["in_"] is _of(self).outputs["out"]
+
+    @property
     def signal(self) -> Signal | None:
         """The signal that all inputs and outputs carry; None where they differ."""
         signals = {*_of(self).inputs.values(), *_of(self).outputs.values()}
@@ -134,14 +141,18 @@ class Behaviour:
     def passes(self) -> bool:
         """True for a block in line that hands a signal on at rest, axis by axis: a sign, gain, filter or delay, no integrator."""
         kind = _of(self)
-        if not self.in_line or not (self.static or kind.dc_gain):
+        if not self.through or not (self.static or kind.dc_gain):
             return False
-        return not self.static or self.element is Element.TURN or _diagonal(_matrices(kind, _arguments(kind))[3])
+        return (
+            not self.static
+            or self.element is Element.TURN
+            or (self.in_line and _diagonal(_matrices(kind, _arguments(kind))[3]))
+        )
 
     @property
     def shapes(self) -> bool:
         """True for a filter or delay in line: it hands a signal on as it is at rest, and not above its corner; or turned."""
-        return (self.in_line and not self.static and _of(self).dc_gain == 1.0) or self.element is Element.TURN
+        return (self.through and not self.static and _of(self).dc_gain == 1.0) or self.element is Element.TURN
 
     @property
     def regulates(self) -> bool:
@@ -200,6 +211,8 @@ def _element(kind: "ModuleKind") -> Element | None:
         return Element.DELAY if kind.in_line else None
     if kind.in_line:
         return _in_line(kind)
+    if kind.through and kind.dc_gain == 1.0:
+        return _of_sequence(kind)
     return _static(kind) if kind.static else None
 
 
@@ -263,7 +276,7 @@ def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
 
 def _of_sequence(kind: "ModuleKind") -> Element | None:
     """Filters of the space vector, known by the frequency that they stop: that of a DC offset, or the negative sequence."""
-    if kind.signal is not Signal.DQ_VEC or not all(_turns(one) for one in _responses(kind)):
+    if kind.inputs["in_"] is not Signal.DQ_VEC or not all(_turns(one[:, :2]) for one in _responses(kind)):
         return None
     stopped = {Element.BAND_PASS: -1j, Element.POSITIVE_SEQUENCE: -2j}
     for element, multiple in stopped.items():

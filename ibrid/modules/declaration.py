@@ -126,16 +126,19 @@ def _check_delay(kind: "ModuleKind", d: np.ndarray) -> None:
 
 def _check_dc_gain(kind: "ModuleKind", a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> None:
     """A gain at rest is one number, so it needs one input, and outputs of the same signal."""
-    signals = {*kind.inputs.values(), *kind.outputs.values()}
-    if len(kind.inputs) != 1 or len(signals) != 1:
+    first, *others = kind.inputs
+    signals = {kind.inputs[first], *kind.outputs.values()}
+    deviations = all(kind.inputs[port] is Signal.SCALAR and port.startswith("delta") for port in others)
+    if not deviations or len(signals) != 1:
         raise ModuleError(
             f"{kind.name}: dc_gain is for one input and outputs of the same signal, got {len(kind.inputs)} inputs and "
             f"the signals {', '.join(sorted(signals))}; leave dc_gain None"
         )
     if np.linalg.matrix_rank(a) < len(a):
         raise ModuleError(f"{kind.name}: A is singular, so it integrates and has no gain at rest; leave dc_gain None")
-    at_rest = d - c @ np.linalg.solve(a, b)
-    wanted = float(kind.dc_gain or 0.0) * np.vstack([np.eye(d.shape[1])] * len(kind.outputs))
+    own = kind.inputs[first].width  # what deviates is zero at rest
+    at_rest = (d - c @ np.linalg.solve(a, b))[:, :own]
+    wanted = float(kind.dc_gain or 0.0) * np.vstack([np.eye(own)] * len(kind.outputs))
     if np.abs(at_rest - wanted).max() > 1e-6 * max(1.0, np.abs(wanted).max()):
         raise ModuleError(
             f"{kind.name}: dc_gain = {kind.dc_gain:g}, but D - C A^-1 B at typical values is "

@@ -1,15 +1,18 @@
 """Filters and controllers that tell positive from negative sequence: SOGI, DSOGI, double synchronous frame, resonators.
 
 In a frame that turns at omega a stationary quantity at the fundamental rests and its negative sequence turns at -2 omega.
-The filters are tuned to the speed of the frame in which they work: behind a rotation into the controller's frame that is the
-measured frequency (adaptive tuning, whose terms in delta_omega cancel at rest), on v_DQ the nominal one. Complex gains below
-are those from in_d + j in_q to out_d + j out_q at s = j omega.
+Most filters are tuned to the speed of the frame in which they work: behind a rotation into the controller's frame that is the
+measured frequency (adaptive tuning, whose terms in delta_omega cancel at rest), on v_DQ the nominal one. The `_fixed` ones stay
+tuned to the nominal frequency in a frame that does not. Complex gains lead from
+in_d + j in_q to out_d + j out_q, w = omega_0.
 """
 
+from dataclasses import replace
 from math import pi
 
 from ibrid.modules.control import cutoff
 from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 
 DQ = {"in_": Signal.DQ_VEC}, {"out": Signal.DQ_VEC}
@@ -58,6 +61,66 @@ DSOGI_DQ = ModuleKind(
     dc_gain=1.0,
     extended=True,
     reference="dual SOGI: P. Rodriguez, R. Teodorescu, I. Candela, A. V. Timbus, M. Liserre and F. Blaabjerg, PESC 2006",
+)
+
+
+def _fixed_motion(k, omega_0, in__eq):
+    # y rests at in_, z at -J in_; the frame's deviation turns both
+    a, b = _sogi_motion(k, omega_0)
+    d, q = in__eq
+    return a, [[*row, turned] for row, turned in zip(b, (q, -d, -d, -q), strict=True)]
+
+
+def _sogi_fixed(k, omega_0, in__eq):
+    return *_fixed_motion(k, omega_0, in__eq), [[1, 0, 0, 0], [0, 1, 0, 0]], [[0, 0, 0], [0, 0, 0]]
+
+
+def _dsogi_fixed(k, omega_0, in__eq):
+    return *_fixed_motion(k, omega_0, in__eq), [[0.5, 0, 0, -0.5], [0, 0.5, 0.5, 0]], [[0, 0, 0], [0, 0, 0]]
+
+
+def _fixed_rates(x, in_, delta_omega, k, omega_0):
+    (y_d, y_q, z_d, z_q), w, omega = x, omega_0, omega_0 + delta_omega
+    return (
+        k * w * (in_[0] - y_d) - w * z_d + omega * y_q,
+        k * w * (in_[1] - y_q) - w * z_q - omega * y_d,
+        w * y_d + omega * z_q,
+        w * y_q - omega * z_d,
+    )
+
+
+def _sogi_fixed_law(x, in_, delta_omega, k, omega_0):
+    return _fixed_rates(x, in_, delta_omega, k, omega_0), x[:2]
+
+
+def _dsogi_fixed_law(x, in_, delta_omega, k, omega_0):
+    return _fixed_rates(x, in_, delta_omega, k, omega_0), (0.5 * (x[0] - x[3]), 0.5 * (x[1] + x[2]))
+
+
+def _fixed_at_rest(in__eq):
+    return in__eq[0], in__eq[1], in__eq[1], -in__eq[0]
+
+
+_DEVIATION = {**DQ[0], "delta_omega": Signal.SCALAR}
+
+SOGI_FIXED = replace(
+    SOGI_DQ,
+    name="SOGI_fixed",
+    law=f"{SOGI_DQ.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
+    inputs=_DEVIATION,
+    state_space=_sogi_fixed,
+    equilibrium={"in_": "E0d"},
+    large_signal=LargeSignal(_sogi_fixed_law, _fixed_at_rest),
+)
+
+DSOGI_FIXED = replace(
+    DSOGI_DQ,
+    name="DSOGI_fixed",
+    law=f"{DSOGI_DQ.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
+    inputs=_DEVIATION,
+    state_space=_dsogi_fixed,
+    equilibrium={"in_": "E0d"},
+    large_signal=LargeSignal(_dsogi_fixed_law, _fixed_at_rest),
 )
 
 

@@ -13,7 +13,7 @@ from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, REF_P
 from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_TRAP, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
-from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, RESONANT_DQ, SOGI_DQ
+from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, DSOGI_FIXED, RESONANT_DQ, SOGI_DQ, SOGI_FIXED
 from ibrid.modules.static import (
     CONST_ZERO,
     GAIN,
@@ -80,6 +80,8 @@ VOCABULARY: Vocabulary = (
     RESONANT_DQ,
     REF_PQ,
     LCL_TRAP,
+    SOGI_FIXED,
+    DSOGI_FIXED,
 )
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

@@ -7,7 +7,9 @@ from ibrid.parts.current_measurement import in_control
 from ibrid.parts.edit import Edit, Strength, cutoff
 from ibrid.parts.paths import current_path, grid_current, loops, measured_current, packs, path
 from ibrid.parts.practice import Effect, Family, where_missing
+from ibrid.parts.sequence import own_q_axis
 from ibrid.parts.view import Move, View, followers, of_circuit
+from ibrid.signals import Signal
 
 FILTERED = {"omega_c": cutoff(200, 50, 10, nothing=1e-9)}
 SECOND = {"k": Strength((-0.1, -0.2, -0.4), 0.0)}
@@ -96,8 +98,28 @@ REFERENCE_FEEDFORWARD = Effect(
 )
 
 
+def _shared_filters(view: View) -> list[str]:
+    """Low-passes of one cutoff right behind the voltage and a current."""
+    roles, found = view.roles, dict[str, list[str]]()
+    for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view))):
+        for name in view.draft.having(Element.LOW_PASS, signal=Signal.DQ_VEC):
+            if view.draft.sources(f"{name}.in_") == [signal]:
+                found.setdefault(str([*view.bound(name).values()]), []).append(name)
+    return next((names for names in found.values() if len(names) > 1), [])
+
+
 def _measurement_filter(view: View) -> Iterator[Move]:
     draft, roles = view.draft, view.roles
+    present = _shared_filters(view)
+    if present:
+
+        def without(draft: Edit) -> None:
+            for name in present:
+                draft.bypass(name)
+            own_q_axis(draft, view)
+
+        yield Move.at("remove", f"{', '.join(present)}, which share one cutoff", without)
+        return
     bound = followers(draft)
     own = f"{roles.plant}.e_q"
     signals = {
@@ -105,10 +127,7 @@ def _measurement_filter(view: View) -> Iterator[Move]:
         for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view)))
     }
     scalars = draft.targets(own)
-    filters = [f"{name}.in_" for name in draft.having(Element.LOW_PASS)]
     if not in_control(draft, roles.current) or not (signals[roles.voltage] or scalars):
-        return
-    if all(target in filters for targets in signals.values() for target in targets):
         return
 
     def shared(draft: Edit) -> None:

@@ -6,18 +6,21 @@ from collections.abc import Iterator
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength, in_place
 from ibrid.parts.feedforward import feedforward
-from ibrid.parts.paths import command_entry, join, row_before
+from ibrid.parts.paths import command_entry, frequency_sources, join, row_before
 from ibrid.parts.practice import Effect, Family, where_missing
 from ibrid.parts.view import Move, View
+from ibrid.structure.wiring import split_port
 
 ELEMENTS = (Element.BAND_PASS, Element.POSITIVE_SEQUENCE)
 #: Kinds, what a filter is called, and how strong it usually is.
 FILTERS: dict[str, dict[str, Strength]] = {
     "DSOGI_dq": {"k": Strength((0.5, 1.41, 4.0))},
     "SOGI_dq": {"k": Strength((0.5, 1.41, 4.0), 1e10)},
+    "DSOGI_fixed": {"k": Strength((0.5, 1.41, 4.0))},
+    "SOGI_fixed": {"k": Strength((0.5, 1.41, 4.0), 1e10)},
     "DDSRF_dq": {"omega_c": Strength((60.0, 250.0, 800.0), 1e-9)},
 }
-RESONANT = {"k": Strength((0.05, 0.3, 1.0), 0.0), "omega_c": Strength((1.0, 5.0, 20.0))}
+RESONANT = {"k": Strength((0.3, 1.0, 3.0), 0.0), "omega_c": Strength((6.0, 20.0, 60.0))}
 #: Multiples of the nominal frequency in dq, in words.
 HARMONICS = {2.0: "the negative sequence", 6.0: "the 5th and 7th harmonic"}
 
@@ -35,8 +38,24 @@ def locked_vector(view: View, pll: str) -> tuple[str, str | None] | None:
 
 
 def _at_hand(view: View, *kinds: str) -> list[str]:
-    """Of some kinds that ship, those that this vocabulary has or something stands in for."""
-    return [kind for kind in kinds if view.known(kind)]
+    """Of some kinds that ship, those that this vocabulary has or something stands in for; of a frame that turns all of them."""
+    adaptive = [kind for kind in kinds if not kind.endswith("_fixed")]
+    return [kind for kind in (kinds if view.roles.frequency else adaptive) if view.known(kind)]
+
+
+def _tuned(draft: Edit, view: View, name: str) -> str:
+    """Let a filter of fixed tuning hear what its frame deviates by; its output."""
+    if "delta_omega" in draft.kind(name).inputs and not draft.sources(f"{name}.delta_omega"):
+        for source in frequency_sources(draft, view):
+            draft.connect(source, f"{name}.delta_omega")
+    return f"{name}.out"
+
+
+def own_q_axis(draft: Edit, view: View) -> None:
+    """Let what takes the q axis of the measured voltage take the plant's own e_q."""
+    for name in draft.having(Element.SLICE_Q):
+        if draft.sources(f"{name}.in_") == [view.roles.voltage]:
+            draft.rewire(f"{name}.out", f"{view.roles.plant}.e_q", *draft.targets(f"{name}.out"))
 
 
 def _filters_of(view: View, pll: str) -> list[str]:
@@ -50,12 +69,17 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
     for pll in view.draft.having(Element.PLL):
         locked, present = locked_vector(view, pll), _filters_of(view, pll)
         for name in present:
-            yield Move.at("remove", f"{name} before {pll}", lambda draft, name=name: draft.bypass(name))
+
+            def taken(draft: Edit, name: str = name) -> None:
+                draft.bypass(name)
+                own_q_axis(draft, view)
+
+            yield Move.at("remove", f"{name} before {pll}", taken)
             for kind in _at_hand(view, *FILTERS):
                 if kind != view.shipped(name):
 
                     def exchanged(draft: Edit, name: str = name, kind: str = kind) -> None:
-                        draft.replace(name, kind, "pll_sequence", **in_place(FILTERS[kind]))
+                        _tuned(draft, view, draft.replace(name, kind, "pll_sequence", **in_place(FILTERS[kind])))
 
                     note = f"{kind} in place of the {view.kind(name)} {name}"
                     yield Move(note, exchanged, where=f"{note} before {pll}")
@@ -65,10 +89,10 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
 
             def added(draft: Edit, kind: str = kind, entry: str = locked[0], q_axis: str | None = locked[1]) -> None:
                 if q_axis:
-                    draft.insert_before(f"{q_axis}.in_", kind, "pll_sequence", **FILTERS[kind])
+                    _tuned(draft, view, draft.insert_before(f"{q_axis}.in_", kind, "pll_sequence", **FILTERS[kind]))
                 else:
-                    vector = draft.after(view.roles.voltage, kind, "pll_sequence", **FILTERS[kind])
-                    draft.drive(entry, draft.after(vector, "SliceQ", "pll_q"))
+                    vector = split_port(draft.after(view.roles.voltage, kind, "pll_sequence", **FILTERS[kind]))[0]
+                    draft.drive(entry, draft.after(_tuned(draft, view, vector), "SliceQ", "pll_q"))
 
             yield Move(
                 f"{kind} before the PLL", added, change="add", where=f"{kind} on the voltage to which {pll} locks"
@@ -77,8 +101,8 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
 
 PLL_SEQUENCE_FILTER = Effect(
     id="pll_sequence_filter",
-    law="SRF_PLL takes the q axis of the voltage behind SOGI_dq, DSOGI_dq or DDSRF_dq",
-    places="before the PLL, on the vector: one of the three, one for another",
+    law="SRF_PLL takes the q axis of the voltage behind a SOGI, DSOGI or DDSRF_dq, tuned to its frequency or the nominal one",
+    places="before the PLL, on the vector: one of them, one for another",
     signature="10 to 300 Hz, with a zero of the loop at twice the nominal frequency; in sequence coordinates at f0 - f; in "
     "proportion to the current at rest",
     confused_with=("pll_prefilter",),
@@ -89,33 +113,34 @@ PLL_SEQUENCE_FILTER = Effect(
 
 def _feedforward_band_pass(view: View) -> Iterator[Move]:
     found, entry = feedforward(view), command_entry(view.draft, view)
-    kinds = _at_hand(view, "SOGI_dq", "DSOGI_dq")
+    kinds = _at_hand(view, "SOGI_dq", "DSOGI_dq", "SOGI_fixed", "DSOGI_fixed")
     if found is None:
         for kind in kinds:
-            yield Move(
-                f"voltage feedforward through {kind}",
-                lambda draft, kind=kind: join(
-                    draft, view, draft.after(view.roles.voltage, kind, "feedforward", **in_place(FILTERS[kind]))
-                ),
-                change="add",
-                where=f"{view.roles.voltage} to {view.roles.command}, through {kind}",
-            )
+
+            def forward(draft: Edit, kind: str = kind) -> None:
+                port = draft.after(view.roles.voltage, kind, "feedforward", **in_place(FILTERS[kind]))
+                join(draft, view, _tuned(draft, view, split_port(port)[0]))
+
+            where = f"{view.roles.voltage} to {view.roles.command}, through {kind}"
+            yield Move(f"voltage feedforward through {kind}", forward, change="add", where=where)
         return
     present = [name for name in found.blocks if view.element(name) in ELEMENTS]
     way = f"on the way from {found.voltage} to {view.roles.command}"
     for name in present:
         yield Move.at("remove", f"{name} {way}", lambda draft, name=name: draft.bypass(name))
+        if len(found.blocks) == 1:
+            yield Move.at("remove", f"the way through {name}", lambda draft: draft.disconnect(found.last, entry))
     for kind in kinds if not present else ():
 
         def put(draft: Edit, kind: str = kind) -> None:
-            draft.insert(found.last, [entry], kind, "feedforward_sequence", **FILTERS[kind])
+            _tuned(draft, view, draft.insert(found.last, [entry], kind, "feedforward_sequence", **FILTERS[kind]))
 
         yield Move(f"{kind} in the voltage feedforward", put, change="add", where=f"{kind} {way}")
 
 
 FEEDFORWARD_BAND_PASS = Effect(
     id="feedforward_band_pass",
-    law="u_r += SOGI_dq or DSOGI_dq of the measured voltage",
+    law="u_r += SOGI or DSOGI of the measured voltage, tuned to the PLL's frequency or the nominal one",
     places="in the path of the voltage feedforward; the whole path where there is none",
     signature="peaks of the impedance at +-f0 in sequence coordinates; in dq below 200 Hz, dq and qd alike, the same at every "
     "operating point",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from collecting import each_of
+from collecting import collecting, each_of
 from ibrid_bench.hidden.__main__ import main
 from ibrid_bench.hidden.bases import BASES, draw_base
 from ibrid_bench.hidden.case import KINDS, UNDERSTATED, Case, Kind, draw_case, write_case
@@ -20,6 +20,7 @@ from ibrid_bench.hidden.device import OMEGA_60, Device, Linearised, admittance, 
 from ibrid_bench.hidden.effects import HIDDEN
 from ibrid_bench.hidden.elsewhere import CONVENTIONS, FOREIGN
 from ibrid_bench.hidden.equations import equations, values_of
+from ibrid_bench.hidden.hardware import HARDWARE, draw_hardware
 from ibrid_bench.hidden.nominal import nominal_values
 from ibrid_bench.hidden.points import HELD_OUT
 from ibrid_bench.hidden.program import block_diagram
@@ -31,6 +32,7 @@ from scipy.linalg import block_diag
 from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
+from ibrid.evaluation.recording import record_at
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PowerNode, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
@@ -637,3 +639,15 @@ def test_the_generator_shares_no_code_with_assembly_fit_modules_and_gap():
             seen |= fresh
             waiting += sorted(fresh)
     assert len(seen) > 30
+
+
+def test_hardware_hidden_in_a_device_is_what_its_modules_assemble_to():
+    with collecting() as failures:
+        for effect in HARDWARE:
+            with failures.case(effect.key):
+                case = draw_hardware(3, [effect.key], frequencies=8, points=1)
+                known = case.truth["device"]
+                clean = replace(case.sweep, points=case.held_out.points)
+                record = record_at(parse_program(known["program"]), clean, known["values"])
+                assert record.nrmse is not None
+                assert record.nrmse < 1e-11  # rounding of two ways to one linearisation

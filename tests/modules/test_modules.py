@@ -103,6 +103,11 @@ def closed_form(name: str, s: complex) -> np.ndarray:
     def sogi(at: complex) -> complex:
         return P["k"] * w * at / (at**2 + P["k"] * w * at + w**2)
 
+    def fixed(gain: Callable[[complex], complex]) -> np.ndarray:
+        """Of a filter in the stationary frame, seen in one that runs ahead by delta: G (in + J in_eq delta) - J in_eq delta."""
+        own, turn = on_vectors(gain), J @ e_eq / s
+        return np.hstack([own, own @ turn - turn])
+
     def double_frame(at: complex) -> complex:
         """Of Rodriguez: each sequence is low-passed in its own frame, and taken from what the other sees."""
         plus, minus = (P["omega_c"] / (at - turn + P["omega_c"]) for turn in (1j * w, -1j * w))
@@ -175,6 +180,8 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "Resonant_dq": lambda: 2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2,
         "Ref_pq": lambda: [[-i0 / e0, 0, 0, 0], [0, 0, 0, 0]],
         "LCL_trap": lcl_trap,
+        "SOGI_fixed": lambda: fixed(sogi),
+        "DSOGI_fixed": lambda: fixed(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
     }
     return np.array(forms[name](), dtype=complex)
 
@@ -211,6 +218,8 @@ BOXES = {
     "Turn": {"phi": (-1, 1)},
     "ZOH_dq": {"T_s": (1e-6, 2e-3)},
     "SOGI_dq": {"k": (1e-3, 20)},
+    "SOGI_fixed": {"k": (1e-3, 20)},
+    "DSOGI_fixed": {"k": (1e-3, 20)},
     "DSOGI_dq": {"k": (1e-3, 20)},
     "DDSRF_dq": CUTOFF,
     "Resonant_dq": {"k": (1e-4, 1e3), "omega_c": (2 * pi * 1e-3, 2 * pi * 100), "n": (0.5, 60)},
@@ -221,7 +230,7 @@ ORDERS = {
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
-    "ZOH_dq": 6, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10,
+    "ZOH_dq": 6, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -241,6 +250,8 @@ PAPER_NUMBERS = {
     "DeadTime": {"I0d"},
     "Ref_pq": {"E0d", "I0d"},
     "LCL_trap": {"E0d", "I0d"},
+    "SOGI_fixed": {"E0d"},
+    "DSOGI_fixed": {"E0d"},
 }
 
 
@@ -285,10 +296,10 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
     extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
-    extended += ["Resonant_dq", "Ref_pq", "LCL_trap"]
+    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 43
+    assert len(set(NAMES)) == 45
 
 
 @each_of("name", NAMES)

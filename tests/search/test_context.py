@@ -74,7 +74,11 @@ NAIVE = program_text(ibrid.textbook("naive"))
         ("same kind of signal", ['g.connect("no_frequency.out", "gain.in_")'], "signal_kind"),
         ("no connection is made twice", ['g.connect("v_DQ", "gain.in_")'], "repeated_connection"),
         ("Every input of every module is driven", ['g.add("PI", "loop")'], "undriven_input"),
-        ("exactly one plant: LCL, LFilter, LCL_R, LCL_RC or LLFilter", ['g.add("LCL", "other")'], "several_plants"),
+        (
+            "exactly one plant: LCL, LFilter, LCL_R, LCL_RC, LLFilter or LCL_trap",
+            ['g.add("LCL", "other")'],
+            "several_plants",
+        ),
         ("at most 30", [f'g.add("PI_dq", "loop{number}")' for number in range(15)], "order"),
         (
             "its gain must not be exactly 1",
@@ -87,7 +91,7 @@ NAIVE = program_text(ibrid.textbook("naive"))
             "algebraic_loop",
         ),
         (
-            "JMul_omega.in_, Magnitude.in_, DC_link.u, DC_link.i, PLL_frequency.v, dVOC.v and dVOC.i must follow from the plant",
+            "DeadTime.i, Ref_pq.v, Ref_pq.i, SOGI_fixed.in_ and DSOGI_fixed.in_ must follow from the plant",
             [
                 'g.add("PI_dq", "loop")',
                 'g.add("PQ_calc", "power")',

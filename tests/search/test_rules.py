@@ -518,7 +518,10 @@ def imported(path: Path) -> set[str]:
 #: Who needs a textbook program: the naive one, where a run and a sitting begin.
 BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
 #: Where a run takes its starts from, all shipped diagrams, when none is given; and where an agent may look them up.
-STARTS = {"diagnosis.py": ("textbook", "textbook_names"), "insight.py": ("textbook", "textbook_names", "textbook_text")}
+STARTS = {
+    "diagnosis.py": ("textbook", "textbook_names", "published_names", "published_values"),
+    "insight.py": ("textbook", "textbook_names", "textbook_text"),
+}
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))
 

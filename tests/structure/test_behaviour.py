@@ -38,8 +38,8 @@ ELEMENTS = {
     Element.CONVERTER_LOSS: "DeadTime",
     Element.TURN: "Turn",
     Element.HOLD: "ZOH_dq",
-    Element.BAND_PASS: "SOGI_dq",
-    Element.POSITIVE_SEQUENCE: "DSOGI_dq DDSRF_dq",
+    Element.BAND_PASS: "SOGI_dq SOGI_fixed",
+    Element.POSITIVE_SEQUENCE: "DSOGI_dq DDSRF_dq DSOGI_fixed",
     Element.RESONATOR: "Resonant_dq",
     Element.REFERENCE: "Ref_pq",
 }

@@ -79,6 +79,18 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
         ),
     ),
     "LCL_trap": ("gfl", in_place("plant", "LCL_trap")),
+    "SOGI_fixed": (
+        "gfl",
+        lambda draft: draft.connect(
+            "pll.delta_omega", f"{draft.insert('plant.e', ['plant.u_r'], 'SOGI_fixed', 'sogi')}.delta_omega"
+        ),
+    ),
+    "DSOGI_fixed": (
+        "gfl",
+        lambda draft: draft.connect(
+            "pll.delta_omega", f"{draft.insert('plant.e', ['plant.u_r'], 'DSOGI_fixed', 'sogi')}.delta_omega"
+        ),
+    ),
 }
 
 

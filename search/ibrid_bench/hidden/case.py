@@ -97,7 +97,7 @@ def draw_case(
     values, far_off = nominal_values(diagram.values, rng, error=error, gross=kind == "parameters")
     frequency = frequency_grid(f"5:5000:{frequencies}")
     level = WRONG_NOISE_DB if noise_db is None and kind == "wrong-noise" else noise_db
-    sweep = _measured(hiding, ops, frequency)
+    sweep = measured(hiding, ops, frequency)
     if level is not None:
         sweep = add_noise(sweep, level, rng=np.random.default_rng([seed, len(KINDS)]), record_sigma=sigma == "known")
     truth = {
@@ -115,13 +115,13 @@ def draw_case(
         "base": hiding.base,
         "values": dict(diagram.values),
         "far_off": far_off,
-        "device": _as_program(hiding.device),
+        "device": as_program(hiding.device),
     }
     return Case(
         _understated(sweep) if kind == "wrong-noise" else sweep,
         diagram.text,
         values,
-        _measured(replace(hiding, measurement=replace(hiding.measurement, swapped=False)), (HELD_OUT,), frequency),
+        measured(replace(hiding, measurement=replace(hiding.measurement, swapped=False)), (HELD_OUT,), frequency),
         truth,
         hiding.device,
         hiding.model,
@@ -145,7 +145,7 @@ def write_case(case: Case, folder: str | Path, truth_folder: str | Path) -> None
     write_whole(truth_folder / "truth.json", json.dumps(dict(case.truth), indent=2) + "\n")
 
 
-def _as_program(device: Device) -> dict[str, Any] | None:
+def as_program(device: Device) -> dict[str, Any] | None:
     """The device itself as a block diagram with its true values; None where modules cannot say it."""
     try:
         diagram = block_diagram(device, 2 * pi * F0_HZ)
@@ -160,7 +160,7 @@ def _verdicts(hiding: Hiding) -> tuple[Verdict, ...]:
     return min((effect.verdicts for effect, _ in hiding.effects), key=lambda verdicts: weight.index(verdicts[0]))
 
 
-def _measured(hiding: Hiding, ops: Sequence[OperatingPoint], frequency: np.ndarray) -> Sweep:
+def measured(hiding: Hiding, ops: Sequence[OperatingPoint], frequency: np.ndarray) -> Sweep:
     node = hiding.power_node
     found = tuple(
         PointSweep(op, frequency, admittance(hiding.device, op, frequency, 2 * pi * F0_HZ, power_node=node))

@@ -17,6 +17,28 @@ class Measured:
     delta_omega: ca.SX
 
 
+class SecondOrder:
+    """Two generalised integrators on the axes of the stationary frame, written in the controller's frame.
+
+    y' = k w (u - y) - w z - omega J y, z' = w y - omega J z, omega the speed of the frame, w that to which they are tuned.
+    """
+
+    def __init__(self, states: States, name: str) -> None:
+        self.states, self.y, self.z = states, states.add(f"{name}_y", 2), states.add(f"{name}_z", 2)
+
+    @property
+    def positive(self) -> ca.SX:
+        """(2,) the positive sequence: half of y, and half of z a quarter of a turn ahead."""
+        return (self.y + J(self.z)) / 2
+
+    def hears(self, m: Symbols, k: ca.SX, u: ca.SX, delta_omega: ca.SX) -> None:
+        """Set the rates, of a signal u (2,)."""
+        omega = m.omega_0 + delta_omega
+        w = omega if m.sogi_tuning == "pll" else m.omega_0
+        self.states.moves(self.y, k * w * (u - self.y) - w * self.z - omega * J(self.y))
+        self.states.moves(self.z, w * self.y - omega * J(self.z))
+
+
 def phase_locked_loop(m: Symbols, states: States, e_q: ca.SX, delta: ca.SX) -> ca.SX:
     """delta_omega = (kP + kI/s) of the filtered e_q; also moves the angle delta."""
     filtered = low_pass(states, "pll_filter", m.omega_c_pll, e_q)
@@ -63,6 +85,10 @@ def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, re
     if m.k_resonant is not None:
         command += m.k_resonant * band_pass(states, "resonant", m.omega_resonant, 2 * m.width_resonant, error)
     forward = low_pass(states, "feedforward", m.omega_c_ff, seen.e)
+    if m.k_sogi is not None:
+        band = SecondOrder(states, "sogi")
+        band.hears(m, m.k_sogi, forward, seen.delta_omega)
+        forward = band.y
     command += m.k_ff * notch(states, "feedforward_notch", m.omega_n_ff, m.Q_ff, forward)
     if m.decoupling != "none":
         speed = 1 + seen.delta_omega / m.omega_0 if m.decoupling == "pll" else 1.0

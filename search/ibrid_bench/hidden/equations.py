@@ -9,10 +9,10 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-from ibrid_bench.hidden.controller import Measured, current_reference, phase_locked_loop, voltage_command
+from ibrid_bench.hidden.controller import Measured, SecondOrder, current_reference, phase_locked_loop, voltage_command
 from ibrid_bench.hidden.nonlinear import dead_zone, limited
 from ibrid_bench.hidden.parameters import Device, Structure
-from ibrid_bench.hidden.plant import beside_the_inverter, l_filter, lcl_filter
+from ibrid_bench.hidden.plant import arriving, beside_the_inverter, l_filter, lcl_filter
 
 from ibrid.plants.states import J, R, States, Symbols
 
@@ -52,10 +52,14 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     locked = m.kP_pll is not None
     delta = states.add("delta") if locked else ca.SX(0)
     rotation = R(delta)
-    plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, rotation @ v_DQ, u)
-    e_q = dead_zone(plant.e[1], m.deadband) if nonlinear else plant.e[1]
+    plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, rotation @ v_DQ, arriving(m, u))
+    sequence = None if m.k_dsogi is None else SecondOrder(states, "dsogi")
+    locked_to = plant.e if sequence is None else sequence.positive
+    e_q = dead_zone(locked_to[1], m.deadband) if nonlinear else locked_to[1]
     delta_omega = phase_locked_loop(m, states, e_q, delta) if locked else ca.SX(0)
     plant.turn(m.omega_0 + delta_omega)
+    if sequence is not None:
+        sequence.hears(m, m.k_dsogi, plant.e, delta_omega)
     seen = Measured(plant.e, plant.i_ti, plant.i_g, delta_omega)
     i_ref = current_reference(m, states, seen, u, r)
     if nonlinear:

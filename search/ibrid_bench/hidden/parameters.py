@@ -11,10 +11,11 @@ ActiveLoop = Literal["power", "dc_link", "none"]
 ReactiveLoop = Literal["power", "voltage", "none"]
 Decoupling = Literal["pll", "nominal", "none"]
 FilteredCurrent = Literal["both", "loop"]
+SogiTuning = Literal["pll", "nominal"]
 VirtualImpedance = Literal["command", "current_reference"]
 Structure = tuple[tuple[str, str | bool], ...]
 
-_MAY_BE_NEGATIVE = {"k_ff", "k_damping", "comb_gain", "R_virtual", "X_virtual"}
+_MAY_BE_NEGATIVE = {"k_ff", "k_damping", "delay_angle", "comb_gain", "R_virtual", "X_virtual"}
 _MAY_BE_ZERO = _MAY_BE_NEGATIVE | {
     *("R_F", "L_g", "R_g", "R_C", "L_series", "R_series", "load_R", "T_d", "k_droop", "k_resonant"),
     *("kP_pll", "kP_p", "kP_q", "kP_current"),
@@ -32,6 +33,7 @@ _TOGETHER = (
     ("k_resonant", "omega_resonant", "width_resonant"),
     ("omega_zero", "omega_pole"),
     ("comb_gain", "comb_delay"),
+    ("D_dead_time", "a_dead_time"),
 )
 
 
@@ -56,6 +58,10 @@ class Device:
     voltage feedforward. decoupling : L_decoupling J i, "pll" times omega / omega_0. k_damping : u_r -= k (i_ti - i_g),
     less its low-pass at omega_c_damping where given. R_virtual, X_virtual : times i_g, subtracted from the voltage
     command or the current reference (virtual_impedance). T_d : delay of the whole command, s.
+
+    Hardware. D_dead_time, a_dead_time : the converter's voltage loses D i_ti/sqrt(|i_ti|^2 + a^2). delay_angle : rad by which
+    the command arrives turned. k_sogi : the feedforward passes a SOGI of this gain, k_dsogi : the PLL sees the positive
+    sequence of a DSOGI; both in the stationary frame, tuned to the PLL's frequency or the nominal one (sogi_tuning).
 
     In no catalogue. k_resonant, omega_resonant, width_resonant : 2 k w s / (s^2 + 2 w s + omega^2) on the error.
     omega_zero, omega_pole : (1 + s/omega_zero) / (1 + s/omega_pole) on it. comb_gain, comb_delay : 1 / (1 - g e^-sT) on it.
@@ -121,6 +127,13 @@ class Device:
     omega_pole: float | None = None
     comb_gain: float | None = None
     comb_delay: float | None = None
+
+    D_dead_time: float | None = None
+    a_dead_time: float | None = None
+    delay_angle: float | None = None
+    k_sogi: float | None = None
+    k_dsogi: float | None = None
+    sogi_tuning: SogiTuning = "pll"
 
     def __post_init__(self) -> None:
         for name, value in self.numbers.items():

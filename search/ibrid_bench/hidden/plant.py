@@ -36,7 +36,7 @@ def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
         i_branch = (e - v_branch) / R_branch
 
     def turn(omega: ca.SX) -> None:
-        states.moves(i_ti, m.omega_0 / m.L_F * (u - e - m.R_F * i_ti) - omega * J(i_ti))
+        states.moves(i_ti, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(i_ti))
         states.moves(v_C, m.omega_0 / m.C_F * (i_ti - i_g - i_branch) - omega * J(v_C))
         states.moves(i_g, m.omega_0 / L_g * (e - v - R_g * i_g) - omega * J(i_g))
         if v_branch is not None:
@@ -49,13 +49,25 @@ def l_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
     """L_F, R_F from converter to the terminals where e is measured; the series impedance from there to the PCC."""
     i = states.add("i_g", 2)
     L, R = m.L_F + m.L_series, m.R_F + m.R_series
-    drive = u - v - R * i  # (L / omega_0) di/dt + L (omega / omega_0) J i
+    drive = u - lost(m, i) - v - R * i  # (L / omega_0) di/dt + L (omega / omega_0) J i
     e = v + m.R_series * i + m.L_series / L * drive
 
     def turn(omega: ca.SX) -> None:
         states.moves(i, m.omega_0 / L * drive - omega * J(i))
 
     return OutputFilter(e, i, i, turn)
+
+
+def arriving(m: Symbols, u: ca.SX) -> ca.SX:
+    """(2,) the command as it arrives at the converter: turned by what the controller leaves of the delay's angle."""
+    return u if m.delay_angle is None else ca.cos(m.delay_angle) * u + ca.sin(m.delay_angle) * J(u)
+
+
+def lost(m: Symbols, i: ca.SX) -> ca.SX:
+    """(2,) voltage that dead time takes against a current."""
+    if m.D_dead_time is None:
+        return ca.SX.zeros(2)
+    return m.D_dead_time * i / ca.sqrt(ca.dot(i, i) + m.a_dead_time**2)
 
 
 def beside_the_inverter(m: Symbols, states: States, v_DQ: ca.SX) -> ca.SX:

@@ -85,6 +85,13 @@ def _synchronisation(lines: Lines, device: Device) -> None:
         lines.chain("no_frequency.out", "plant.delta_omega")
         return
     path = ["plant.e_q"]
+    if m.k_dsogi is not None:
+        lines.add("DSOGI_dq" if m.sogi_tuning == "pll" else "DSOGI_fixed", "pll_sequence", k=m.k_dsogi)
+        if m.sogi_tuning == "nominal":
+            lines.chain("pll.delta_omega", "pll_sequence.delta_omega")
+        lines.add("SliceQ", "pll_q")
+        lines.chain("plant.e", "pll_sequence.in_", "pll_sequence.out", "pll_q.in_")
+        path = ["pll_q.out"]
     if m.omega_c_pll is not None:
         lines.add("LPF1", "pll_filter", omega_c=m.omega_c_pll)
         path += ["pll_filter.in_", "pll_filter.out"]

@@ -81,7 +81,13 @@ def current_loop(lines: Lines, device: Device, omega_0: float) -> None:
         lines.chain("pll.delta_omega", "decoupling.delta_omega")
     if m.T_d:
         lines.add("Delay", "delay", T_d=m.T_d)
-        lines.chain("delay.out", "plant.u_r")
+        lines.chain("delay.out", "delay_angle.in_" if m.delay_angle is not None else "plant.u_r")
+    if m.delay_angle is not None:
+        lines.add("Turn", "delay_angle", phi=m.delay_angle)
+        lines.chain("delay_angle.out", "plant.u_r")
+    if m.D_dead_time is not None:
+        lines.add("DeadTime", "dead_time", D=m.D_dead_time, a=m.a_dead_time)
+        lines.chain(_current(device), "dead_time.i", "dead_time.out", "plant.u_r")
 
 
 def additions(lines: Lines, device: Device, omega_0: float) -> None:
@@ -117,6 +123,11 @@ def _feedforward(lines: Lines, device: Device) -> None:
     if m.omega_c_ff is not None:
         lines.add("LPF1_dq", "feedforward_filter", omega_c=m.omega_c_ff)
         path += ["feedforward_filter.in_", "feedforward_filter.out"]
+    if m.k_sogi is not None:
+        lines.add("SOGI_dq" if m.sogi_tuning == "pll" else "SOGI_fixed", "feedforward_sequence", k=m.k_sogi)
+        if m.sogi_tuning == "nominal":
+            lines.chain("pll.delta_omega", "feedforward_sequence.delta_omega")
+        path += ["feedforward_sequence.in_", "feedforward_sequence.out"]
     if m.k_ff != 1.0:
         lines.add("Gain_dq", "feedforward", k=m.k_ff)
         path += ["feedforward.in_", "feedforward.out"]
@@ -128,4 +139,6 @@ def _current(device: Device) -> str:
 
 
 def _command(device: Device) -> str:
-    return "delay.in_" if device.T_d else "plant.u_r"
+    if device.T_d:
+        return "delay.in_"
+    return "plant.u_r" if device.delay_angle is None else "delay_angle.in_"
