@@ -9,6 +9,7 @@ from ibrid.measurement.conventions import Conventions
 from ibrid.measurement.linearity import linearity
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.quantities import hertz, percent
+from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def warnings_of(
     found = [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
     amplitudes = linearity(sweep)
     found += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
+    found += sequence_view(sweep).sentences
     checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
     return tuple(found + [sentence for check in checks for sentence in check(points)])
 

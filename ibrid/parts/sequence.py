@@ -20,7 +20,7 @@ FILTERS: dict[str, dict[str, Strength]] = {
     "SOGI_fixed": {"k": Strength((0.5, 1.41, 4.0), 1e10)},
     "DDSRF_dq": {"omega_c": Strength((60.0, 250.0, 800.0), 1e-9)},
 }
-RESONANT = {"k": Strength((0.3, 1.0, 3.0), 0.0), "omega_c": Strength((6.0, 20.0, 60.0))}
+RESONANT = {"k": Strength((0.3, 1.0, 3.0), 0.0), "omega_c": Strength((12.0, 25.0, 60.0))}
 #: Multiples of the nominal frequency in dq, in words.
 HARMONICS = {2.0: "the negative sequence", 6.0: "the 5th and 7th harmonic"}
 

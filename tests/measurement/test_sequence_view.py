@@ -1,0 +1,64 @@
+"""The sequence view: impedances by hand, a peak where a SOGI is, a resistance as dead time makes it; else silence."""
+
+import numpy as np
+from collecting import collecting
+from ibrid_bench.hidden.hardware import draw_hardware
+
+from ibrid.measurement.inspect import inspect
+from ibrid.measurement.read import read_sweep
+from ibrid.measurement.sequence_view import sequence_view
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.plants.benchmarks import benchmarks
+
+FREQUENCY = np.geomspace(5, 5000, 30)
+W0 = 2 * np.pi * 60
+J = np.array([[0.0, -1.0], [1.0, 0.0]])
+#: Effects that leave no peak.
+SILENT = ("delay_angle", "shunt_capacitance", "dead_time")
+
+
+def winding(frequency: np.ndarray, resistance: np.ndarray, inductance: float = 0.2) -> np.ndarray:
+    """(K, 2, 2) admittance of a winding, current out, with any resistance (2, 2)."""
+    z = resistance + inductance * (2j * np.pi * frequency[:, None, None] / W0 * np.eye(2) + J)
+    return -np.linalg.inv(z)
+
+
+def test_a_winding_is_seen_at_the_frequencies_of_the_sequences():
+    point = PointSweep(OperatingPoint("a", 1.0, 0.0), FREQUENCY, winding(FREQUENCY, 0.05 * np.eye(2)))
+    seen = sequence_view(Sweep((point,), f0_hz=60.0)).impedance["a"]
+    expected = np.stack([0.05 + 0.2j * (FREQUENCY + 60) / 60, 0.05 + 0.2j * (FREQUENCY - 60) / 60], axis=1)
+    assert np.abs(seen - expected).max() < 1e-9  # rounding of two inversions
+
+
+def test_a_sogi_in_the_feedforward_is_told_and_other_hardware_is_not():
+    with collecting() as failures:
+        for seed in range(4):
+            for effect in ("feedforward_band_pass:add:sogi", "feedforward_band_pass:add:sogi_fixed"):
+                with failures.case(f"{effect} {seed}"):
+                    told = sequence_view(draw_hardware(seed, [effect]).sweep).sentences
+                    assert any("feedforward_band_pass" in one for one in told)
+            for effect in SILENT:
+                with failures.case(f"{effect} {seed}"):
+                    assert sequence_view(draw_hardware(seed, [effect]).sweep).sentences == ()
+
+
+def test_a_resistance_as_dead_time_makes_it_is_told():
+    points = []
+    for p in (0.1, 0.3, 0.6, 1.0):
+        i, r = np.array([p, 0.0]), np.hypot(p, 0.1)
+        loss = 0.03 / r * (np.eye(2) - np.outer(i, i) / r**2)
+        points.append(
+            PointSweep(OperatingPoint(f"p={p}", p, 0.0), FREQUENCY, winding(FREQUENCY, 0.02 * np.eye(2) + loss))
+        )
+    sweep = Sweep(tuple(points), f0_hz=60.0)
+    (told,) = sequence_view(sweep).sentences
+    assert "dead_time" in told
+    assert "about 0.03 per unit" in told
+    assert told in inspect(sweep).warnings
+
+
+def test_the_shipped_sweeps_are_silent():
+    with collecting() as failures:
+        for name, path in benchmarks().items():
+            with failures.case(name):
+                assert sequence_view(read_sweep(path)).sentences == ()
