@@ -28,8 +28,8 @@ LEFT, LOSS = 0.1, (0.002, 0.2)
 class SequenceView:
     """`impedance` : operating point -> (K, 2) complex, per unit, seen by the positive sequence at f0 + f and by the negative one
     at f0 - f, f of the sweep. `peaks` : operating point -> multiple of f0 -> ln of how far the impedance rises there, for the
-    positive and the negative sequence. `resistance` : (operating point, |i|, along it, across it), per unit, median over the band.
-    `sentences` : what that means."""
+    positive and the negative sequence. `resistance` : (operating point, |i|, along it, across it), per unit, median over
+    the band. `sentences` : what that means."""
 
     impedance: dict[str, np.ndarray]
     peaks: dict[str, dict[int, tuple[float, float]]]
