@@ -71,6 +71,12 @@ class RankedEdit:
     values: Values = ()
 
 
+def published_structures(study: Study) -> frozenset[str]:
+    """Hashes of the shipped diagrams that the vocabulary can draw."""
+    examined = (study.examined(textbook(name), name) for name in textbook_names())
+    return frozenset(found.hash for found in examined if found.hash)
+
+
 def effects_of(diagram: Diagram, study: Study) -> list[Edited]:
     """Every edit by an effect of the catalogue."""
     found = insertions(diagram, study.kinds, CATALOGUE)

@@ -16,6 +16,7 @@ from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.appraisal import Appraisal
 from ibrid_search.archive import Archive, Entry
+from ibrid_search.diagnosis import published_structures
 from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.judging import Verdict, judge, judge_program
@@ -51,7 +52,8 @@ class Loop:
     ) -> None:
         self.study, self.store, self.evaluator = study, store, evaluator
         self.panel, self.settings, self.goal, self.seed = panel, settings, goal, study.seed
-        self.appraisal = Appraisal(store, criterion(study, settings), study.kinds)
+        published = published_structures(study) if panel.starts else frozenset()
+        self.appraisal = Appraisal(store, criterion(study, settings), study.kinds, published)
         self.watch = watch
         self.window = panel.window(settings.window)
         self.archive = Archive(settings)

@@ -84,10 +84,11 @@ def _told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
     for p, q in product(P, Q):
         op = OperatingPoint(f"p = {p:g}, q = {q:g}", p, q, v)
         try:
-            one, two = (predict(record, op, frequency).admittance for record in (answer, other))
+            with np.errstate(divide="ignore", invalid="ignore"):  # a device that answers nothing has nothing to compare
+                one, two = (predict(record, op, frequency).admittance for record in (answer, other))
+                apart = np.linalg.norm(one - two, axis=(1, 2)) / np.linalg.norm(one, axis=(1, 2))
         except IbridError:
             continue
-        apart = np.linalg.norm(one - two, axis=(1, 2)) / np.linalg.norm(one, axis=(1, 2))
         k = int(np.argmax(apart))
         if np.isfinite(apart[k]) and (best.differs is None or apart[k] > best.differs):
             best = Rival(rival.step, rival.free, rival.odds, rival.note, op.name, float(frequency[k]), float(apart[k]))

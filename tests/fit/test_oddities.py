@@ -107,3 +107,17 @@ def test_of_two_that_fit_the_same_the_one_with_fewer_states_is_better(tmp_path, 
         appraisal = Appraisal(store, CRITERION, VOCABULARY)
         best = min(range(2), key=lambda number: appraisal.rank(store.step(number)))
     assert list(candidates)[best] == better
+
+
+def test_a_twin_of_a_published_control_with_a_number_less_is_not_better_than_it(tmp_path):
+    diagram, record = record_with("gfl_pll_filter_exact")
+    sizes = {"published": 13, "twin": 12, "much smaller": 11}
+    with Store.create(tmp_path / "archive.sqlite", {}) as store:
+        for number, (name, free) in enumerate(sizes.items()):
+            store.propose(Step(number, program=program_text(diagram), hash=name))
+            exact = replace(record, nrmse=1e-9, misfit=None, free_parameters=free)
+            store.conclude(number, status=Status.OK, record=exact)
+        alike, known = (Appraisal(store, CRITERION, VOCABULARY, published) for published in ((), ("published",)))
+        steps = [store.step(number) for number in range(len(sizes))]
+        assert [step.hash for step in sorted(steps, key=alike.rank)] == ["much smaller", "twin", "published"]
+        assert [step.hash for step in sorted(steps, key=known.rank)] == ["much smaller", "published", "twin"]
