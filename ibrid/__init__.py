@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
     from ibrid.evaluation.record import Record, read_record
+    from ibrid.export.formats import export
     from ibrid.export.nonlinear_model import nonlinear_model
     from ibrid.fit.settings import FitSettings
     from ibrid.gap.workflow import find_gap
@@ -44,7 +45,7 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
 
 __all__ = [
     "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
-    "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "find_gap",
+    "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "export", "find_gap",
     "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "predict", "program_text",
     "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
     "textbook_names", "violations", "write_report", "write_sweep",
@@ -67,6 +68,7 @@ _HOME = {
     "benchmarks": "ibrid.plants.benchmarks",
     "compare": "ibrid.structure.compare",
     "evaluate": "ibrid.evaluation.evaluate",
+    "export": "ibrid.export.formats",
     "find_gap": "ibrid.gap.workflow",
     "from_frd": "ibrid.measurement.frd",
     "from_system": "ibrid.measurement.frd",

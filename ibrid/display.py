@@ -40,13 +40,15 @@ class Display(Protocol):
 
 
 def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: float) -> Display:
-    """A display of one of `WAYS`, or "auto" for what suits: a notebook's kernel, a terminal, plain lines, or nothing at all.
+    """A display of one of `WAYS`, or "auto" for what suits: a notebook's kernel, a terminal, plain lines, or nothing at all;
+    "interactive" is the same without plain lines.
 
     stream, out : for states and for rows. every : seconds between plain lines. Raises IbridError for any other word.
     """
-    if show not in ("auto", *WAYS):
+    if show not in ("auto", "interactive", *WAYS):
         raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
-    way = _suitable(stream, out) if show == "auto" else show
+    way = _suitable(stream, out) if show in ("auto", "interactive") else show
+    way = "silent" if show == "interactive" and way == "plain" else way
     if way == "terminal":
         return TerminalDisplay(stream, out)
     if way == "plain":

@@ -3,6 +3,15 @@
 from importlib import import_module
 from typing import Any
 
+#: Characters of a value in a line.
+LONGEST = 200
+
+
+def brief(text: str, end: str = "") -> str:
+    """A line of at most `LONGEST` characters, shortened before its end."""
+    room = LONGEST - len(end)
+    return (text if len(text) <= room else f"{text[: room - 1].rstrip()}…") + end
+
 
 def shown(value: Any, module: str, function: str, *options: Any) -> Any:
     """What a function of `ibrid.report` makes of a value."""

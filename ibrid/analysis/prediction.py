@@ -15,7 +15,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.showing import shown
+from ibrid.showing import brief, shown
 
 #: Part of |Y| by which an invisible direction must move a prediction to be named.
 MATTERS = 1e-6
@@ -99,6 +99,14 @@ class Prediction:
             "states": list(self.model.states),
             **{part: getattr(self.model, part).tolist() for part in "ABCD"},
         }
+
+    def __repr__(self) -> str:
+        stable = "stable" if self.stable else "UNSTABLE"
+        return brief(f"<Prediction at {self.op.name}: {stable}, {len(self.frequency)} frequencies", ">")
+
+    def plot(self, ax: Any = None, entry: str = "dd") -> Any:
+        """A matplotlib figure of the four admittances with bands; with ax=(magnitude, phase) of one entry, on those."""
+        return shown(self, "plotting", "prediction_plot", ax, entry)
 
     def _repr_html_(self) -> str:
         """Stability, warnings and the four admittances with bands, for notebooks."""

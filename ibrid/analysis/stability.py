@@ -22,7 +22,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.noise_estimate import PointNoise
 from ibrid.measurement.passivity import Passivity, passivity
 from ibrid.measurement.sweep import PointSweep
-from ibrid.showing import shown
+from ibrid.showing import brief, shown
 
 SCHEMA = "ibrid.stability/1"
 #: Frequencies of the passivity index by default.
@@ -101,6 +101,16 @@ class Stability:
             "power_node": self.power_node,
             "points": [one.plain() for one in self.points],
         }
+
+    def __repr__(self) -> str:
+        grades = "; ".join(
+            f"{one.op}: {', '.join(dict.fromkeys(case.grade for case in one.cases))}" for one in self.points
+        )
+        return brief(f"<Stability at X/R {'-' if self.xr is None else f'{self.xr:g}'}: {grades}", ">")
+
+    def plot(self, ax: Any = None, op: str | None = None) -> Any:
+        """A matplotlib figure, or ax with it: the poles while the short-circuit ratio goes from weak to strong."""
+        return shown(self, "plotting", "stability_plot", ax, op)
 
     def _repr_html_(self) -> str:
         """The answer in sentences and the table over the grids, for notebooks."""

@@ -18,7 +18,7 @@ from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.schemas import breach
-from ibrid.showing import shown
+from ibrid.showing import brief, shown
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import Outside
 from ibrid.structure.parameters import parameter_table
@@ -129,6 +129,14 @@ class Record:
         if omega.ndim != 1 or not np.isfinite(omega).all():
             raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+
+    def __repr__(self) -> str:
+        error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
+        return brief(f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">")
+
+    def plot(self, ax: Any = None, entry: str = "dd") -> Any:
+        """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude, phase) of one entry, on those."""
+        return shown(self, "plotting", "record_plot", ax, entry)
 
     def _repr_html_(self) -> str:
         """Verdict, response and parameters, for notebooks."""

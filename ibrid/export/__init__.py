@@ -1,5 +1,9 @@
 """A fitted model to take away: state spaces for other tools, compiled code, the admittance as a sweep."""
 
+import sys
+from types import ModuleType
+from typing import Any
+
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.export.admittance import admittance
 from ibrid.export.averaged import NonlinearModel
@@ -18,3 +22,13 @@ __all__ = [
     "nonlinear_model",
     "read_control_json",
 ]
+
+
+class _Callable(ModuleType):
+    """`ibrid.export(record, ...)` is the function, though this package bears its name."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> LinearModel:
+        return export(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Callable

@@ -13,7 +13,7 @@ from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.linearity import Linearity
 from ibrid.measurement.sweep import Sweep
-from ibrid.showing import shown
+from ibrid.showing import brief, shown
 from ibrid.structure.program import parse_program
 
 if TYPE_CHECKING:
@@ -203,6 +203,9 @@ class Gap:
         from ibrid.gap.missing_transfer import missing_transfer
 
         return missing_transfer(self)
+
+    def __repr__(self) -> str:
+        return brief(f"<Gap: {self.verdict}, {self.sentence}", ">")
 
     def plot(self, op: str | None = None) -> Any:
         """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""

@@ -50,7 +50,7 @@ def find_gap(
     *,
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
-    progress: str | Tell = "silent",
+    progress: str | Tell = "interactive",
     seconds: float | None = None,
     so_far: Callable[[Gap], None] | None = None,
     **options: Unpack[StudyOptions],
@@ -68,7 +68,8 @@ def find_gap(
         sought with shared parameters and the exact equilibrium alone.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`.
     suggest : who is asked for edits where something is located that the catalogue does not know.
-    progress : where a line says what is going on: "auto", "terminal", "plain", "notebook", "silent"; or who is told
+    progress : where a line says what is going on: "interactive" (a terminal or a notebook),
+        "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
     seconds : after so many nothing new is tried; the answer is the best so far, `complete` is False, and it says so.
     so_far : is given the answer so far every 10 s.

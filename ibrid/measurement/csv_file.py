@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,8 +39,11 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
 
     Raises SweepError naming file and line.
     """
-    path = Path(path)
-    lines = read_lines(path)
+    return parse_csv(read_lines(Path(path)), Path(path), keys)
+
+
+def parse_csv(lines: Sequence[str], path: Path, keys: Mapping[str, object]) -> Sweep:
+    """The same from the lines of a file; path : for errors, and the sweep's source."""
     marked = [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
     found, notes = read_keys([(number, lines[number - 1].lstrip()[1:]) for number in marked], str(path))
     header = header_of({**found, **known_keys(keys)}, str(path), notes)

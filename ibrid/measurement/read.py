@@ -1,10 +1,12 @@
 """One door for all sweep files: the suffix, and where that leaves doubt the first line, choose the reader."""
 
 from pathlib import Path
+from typing import Any
 
 from ibrid.errors import SweepError
 from ibrid.measurement.csv_file import read_csv
 from ibrid.measurement.files import read_bytes, text_lines
+from ibrid.measurement.frames import sweep_of_data
 from ibrid.measurement.matlab import read_mat
 from ibrid.measurement.pscad import read_imtb, read_ztool
 from ibrid.measurement.state_space_file import read_state_space_file
@@ -15,8 +17,12 @@ _TOUCHSTONE = (".s2p", ".y2p", ".z2p")
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
 
 
-def read_sweep(path: str | Path, **keys: object) -> Sweep:
+def read_sweep(path: Any, **keys: Any) -> Sweep:
     """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q axis leading.
+
+    path : a file, a DataFrame (of pandas or alike), or a tuple (frequency in Hz, matrices (K, 2, 2)) with p= and q=. A DataFrame
+        whose columns are not those of a sweep file is read as `ibrid import` reads a table, with its options as keys (unit,
+        base, current, map, ..).
 
     CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (read_touchstone), Z-tool text (read_ztool), IMTB
     CSV (read_imtb), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
@@ -28,6 +34,8 @@ def read_sweep(path: str | Path, **keys: object) -> Sweep:
 
     Raises SweepError: one sentence with file and line.
     """
+    if not isinstance(path, str | Path):
+        return sweep_of_data(path, keys)
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".mat":

@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isfinite, pi
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from ibrid.errors import OperatingPointError, SweepError, near
-from ibrid.showing import shown
+from ibrid.showing import brief, shown
 
 PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
@@ -219,6 +219,29 @@ class Sweep:
                 f"at least one operating point must remain; leaving out {', '.join(sorted(left_out))} removes all."
             )
         return replace(self, points=points)
+
+    def __getitem__(self, name: str) -> PointSweep:
+        """The same as `point`."""
+        return self.point(name)
+
+    def __repr__(self) -> str:
+        lows, highs = zip(*((point.frequency[0], point.frequency[-1]) for point in self.points), strict=True)
+        counts = sorted({len(point.frequency) for point in self.points})
+        span = f"{counts[0]}{'' if len(counts) == 1 else f' to {counts[-1]}'} frequencies, {min(lows):g} to {max(highs):g} Hz"
+        return brief(f"<Sweep: {len(self.points)} operating points ({'; '.join(self.names)})", f", {span}>")
+
+    def plot(self, ax: Any = None, entry: str = "dd") -> Any:
+        """A matplotlib figure of the four admittances; with ax=(magnitude, phase) of one entry, on those."""
+        return shown(self, "plotting", "sweep_plot", ax, entry)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the columns of a sweep file, per unit, current out, q leading; `read_sweep` takes it back.
+
+        Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
+        """
+        from ibrid.measurement.frames import dataframe  # above this file
+
+        return dataframe(self)
 
     def _repr_html_(self) -> str:
         """Operating points and the four admittances, for notebooks."""

@@ -116,6 +116,9 @@ class ModuleKind(Behaviour):
     branches: tuple[tuple[str | None, ...], ...] | None = None
     plant_at_rest: Callable[..., Mapping[str, tuple[Any, Any]]] | None = None
 
+    def __repr__(self) -> str:
+        return f"<{self.name}>"
+
     def __post_init__(self) -> None:
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
 

@@ -77,6 +77,9 @@ class Effect:
                 {name: one.nothing for name, one in drawn.told.items() if one.nothing is not None},
             )
 
+    def __repr__(self) -> str:
+        return f"<{self.id}>"
+
 
 @dataclass(frozen=True)
 class Family:

@@ -4,6 +4,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.collections import Collection
 from matplotlib.colors import is_color_like, to_hex
 from matplotlib.figure import Figure
@@ -50,7 +51,7 @@ def gap_figure(gap: Gap, op: str | None = None) -> Figure:
         if gap.ports:
             _draw_ports(figure.add_subfigure(grid[0, 1]), gap)
         figure.suptitle(textwrap.fill(gap.sentence, 130 if gap.ports else 90), fontsize=11, x=0.01, ha="left")
-        _in_colour(figure)
+        on_white(figure)
     return figure
 
 
@@ -88,7 +89,7 @@ def _draw_ports(figure: "FigureBase", gap: Gap) -> None:
         magnitude.set_title(f"Measured at: {found.fit.port.words}", fontsize=10)
 
 
-def _in_colour(figure: Figure) -> None:
+def on_white(figure: Artist) -> None:
     """Give what was drawn with stand-ins the colours of a white page."""
     for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection | Text)):
         for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):

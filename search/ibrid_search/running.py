@@ -89,7 +89,7 @@ def search(
     truth: Diagram | None = None,
     resume: bool = False,
     settings: SearchSettings | None = None,
-    progress: Progress | str = "silent",
+    progress: Progress | str = "interactive",
     **options: Unpack[StudyOptions],
 ) -> Run:
     """Search for the block diagram of a measured inverter.
@@ -107,7 +107,8 @@ def search(
     workers : evaluate so many candidates at once; `ibrid_search.Workers` also names a Ray cluster.
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
-    settings : every other number, `ibrid_search.SearchSettings`. progress : "auto", "terminal", "plain", "notebook", "silent",
+    settings : every other number, `ibrid_search.SearchSettings`. progress : "interactive",
+        "auto", "terminal", "plain", "notebook", "silent",
         or a Progress.
     parameters, equilibrium, vocabulary, holdout_op, seed : as of `ibrid.study.Study`. The same seed gives the same archive,
         whatever the number of workers.

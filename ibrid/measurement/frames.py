@@ -1,0 +1,51 @@
+"""Sweeps from and to DataFrames and arrays."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.csv_file import parse_csv, sweep_csv
+from ibrid.measurement.foreign_table import frame_table
+from ibrid.measurement.frd import from_responses
+from ibrid.measurement.importing import import_tables
+from ibrid.measurement.sweep import Sweep
+
+_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz")
+
+
+def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
+    """A sweep from a DataFrame, in the columns of a sweep file or in others (`ibrid import`), or from (frequency, matrices).
+
+    Raises SweepError for what is neither, and says what must be told beside it.
+    """
+    if isinstance(data, tuple | list) and len(data) == 2:
+        if not {"p", "q"} <= set(keys):
+            raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
+        return from_responses(np.asarray(data[0]), np.asarray(data[1]), **keys)
+    if not hasattr(data, "columns"):
+        raise SweepError(f"read_sweep takes a path, a DataFrame or (frequency, matrices); found {type(data).__name__}.")
+    names = [str(name) for name in data.columns]
+    if {"op", "p", "q", "freq_hz"} <= set(names) and hasattr(data, "to_csv"):
+        return parse_csv(
+            data.to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys}
+        )
+    maps = keys.pop("map", ())
+    return import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys).answered()
+
+
+def dataframe(sweep: Sweep) -> Any:
+    """See `Sweep.to_dataframe`."""
+    try:
+        import pandas
+    except ImportError:
+        raise SweepError(
+            "a DataFrame is made by pandas; pip install pandas, or write the sweep to a CSV file."
+        ) from None
+    lines = [line for line in sweep_csv(sweep).splitlines() if not line.startswith("#")]
+    frame = pandas.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
+    said = {name: getattr(sweep, name) for name in _ATTRIBUTES}
+    frame.attrs.update({name: value for name, value in said.items() if value is not None})
+    return frame

@@ -1,0 +1,74 @@
+"""`.plot(ax=)` of a sweep, a record, a prediction and a stability study: a matplotlib figure, or lines on axes of one's own."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from ibrid.analysis.modes import QUANTILE
+from ibrid.analysis.prediction import Prediction
+from ibrid.analysis.stability import Stability
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import ENTRIES, Sweep
+from ibrid.report.bode import Curves, curves, draw_bode
+from ibrid.report.gap_figures import on_white
+from ibrid.report.measured_data import measured_data
+from ibrid.report.stability_figures import draw_locus
+
+
+def sweep_plot(sweep: Sweep, ax: Any = None, entry: str = "dd") -> Any:
+    """Measured dots of every operating point."""
+    points = [Curves(point.op.name, index, point, None, None) for index, point in enumerate(sweep.points)]
+    return _bode(points, ax, entry)
+
+
+def record_plot(record: Record, ax: Any = None, entry: str = "dd") -> Any:
+    """Lines of the model and, where the data are where the record says, measured dots."""
+    return _bode(curves(record, measured_data(record, None)[0]), ax, entry)
+
+
+def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any:
+    """The line and its 95 % band."""
+    half_width = None if point.sigma is None else QUANTILE * point.sigma
+    return _bode([Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)], ax, entry)
+
+
+def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> Any:
+    """Poles of one operating point, the first by default, as the short-circuit ratio goes from the weakest to the strongest."""
+    names = [one.op for one in study.points]
+    if op is not None and op not in names:
+        raise IbridError(f"the study has no operating point {op!r}; it has {', '.join(names)}")
+    chosen = study.points[names.index(op) if op else 0]
+    with rc_context({"axes.grid": True}):
+        figure = None if ax is not None else Figure(figsize=(6, 4.5), layout="constrained")
+        axes = ax if figure is None else figure.subplots()
+        draw_locus([axes], chosen)
+        on_white(axes)
+    return axes if figure is None else figure
+
+
+def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
+    """Magnitude above phase of all four entries; or of one on (magnitude, phase) axes that are given."""
+    if ax is not None:
+        pair = list(getattr(ax, "flat", ax)) if not hasattr(ax, "plot") else []
+        if len(pair) != 2 or entry not in ENTRIES:
+            raise IbridError(
+                "ax must be two axes, magnitude and phase, such as those of plt.subplots(2, sharex=True), and entry one of "
+                f"{', '.join(ENTRIES)}; found {type(ax).__name__} and {entry!r}"
+            )
+        draw_bode(pair, entry, shown)
+        for one in pair:
+            on_white(one)
+        return ax
+    with rc_context({"axes.grid": True, "font.size": 9}):
+        figure = Figure(figsize=(11, 7), layout="constrained")
+        parts = figure.subplots(4, 2, sharex=True, gridspec_kw={"height_ratios": (1.25, 1, 1.25, 1)})
+        for number, name in enumerate(ENTRIES):
+            row, column = divmod(number, 2)
+            pair = [parts[2 * row, column], parts[2 * row + 1, column]]
+            draw_bode(pair, name, shown)
+            pair[0].set_title(f"Y{name}")
+        on_white(figure)
+    return figure
