@@ -5,7 +5,7 @@ Its dots then carry errors that they share. At given parameters each frequency t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,11 +79,12 @@ def measured(gap: "Gap", fit: PortFit, values: Mapping[str, float], start: np.nd
     start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
     """
     noise = noise_of(gap.sweep.without(gap.held_out), gap.noise_level)
-    model = OpenPort(fit.port, gap.repaired.vocabulary, noise.sweep)
+    points = tuple(point.at(np.isin(point.frequency, fit.frequency)) for point in noise.sweep.points)
+    model = OpenPort(fit.port, gap.repaired.vocabulary, replace(noise.sweep, points=points))
     opened = model.at(np.array([values[one.name] for one in model.symbolic.parameters]))
     if opened is None:
         return fit.transfer, fit.deviation
-    data, sigma = (np.stack([getattr(one, name) for one in noise.sweep.points], 1) for name in ("admittance", "sigma"))
+    data, sigma = (np.stack([getattr(one, name) for one in points], 1) for name in ("admittance", "sigma"))
     weight = 1.0 / (sigma * (1.0 if noise.known else max(fit.chi2_per_dof, 1.0) ** 0.5))
     target = Target(data, weight, Beliefs([], {}), tail=0.0)
     with np.errstate(all="ignore"):

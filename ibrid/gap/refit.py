@@ -5,20 +5,21 @@ that is missed looks exactly like a missing effect, so starts are many and whoev
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.least_squares import LEVENBERG
+from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
 from ibrid.measurement.sweep import measured_numbers
+from ibrid.measurement.thinning import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
@@ -30,6 +31,9 @@ FAR, NEAR = 10, 60
 GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 4, 2
 #: Starts that go on to chi2.
 KEPT = 6
+#: Frequencies of all operating points together beyond which descents begin on a few; the points and frequencies of each that
+#: these are at most; ends that go on with all data, and their steps after a glance.
+MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,27 @@ class Refitter:
         self._symbolic: dict[int, tuple[Diagram, SymbolicModel]] = {}
         self._problems: dict[int, tuple[Diagram, Problem]] = {}
         self._rngs: dict[str, np.random.Generator] = {}
+        self._few = self._on_few()
 
     def of(self, noise: Noise) -> "Refitter":
         """The same for other data with that power node and frequency; models are derived once."""
         other = Refitter(noise, self.kinds, self.prior, self.seed)
-        other._symbolic = self._symbolic
+        other._share(self._symbolic)
+        return other
+
+    def _share(self, symbolic: dict[int, tuple[Diagram, SymbolicModel]]) -> None:
+        self._symbolic = symbolic
+        if self._few is not None:
+            self._few._share(symbolic)
+
+    def _on_few(self) -> "Refitter | None":
+        """The same on a few of many data, where descents begin; None where there are not many."""
+        points = self.sweep.points
+        if sum(len(point.frequency) for point in points) <= MANY:
+            return None
+        few = replace(self.sweep, points=coarse(points, MOST_POINTS, MOST_FREQUENCIES))
+        other = Refitter(replace(self.noise, sweep=few), self.kinds, self.prior, self.seed)
+        other._share(self._symbolic)
         return other
 
     def problem(self, diagram: Diagram) -> Problem:
@@ -107,22 +127,35 @@ class Refitter:
         except DiagramError:
             return None
         beliefs = beliefs_of(problem, self.prior)
-        chi2, logarithmic = Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
         x = np.array([beliefs.start(values) for values in starts])
         if draws:
             x = np.concatenate([x, self._moved(x, beliefs, draws, spread, self._rng(diagram))])
-        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[: len(starts)]), NEAR // 4)
+        if self._few is None:
+            return self._best(diagram, self._led(diagram, x, len(starts)))
+        ends = self._few._led(diagram, x, len(starts)).best(CARRIED)
+        chi2, _ = self._misfits(diagram)
+        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), NEAR))
+
+    def _led(self, diagram: Diagram, x: np.ndarray, given: int) -> Batch:
+        """Where starts x (S, P) lead, the first of which were given."""
+        chi2, logarithmic = self._misfits(diagram)
+        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), NEAR // 4)
         far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR)
         kept = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
-        ends = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR)
-        if not np.isfinite(ends.cost).any():
-            return None
-        return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
+        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR)
+
+    def _misfits(self, diagram: Diagram) -> tuple[Misfit, Misfit]:
+        problem = self.problem(diagram)
+        beliefs = beliefs_of(problem, self.prior)
+        return Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
+
+    def _best(self, diagram: Diagram, ends: Batch) -> Refit | None:
+        return self.at(diagram, ends.x[int(np.argmin(ends.cost))]) if np.isfinite(ends.cost).any() else None
 
     def whole_fit(self, diagram: Diagram) -> Refit | None:
         """A refit from where a fit without any prior ends, which takes seconds; None where there is none."""
         wiring = wire(diagram, self.kinds)
-        starts = whole_fit(self.problem(diagram), wiring, self._rng(diagram), self.sweep.omega_0)
+        starts = whole_fit((self._few or self).problem(diagram), wiring, self._rng(diagram), self.sweep.omega_0)
         return self.refit(diagram, starts) if starts else None
 
     def glance(self, diagram: Diagram, starts: Sequence[Values]) -> Refit | None:
@@ -134,15 +167,18 @@ class Refitter:
             problem = self.problem(diagram)
         except DiagramError:
             return None
-        beliefs = beliefs_of(problem, self.prior)
-        chi2, logarithmic = Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
-        x = np.array([beliefs.start(values) for values in starts])
+        x = np.array([beliefs_of(problem, self.prior).start(values) for values in starts])
+        if self._few is None:
+            return self._best(diagram, self._glanced(diagram, x))
+        chi2, _ = self._misfits(diagram)
+        ends = self._few._glanced(diagram, x).best(1)
+        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), POLISH))
+
+    def _glanced(self, diagram: Diagram, x: np.ndarray) -> Batch:
+        chi2, logarithmic = self._misfits(diagram)
         near = LEVENBERG.begin(chi2, x).best(1)
         far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
-        ends = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([near.x, far.x])), GLANCE_NEAR)
-        if not np.isfinite(ends.cost).any():
-            return None
-        return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
+        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([near.x, far.x])), GLANCE_NEAR)
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""

@@ -20,6 +20,8 @@ from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter
+from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.thinning import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion
@@ -42,6 +44,8 @@ LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
 FRAME = "frame_misalignment"
 #: Frequencies that all operating points must share for a port map.
 LEAST_SHARED = 6
+#: Of many data, the operating points and frequencies of each on which ports are compared, and how many adequate ones then on all.
+MAPPED_POINTS, MAPPED_FREQUENCIES, MAPPED = 4, 40, 4
 #: Conventions, the best by a glance, that are refitted.
 READ_OTHERWISE = 2
 #: Steps in which a number of a convention is sought, and the factor on a cost that something else reaches beyond which the
@@ -189,8 +193,17 @@ class Workshop:
             starts: list[Values] = [given.refit.values, {}]
         else:
             starts = [{name: value for name, value in repaired.refit.values.items() if name in free}]
-        shared_sweep = replace(sweep, points=points)
-        return port_map(given.diagram, self.kinds, shared_sweep, self._plain.prior, starts, look=repaired is not None)
+        few = coarse(points, MAPPED_POINTS, MAPPED_FREQUENCIES)
+        looked_at = replace(sweep, points=few)
+        kinds, prior = self.kinds, self._plain.prior
+        fits = port_map(given.diagram, kinds, looked_at, prior, starts, look=repaired is not None)
+        names = [one.port.name for one in fits if one.adequate][:MAPPED]
+        if repaired is not None or not names or _size(few) == _size(points):
+            return fits
+        whole = replace(sweep, points=points)  # what a few of the data allow all of them must
+        starts = [one.values for one in fits if one.port.name in names]
+        sure = port_map(given.diagram, kinds, whole, prior, starts, only=names, look=True)
+        return (*sure, *(one for one in fits if not one.adequate))
 
     def held_out(self, model: Model) -> HeldOut:
         """Errors where a model was not fitted."""
@@ -271,3 +284,7 @@ def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
     if extra < 0 and driven_to_nothing(before, after):
         return gain > LIKELY
     return gain > threshold(1, tests) + extra * log(after.refit.numbers) if extra < 0 else gain > threshold(1, tests)
+
+
+def _size(points: Sequence[PointSweep]) -> int:
+    return sum(len(point.frequency) for point in points)

@@ -1,5 +1,6 @@
-"""Every fourth frequency of a sweep held out: what is left to be fitted, and what is predicted."""
+"""Parts of a sweep: every fourth frequency held out, and a few of many, for looks and for where fits begin."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,16 @@ def thinned(sweep: Sweep, *, hold: bool) -> Sweep:
 def can_be_thinned(sweep: Sweep) -> bool:
     """True when every operating point has frequencies enough to do without some."""
     return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
+
+
+def coarse(points: Sequence[PointSweep], most_points: int, most_frequencies: int) -> tuple[PointSweep, ...]:
+    """So many operating points with so many frequencies each at most, evenly chosen, ends included."""
+
+    def chosen(number: int, most: int) -> np.ndarray:
+        return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(int))
+
+    few = [points[index] for index in chosen(len(points), most_points)]
+    return tuple(point.at(chosen(len(point.frequency), most_frequencies)) for point in few)
 
 
 def _thinned(point: PointSweep, hold: bool) -> PointSweep:

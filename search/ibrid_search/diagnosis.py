@@ -21,6 +21,7 @@ from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.thinning import coarse
 from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
 from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary
@@ -121,7 +122,7 @@ class Looker:
     def __init__(self, study: Study, criterion: Criterion) -> None:
         kernel.load()
         self.study, self.criterion = study, criterion
-        self.groups = [coarse(group) for group in study.groups]
+        self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
     def textbooks(self, devices: int = 1) -> tuple[RankedEdit, ...]:
         """The shipped diagrams of so many devices that have a response, the best first."""
@@ -218,16 +219,3 @@ class Looker:
     def _scale(self, group: Sequence[PointSweep]) -> float:
         """From the objective to the error of the run: the level of the noise where errors are measured against it."""
         return self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
-
-
-def coarse(points: Sequence[PointSweep]) -> tuple[PointSweep, ...]:
-    """A few operating points with a few frequencies each, evenly chosen, ends included."""
-
-    def chosen(number: int, most: int) -> list[int]:
-        return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(int)).tolist()
-
-    few = [points[index] for index in chosen(len(points), MOST_POINTS)]
-    return tuple(
-        point.at(np.isin(np.arange(len(point.frequency)), chosen(len(point.frequency), MOST_FREQUENCIES)))
-        for point in few
-    )

@@ -12,7 +12,6 @@ from ibrid_search.diagnosis import (
     Edited,
     Looker,
     anywhere_of,
-    coarse,
     effects_of,
     ideas_of,
 )
@@ -26,6 +25,7 @@ from sharing import shared
 
 import ibrid
 from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.thinning import coarse
 from ibrid.structure.compare import compare
 from ibrid.study import Study
 
@@ -128,7 +128,7 @@ def test_much_data_is_thinned_for_looks_with_its_ends_kept():
     many = replace(
         point, frequency=np.geomspace(1.0, 2000.0, 200), admittance=np.ones((200, 2, 2), dtype=complex), sigma=None
     )
-    chosen = coarse([many] * 10)
+    chosen = coarse([many] * 10, MOST_POINTS, MOST_FREQUENCIES)
     assert len(chosen) == MOST_POINTS
     assert [len(one.frequency) for one in chosen] == [MOST_FREQUENCIES] * MOST_POINTS
     assert (chosen[0].frequency[0], chosen[0].frequency[-1]) == (1.0, 2000.0)
