@@ -12,11 +12,17 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.recording import record_at
 from ibrid.gap.files import gap_json
+from ibrid.gap.noise import noise_of
+from ibrid.gap.prior import prior_of
+from ibrid.gap.refit import Refitter
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
+from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.schemas import schema
+from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
+from ibrid.structure.wiring import wire
 
 FEW = tuple(one for one in CATALOGUE if one.id in ("control_delay", "pll_prefilter"))
 
@@ -72,3 +78,19 @@ def test_a_record_without_one_set_of_values_is_refused():
     for broken in (replace(given, settings={**given.settings, "parameters": "per-op"}), replace(given, parameters={})):
         with pytest.raises(IbridError):
             ibrid.find_gap(broken, case.sweep)
+
+
+def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
+    case = draw_case(
+        "effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4, frequencies=60
+    )
+    diagram, noise = parse_program(case.program), noise_of(case.sweep)
+    wiring = wire(diagram, VOCABULARY)
+    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    led = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
+    monkeypatch.setattr("ibrid.gap.refit.MANY", 10**6)
+    slow = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
+    assert led is not None
+    assert slow is not None
+    assert led.numbers == slow.numbers == 60 * 4 * 8
+    assert led.cost == pytest.approx(slow.cost, rel=1e-6)  # the same minimum, each to the end of its descent
