@@ -11,7 +11,7 @@ STAMP := $(VENV)/.ibrid-ready
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
 TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer durations coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
+.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -110,6 +110,10 @@ test-all: newcomer
 newcomer:
 	@clone=$$(mktemp -d) && git clone --quiet . $$clone/ibrid && env -u VIRTUAL_ENV -u PYTHONPATH $(MAKE) -C $$clone/ibrid \
 	demo lint quick ARGS=; status=$$?; rm -rf $$clone; exit $$status
+
+# up to twenty minutes: hostile programs, names, files and folders, kills; the table of docs/trust.md; ARGS="--only kills" does a part
+attack: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.attack --page docs/trust.md $(ARGS)
 
 # writes down what every test costs, in one process; make durations ARGS="tests/fit" for a part of them
 durations: $(STAMP)

@@ -43,11 +43,12 @@ def data(text: str) -> "Sweep":
 
 
 def measured(text: str) -> "Sweep":
-    """`data`, whose labels are contradicted on the error stream where its lowest frequencies allow."""
+    """`data`, whose labels and units are contradicted on the error stream where its numbers allow."""
     from ibrid.measurement.conventions import check_conventions
+    from ibrid.measurement.plausibility import implausible_numbers
 
     sweep = data(text)
-    for sentence in check_conventions(sweep).warnings:
+    for sentence in (*check_conventions(sweep).warnings, *implausible_numbers(sweep)):
         complain(f"of the data: {sentence}")
     return sweep
 

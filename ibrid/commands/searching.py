@@ -310,7 +310,7 @@ def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
 
 def run_mcp(arguments: Namespace) -> int:
     """Serve the tools until the client leaves."""
-    sweep = inputs.data(arguments.data)
+    sweep = inputs.measured(arguments.data)
 
     start = None if arguments.start is None else inputs.program(arguments.start)
 

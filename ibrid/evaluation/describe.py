@@ -10,6 +10,7 @@ from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import DiagramError
 from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
+from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record, pade_orders
 from ibrid.evaluation.reward import reward
@@ -96,6 +97,7 @@ class _Description:
         responses = [response for one in self.fitted for response in one.problem.responses(one.solution.x)]
         parts = error_parts(responses, study.fitted.points)
         mean = float(np.mean(list(parts.by_op.values())))
+        misfit = misfit_of(responses, study.fitted.points, sum(one.problem.size for one in self.fitted))
         try:
             orders, poles = self._realisation(base.settings["frequency_hz"][1])
         except DiagramError as error:  # the fit stands, but its matrices do not
@@ -141,7 +143,9 @@ class _Description:
             starts=self._starts(),
             covariance=self._covariance(),
             noise_floor=noise_floor(study.fitted.points),
-            misfit=_misfit(responses, study.fitted.points),
+            grade=str(grade_of(mean, misfit)),
+            misfit=misfit,
+            over_noise=_over_noise(responses, study.fitted.points),
         )
 
     def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -280,7 +284,7 @@ class _Description:
         }
 
 
-def _misfit(responses: Sequence[np.ndarray], points: Sequence[PointSweep]) -> float | None:
+def _over_noise(responses: Sequence[np.ndarray], points: Sequence[PointSweep]) -> float | None:
     """Root mean square over all real and imaginary parts of the residual over sigma."""
     squares = [
         np.abs((response - point.admittance) / point.sigma) ** 2 / 2.0

@@ -38,8 +38,9 @@ class Record:
 
     `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
     `intervals` : the same names -> 95 % interval, or None where the data leave the value open.
-    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known. `misfit` : root mean
-    square of the residual over the standard deviation of the noise, 1 when only noise is left; None likewise.
+    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known. `grade` : explains,
+    close, rough or fails, and `misfit` what it stands on (`ibrid.evaluation.grade`); None without a fit. `over_noise` : root
+    mean square of the residual over the deviation of a stated or repeated noise, 1 when only noise is left.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model.
@@ -72,7 +73,9 @@ class Record:
     starts: Mapping[str, Any] = field(default_factory=dict)
     covariance: Mapping[str, Any] = field(default_factory=dict)
     noise_floor: float | None = None
-    misfit: float | None = None
+    grade: str | None = None
+    misfit: Mapping[str, Any] | None = None
+    over_noise: float | None = None
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = 0.0

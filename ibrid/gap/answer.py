@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.evaluation.errors_by_part import noise_floor, nrmse
+from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.recording import record_at
 from ibrid.fit.problem import Problem
@@ -96,10 +97,18 @@ def _record(model: Model, found: Findings, shop: Workshop, sweep: Sweep) -> Reco
     held = [name for name in sweep.names if name not in fitted]
     record = record_at(model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held)
     if not found.noise.known:
-        record = replace(record, noise_floor=None, misfit=None)
+        record = replace(record, noise_floor=None, over_noise=None)
     if model.convention.angle:
         record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
-    return record
+    return _graded(record, model.convention.undone(sweep))
+
+
+def _graded(record: Record, sweep: Sweep) -> Record:
+    """The grade by the noise that the data themselves tell, whatever judged the model."""
+    points = [sweep.point(name) for name in record.nrmse_by_op]
+    responses = [record.response(point.op.name, point.frequency) for point in points]
+    misfit = misfit_of(responses, points, record.free_parameters)
+    return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
 
 
 def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ibrid.evaluation.grade import normal_score
 from ibrid.fit.objective import BAND_EDGES, band_index
 from ibrid.gap.refit import Refit
 from ibrid.gap.result import Located
@@ -42,11 +43,6 @@ def whiteness(refit: Refit) -> float:
         bottom += float((np.abs(residual) ** 2).sum())
         count += residual[1:].size
     return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
-
-
-def normal_score(square: float, dof: float) -> float:
-    """A chi2 value as that many standard deviations of a normal distribution (Wilson and Hilferty)."""
-    return float(((square / dof) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * dof))) / np.sqrt(2.0 / (9.0 * dof)))
 
 
 def _parts(refit: Refit) -> Iterator[tuple[str, np.ndarray, np.ndarray, str, float, int]]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.grade import normal_score
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_EDGES, band_index
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.locating import normal_score
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Located
 from ibrid.measurement.sweep import ENTRIES, Sweep

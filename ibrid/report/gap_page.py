@@ -71,6 +71,7 @@ def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
         "gap": gap,
         "headline": headline(gap),
         "repaired": repaired(gap),
+        "grade": gap.repaired.grade,
         "far": len(far(gap)),
         "worst": views[0],
         "comparable": comparable(gap),

@@ -37,6 +37,12 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_invisible(gap),
             *_unseen(gap),
             *_entry("noise", gap.noise),
+            *_entry(
+                "grade",
+                f"{gap.repaired.grade}, of the {'repaired' if repaired(gap) else 'refitted'} model"
+                if gap.repaired.grade
+                else "",
+            ),
             *(_entry("to do", gap.convention.remedy, 3) if gap.convention.remedy else ()),
         ],
     ]

@@ -23,7 +23,7 @@ from ibrid.report.parameter_rows import parameter_groups
 from ibrid.report.stability_page import mode_rows, stability_facts
 from ibrid.report.template import output, tag
 from ibrid.report.trajectory import Trajectory, draw_trajectory
-from ibrid.report.verdict import verdict
+from ibrid.report.verdict import graded, verdict
 from ibrid.structure.diagram import Diagram
 
 #: Operating points of a sweep that are drawn.
@@ -68,6 +68,7 @@ def search_html(
         "page": folder / "report.html",
         "best": best,
         "verdict": "" if best is None else verdict(best),
+        "grade": None if best is None else graded(best),
         "ending": ending,
         "evaluations": evaluations,
         "trajectory": _trajectory_svg(trajectory) if trajectory else "",

@@ -15,7 +15,7 @@ from ibrid.report.modes import measured_up_to, modes, slowest
 from ibrid.report.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.poles import draw_poles
 from ibrid.report.template import page
-from ibrid.report.verdict import stability, verdict
+from ibrid.report.verdict import graded, stability, verdict
 from ibrid.writing import write_whole
 
 #: Modes that are listed for each operating point.
@@ -54,6 +54,7 @@ def record_facts(
         "headline": title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model",
         "source": str(record.settings.get("data") or ""),
         "verdict": verdict(record),
+        "grade": graded(record),
         "drawn": None if diagram is None else drawn_diagrams((("", diagram, ()),), record.vocabulary),
         "parameters": parameter_groups(record),
         "twins": twin_rows(record),

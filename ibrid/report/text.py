@@ -10,7 +10,7 @@ from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.modes import measured_up_to, modes
 from ibrid.report.numbers import error, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
-from ibrid.report.verdict import stability, verdict
+from ibrid.report.verdict import graded, stability, verdict
 
 WIDTH = 110
 _LONGEST = 34
@@ -33,7 +33,7 @@ def format_record(record: Record) -> str:
 
 
 def _head(record: Record) -> Iterator[str]:
-    yield from _wrapped(f"{record.outcome}: {verdict(record)}", "")
+    yield from _wrapped(f"{graded(record) or record.outcome}: {verdict(record)}", "")
     settings = record.settings
     if settings.get("data"):
         yield from _wrapped(f"data       {settings['data']}", " " * 11)

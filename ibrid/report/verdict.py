@@ -1,27 +1,25 @@
 """One sentence in plain words: how well the model describes the measurement, where the error lies, what is open."""
 
+from ibrid.evaluation.grade import LEAST_UNKNOWN, ROUGH, Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.report.modes import slowest, unstable_points
 from ibrid.report.numbers import error, percent
 
-#: Mean NRMSE up to which a sentence holds.
-LEVELS = (
-    (1e-6, "The model reproduces the measurement to rounding"),
-    (1e-3, "The model reproduces the measurement within 0.1 %"),
-    (0.02, "The model follows the measurement closely"),
-    (0.1, "The model follows the measurement, but misses something"),
-    (0.5, "The model shows the rough shape and misses a good part of the measurement"),
-    (float("inf"), "The model does not describe the measurement"),
-)
+WORDS = {
+    Grade.EXPLAINS: "The model explains the measurement",
+    Grade.CLOSE: "The model follows the measurement closely and leaves a little more than its noise",
+    Grade.ROUGH: "The model shows the rough shape of the measurement and misses something",
+    Grade.FAILS: "The model does not describe the measurement",
+}
+#: NRMSE up to which a difference is rounding, in data of unknown noise.
+ROUNDING, TO_ROUNDING = 1e-6, "The model reproduces the measurement to rounding"
 BANDS_HZ = {
     "5-50": "below 50 Hz",
     "50-500": "from 50 to 500 Hz",
     "500-2000": "from 500 Hz to 2 kHz",
     "2000-5000": "above 2 kHz",
 }
-#: An error up to this multiple of what noise alone gives is noise (a few of its standard deviations for short sweeps).
-NOISE_MARGIN = 1.2
 #: Real part (1/s) above which a stable pole is in effect an integrator.
 NEARLY_INTEGRATING = -1e-3
 
@@ -33,22 +31,22 @@ NO_FIT = {
 
 
 def verdict(record: Record) -> str:
-    """The sentence, with the largest share of the error and the number of parameters that stay open.
-
-    Data with known noise tell an error that is noise from one that is not.
-    """
+    """The sentence by the record's grade, with the largest share of the error and the number of parameters that stay open."""
     if record.nrmse is None:
         return f"{NO_FIT.get(Outcome(record.outcome), 'Nothing was fitted')}; the reasons are below."
-    words = next(text for limit, text in LEVELS if record.nrmse <= limit)
-    noise = record.noise_floor
-    if noise is not None and record.nrmse <= NOISE_MARGIN * noise:
-        clauses = [
-            f"The model explains the measurement down to its noise (NRMSE {error(record.nrmse)}, noise {error(noise)})"
-        ]
-    else:
-        clauses = [f"{words} (NRMSE {error(record.nrmse)})"]
-        clauses += [f"noise alone would give {error(noise)}"] if noise is not None else []
-        clauses += [where] if record.nrmse > 1e-6 and (where := largest_share(record)) else []
+    grade = graded(record) or Grade.FAILS
+    floor = (record.misfit or {}).get("floor", {"value": None, "from": "unknown"})
+    known = floor["from"] != "unknown"
+    noise = f", noise {error(floor['value'])}" if known else ""
+    words = WORDS[grade]
+    if grade is Grade.EXPLAINS and not known:
+        words = TO_ROUNDING if record.nrmse <= ROUNDING else f"{words} to {LEAST_UNKNOWN:g} of its size"
+    elif grade is Grade.EXPLAINS:
+        words += " down to its noise"
+    clauses = [f"{words} (NRMSE {error(record.nrmse)}{noise})"]
+    if grade is not Grade.EXPLAINS:
+        clauses += [where] if (where := largest_share(record)) else []
+        clauses += [] if known else ["the noise of the data is not known"]
     if record.holdout:
         worst = max(record.holdout, key=lambda name: record.holdout[name])
         clauses.append(f"it predicts {worst}, which was held out, with {error(record.holdout[worst])}")
@@ -57,6 +55,13 @@ def verdict(record: Record) -> str:
         count = len(record.boxes) or len(next(iter(record.parameters.values())))
         clauses.append(f"the data leave {len(open_names)} of {count} parameters open")
     return "; ".join(clauses) + "."
+
+
+def graded(record: Record) -> Grade | None:
+    """The grade of a fit; by its error alone where the record was put together without one. None without a fit."""
+    if record.nrmse is None:
+        return None
+    return Grade(record.grade or (Grade.ROUGH if record.nrmse <= ROUGH else Grade.FAILS))
 
 
 def largest_share(record: Record) -> str:

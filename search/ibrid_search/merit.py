@@ -25,7 +25,7 @@ UNKNOWN = "unknown noise"
 class Floor:
     """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` : how it is known.
 
-    Error is measured against the noise where that is known: `Record.misfit` times `level`, the relative size of the
+    Error is measured against the noise where that is known: `Record.over_noise` times `level`, the relative size of the
     noise, so it means the same at every frequency. Without a known noise it is the NRMSE, and the floor that of an exact
     fit, `EXACT`.
     """
@@ -47,7 +47,7 @@ class Floor:
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""
         if self.known:
-            return inf if record.misfit is None else record.misfit * self.level
+            return inf if record.over_noise is None else record.over_noise * self.level
         return inf if record.nrmse is None else record.nrmse
 
     def reached(self, error: float, free: int = 0) -> bool:

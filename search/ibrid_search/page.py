@@ -8,7 +8,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.template import page
-from ibrid.report.verdict import verdict
+from ibrid.report.verdict import graded, verdict
 from ibrid.writing import inside, write_whole
 from ibrid_search.lineage import lineage
 from ibrid_search.report.course import front_svg, trajectory_svg
@@ -58,6 +58,7 @@ def run_html(run: RunData) -> str:
     facts = {
         "run": run,
         "started": _when(run.meta.get("started", "")),
+        "grade": None if record is None else graded(record),
         "record_verdict": "" if record is None else verdict(record),
         "tried": sum(step.status in EVALUATED for step in run.steps.values()),
         "evaluations": evaluations,

@@ -11,7 +11,7 @@ from ibrid_search.quoting import quoted
 def score_text(record: Record) -> str:
     """One candidate in a line: error, size, stability."""
     parts = [
-        f"NRMSE {_number(record.nrmse)}",
+        f"NRMSE {_number(record.nrmse)}{f' ({record.grade})' if record.grade else ''}",
         f"order {record.order}",
         counted(record.modules, "module"),
         counted(record.free_parameters, "free parameter"),

@@ -11,7 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.parameter_rows import parameter_rows
-from ibrid.report.verdict import verdict
+from ibrid.report.verdict import graded, verdict
 
 #: Parts of the error and single frequencies that are shown.
 WORST_PARTS, WORST_FREQUENCIES = 12, 8
@@ -35,6 +35,7 @@ class Part:
 def summary(record: Record) -> dict[str, Any]:
     """One candidate in a list: error, size, stability."""
     return {
+        "grade": graded(record),
         "nrmse": record.nrmse,
         "order": record.order,
         "modules": record.modules,

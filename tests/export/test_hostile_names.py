@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from hostile import payloads, reachable
+from ibrid_bench.attack.names import payloads, reachable
 from ibrid_search.run_file import read_run_toml, run_toml
 from page_reader import self_contained
 

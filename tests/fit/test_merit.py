@@ -30,7 +30,7 @@ def record_of_the_truth(sweep: Sweep) -> Record:
         difference = clean.admittance - noisy.admittance
         errors.append(np.linalg.norm(difference) / np.linalg.norm(noisy.admittance))
         squares += list((np.abs(difference / noisy.sigma) ** 2 / 2).ravel())
-    return Record("ok", nrmse=float(np.mean(errors)), misfit=float(np.sqrt(np.mean(squares))))
+    return Record("ok", nrmse=float(np.mean(errors)), over_noise=float(np.sqrt(np.mean(squares))))
 
 
 # the noise floor
@@ -62,7 +62,7 @@ def test_runs_that_were_repeated_tell_the_noise_of_their_mean():
 def test_data_of_unknown_noise_are_as_good_as_exact_and_measured_by_their_nrmse():
     floor = noise_floor(CLEAN)
     assert (floor.level, floor.known) == (EXACT, False)
-    assert floor.error(Record("ok", nrmse=0.02, misfit=3.0)) == 0.02
+    assert floor.error(Record("ok", nrmse=0.02, over_noise=3.0)) == 0.02
     assert floor.reached(0.5 * EXACT, 100)
     assert not floor.reached(2 * EXACT)
     some = (noisy(40).points[0], CLEAN.points[1])

@@ -43,7 +43,7 @@ def test_a_small_resistance_is_not_absurd():
 def entry_of(tmp_path, **changes):
     """The entry of a fitted step with such a record."""
     diagram, record = record_with("gfl_pll_filter_exact")
-    record = replace(record, nrmse=5e-4, misfit=None, free_parameters=13, **changes)
+    record = replace(record, nrmse=5e-4, over_noise=None, free_parameters=13, **changes)
     with Store.create(tmp_path / "archive.sqlite", {}) as store:
         store.propose(Step(0, program=program_text(diagram), hash="h"))
         store.conclude(0, status=Status.OK, record=record)
@@ -98,7 +98,7 @@ def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
 @pytest.mark.parametrize(("gain", "better"), [(1e-9, "fewer states"), (1e-3, "less error")])
 def test_of_two_that_fit_the_same_the_one_with_fewer_states_is_better(tmp_path, gain, better):
     diagram, record = record_with("gfl_pll_filter_exact")
-    record = replace(record, misfit=None, free_parameters=13)
+    record = replace(record, over_noise=None, free_parameters=13)
     candidates = {"fewer states": (5e-4, 13), "less error": (5e-4 * (1 - gain), 14)}
     with Store.create(tmp_path / "archive.sqlite", {}) as store:
         for number, (nrmse, order) in enumerate(candidates.values()):

@@ -152,7 +152,7 @@ class ScriptedEvaluator:
         if isinstance(found, Status):
             return Result(number, found, None, f"the law says {found}", 0.0, 1)
         stable = dict.fromkeys(naive_record().stable, self.stable(job.program))
-        numbers = {"nrmse": found, "misfit": self.misfit(found), "reward": -math.log(found)}
+        numbers = {"nrmse": found, "over_noise": self.misfit(found), "reward": -math.log(found)}
         record = record_of(job.program, **numbers, stable=stable)
         return Result(number, Status.OK, record, "", 0.0, 1)
 

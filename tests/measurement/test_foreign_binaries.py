@@ -1,13 +1,11 @@
 """Binary files of others are read elsewhere: whatever a reader does there is one sentence here."""
 
-import io
-import random
 import sys
 from pathlib import Path
 
 import foreign_readers
-import numpy as np
 import pytest
+from ibrid_bench.attack.binaries import binaries_tried
 
 from ibrid.errors import SweepError
 from ibrid.measurement import guarded as guard
@@ -54,44 +52,9 @@ def test_a_process_starts_for_a_plausible_header_alone(tmp_path: Path, monkeypat
             read_mat(tmp_path / "scan.mat")
 
 
-def _mats() -> list[bytes]:
-    savemat = pytest.importorskip("scipy.io").savemat
-    rng = np.random.default_rng(0)
-    variables = {"w": np.geomspace(10, 1e4, 16), "Y": rng.normal(size=(2, 2, 16)) + 1j, "p": 1.0, "q": 0.3, "op": "a"}
-    files = []
-    for options in ({"do_compression": True}, {}, {"format": "4"}):
-        stream, kept = io.BytesIO(), dict(variables)
-        if "format" in options:
-            del kept["Y"]
-        savemat(stream, kept, **options)
-        files.append(stream.getvalue())
-    return files
-
-
-def _tried(folder: Path, number: int, seed: int) -> list[str]:
-    """Reads mutated files; what was neither a sweep nor a sentence."""
-    rng, files, wrong = random.Random(seed), _mats(), []
-    for index in range(number):
-        content = bytearray(files[index % len(files)])
-        for _ in range(rng.randint(1, 8)):
-            content[rng.randrange(len(content))] = rng.choice((0, 1, 127, 128, 255, rng.randrange(256)))
-        if rng.random() < 0.2:
-            del content[rng.randrange(len(content)) :]
-        path = folder / "scan.mat"
-        path.write_bytes(content)
-        try:
-            read_mat(path)
-        except SweepError as error:
-            if len(str(error).splitlines()) != 1:
-                wrong.append(f"{index}: {error}")
-        except Exception as error:
-            wrong.append(f"{index}: {type(error).__name__}: {error}")
-    return wrong
-
-
 def test_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
-    assert _tried(tmp_path, 6, seed=1) == []
+    assert list(binaries_tried(tmp_path, 6, seed=1)) == []
 
 
 def test_many_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
-    assert _tried(tmp_path, 150, seed=2) == []
+    assert list(binaries_tried(tmp_path, 150, seed=2)) == []

@@ -34,7 +34,7 @@ def efforts(monkeypatch: pytest.MonkeyPatch) -> list[FitSettings]:
 
 
 def record(nrmse: float, misfit: float | None = None, seconds: float = 1.0) -> Record:
-    return Record("ok", nrmse=nrmse, misfit=misfit, seconds=seconds)
+    return Record("ok", nrmse=nrmse, over_noise=misfit, seconds=seconds)
 
 
 def assessed(quick: Record, thorough: Record, promising: float | None, *, noisy: bool = False) -> Record:
@@ -91,6 +91,6 @@ def test_with_known_noise_the_misfit_promises_and_not_the_nrmse(efforts):
 
 def test_with_known_noise_the_lower_misfit_counts(efforts):
     found = assessed(record(0.02, misfit=1.5), record(0.03, misfit=1.2), None, noisy=True)
-    assert found.misfit == 1.2
+    assert found.over_noise == 1.2
     found = assessed(record(0.03, misfit=1.2), record(0.02, misfit=1.5), None, noisy=True)
-    assert found.misfit == 1.2
+    assert found.over_noise == 1.2

@@ -134,10 +134,10 @@ def fitted(trial: Trial, hidden: Hidden, diagram: Diagram) -> Record:
 def bic_over(record: Record, other: Record, sweep: Sweep) -> float | None:
     """Bayesian information criterion, chi2 + free numbers x ln(measured ones), of a fit less that of another to the same
     data; negative: the data prefer the first. None where their noise is not known."""
-    if record.misfit is None or other.misfit is None:
+    if record.over_noise is None or other.over_noise is None:
         return None
     measured = measured_numbers(sweep.points)
-    chi2 = measured * (record.misfit**2 - other.misfit**2)
+    chi2 = measured * (record.over_noise**2 - other.over_noise**2)
     return chi2 + (record.free_parameters - other.free_parameters) * log(measured)
 
 
