@@ -70,7 +70,7 @@ def _information(record: Record, floor: Floor) -> float:
     """-2 ln(evidence), up to what all structures share; without a known noise 0 for an exact fit and infinite for others."""
     if not floor.known:
         return 0.0 if floor.reached(floor.error(record)) else inf
-    misfit = inf if record.misfit is None else record.misfit
+    misfit = inf if record.over_noise is None else record.over_noise
     return floor.numbers * misfit**2 + log(floor.numbers) * record.free_parameters
 
 
