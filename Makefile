@@ -11,7 +11,7 @@ STAMP := $(VENV)/.ibrid-ready
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
 TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-baselines bench-inverters bench-learning bench-lm docs lint clean
+.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -45,6 +45,10 @@ bench-search: $(STAMP)
 # an hour or more: 200 devices that hide an effect, diagnosed blindly; make bench-gap ARGS="--only pair --seed 7" does a part
 bench-gap: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.gap $(ARGS)
+
+# an hour: what built devices have (dead time, SOGI, delay angle, a shunt at the port, p and q in another scale), alone and in pairs
+bench-hardware: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.gap.hardware --out out/bench-hardware $(ARGS)
 
 # half an hour: vector fitting, sparse regression, textbook diagrams and the search on the same data; with
 # ARGS="--searches docs/measured/search" the searches are not made again
