@@ -9,6 +9,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.inspect import Inspection, inspect
@@ -28,9 +29,7 @@ from ibrid_search.sorts import sort_of_control
 
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
 FITTED, SECONDS, RESTARTS = 3, 12.0, 1
-#: Noise of data that do not tell theirs: the least that a model can be held to.
-LEAST = 1e-4
-GRADES = ("explains", "close", "rough", "fails")
+GRADES = tuple(map(str, Grade))
 _WORDS = {
     "explains": "explains these data: what is left is no larger than {noise}",
     "close": "is close: what is left is up to twice {noise}",
@@ -77,7 +76,7 @@ class Start:
     @property
     def sentence(self) -> str:
         """The answer in a line or two."""
-        noise = "the noise" if self.floor.known else f"{LEAST:g} of the data, whose noise nobody states"
+        noise = "the noise" if self.floor.known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         held = self.best.held_out or {}
@@ -115,7 +114,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0) -> Start:
     fitted = []
     for number, look in enumerate(looks[:FITTED]):
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
-        fitted.append(_fitted(look, study, measure.floor))
+        fitted.append(_fitted(look, study))
     fitted.sort(key=lambda one: (GRADES.index(one.grade), one.nrmse))
     tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
     first = _held_out(fitted[0], study)
@@ -151,17 +150,6 @@ def start_html(answer: Start) -> str:
     )
 
 
-def grade(record: Record, floor: Floor) -> str:
-    """How well a fit explains the data: left over are the noise, twice the noise, an NRMSE of 0.1, or more."""
-    error = floor.error(record)
-    level = floor.most if floor.known else LEAST
-    if error <= level:
-        return "explains"
-    if error <= 2 * level:
-        return "close"
-    return "rough" if record.nrmse is not None and record.nrmse <= 0.1 else "fails"
-
-
 def _family(sort: str) -> str:
     """A sort of control as an engineer says it."""
     follows, _, loop = sort.partition(", ")
@@ -182,12 +170,12 @@ def _looks(looker: Looker, tell: Tell) -> list[RankedEdit]:
     return sorted((one for one in found if one.error < float("inf")), key=lambda one: one.worth)
 
 
-def _fitted(look: RankedEdit, study: Study, floor: Floor) -> Ranked:
+def _fitted(look: RankedEdit, study: Study) -> Ranked:
     warm = dict(zip(study.fitted.names, look.values, strict=True))
     record = evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=FitSettings(seconds=SECONDS), warm=warm)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
-    return Ranked(look.edit.part, record.nrmse, grade(record, floor), None, record)
+    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
 
 
 def _held_out(best: Ranked, study: Study) -> Ranked:
