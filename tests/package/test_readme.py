@@ -16,6 +16,10 @@ def test_there_is_python_and_no_blank_was_left():
     assert "@@" not in README
 
 
+def test_a_reader_can_read_it_to_the_end():
+    assert len(README.splitlines()) <= 130
+
+
 @pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
 def test_its_python_runs(block: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a run is a folder where the reader works
