@@ -51,7 +51,7 @@ for a start:
 """
 
 
-class _Parser(argparse.ArgumentParser):
+class _CommandParser(argparse.ArgumentParser):
     """argparse whose complaints are one sentence."""
 
     def __init__(self, **options) -> None:
@@ -63,7 +63,7 @@ class _Parser(argparse.ArgumentParser):
 
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
-    whole = _Parser(
+    whole = _CommandParser(
         prog="ibrid",
         description="Opens black-box inverters: from measured 2x2 dq admittance to a named, fitted block diagram "
         "and a state-space model.",
@@ -71,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
-    commands = whole.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+    commands = whole.add_subparsers(metavar="COMMAND", parser_class=_CommandParser)
     for family in (
         starting,
         vocabulary,

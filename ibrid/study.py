@@ -8,13 +8,13 @@ from typing import Any, TypedDict, Unpack
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
-from ibrid.measurement.noise_estimate import with_sigma
+from ibrid.measurement.noise import with_sigma
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.canonical import structure_hash
+from ibrid.structure.check import Examination
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.examination import Examination
 from ibrid.structure.outside import NOTHING, Outside
 from ibrid.structure.parameters import EQUILIBRIA
 

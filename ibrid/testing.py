@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.evaluate import evaluate
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.contract import complaints_about
 from ibrid.modules.kind import ModuleKind

@@ -4,9 +4,9 @@ import numpy as np
 from ibrid_bench.markdown import markdown_table
 
 from ibrid.plants.benchmarks import Benchmark, recipes
-from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
+from ibrid.plants.sweeping import state_space
 
 HEADER = ("sweep", "plant", "what", "states", "slowest pole, rad/s")
 _TOP = """# Reference inverters

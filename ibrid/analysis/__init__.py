@@ -1,8 +1,7 @@
 """What an identified model says: its matrices anywhere, predictions, stability in a grid."""
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
-from ibrid.analysis.modes import Mode, modes
-from ibrid.analysis.participation import Participation, participation
+from ibrid.analysis.modes import Mode, Participation, modes, participation
 from ibrid.analysis.prediction import Prediction, predict
 from ibrid.analysis.stability import Stability, stability
 

@@ -6,18 +6,111 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrid.analysis.closed_loop import behind_grid
 from ibrid.analysis.critical import FREQUENCY_STEP, CriticalRatio, by_count, crossings, interval
-from ibrid.analysis.grid import MeasuredGrid, SeriesRL, of_ratio
+from ibrid.analysis.grid import J, MeasuredGrid, SeriesRL, of_ratio
 from ibrid.analysis.grid_case import GridCase
 from ibrid.analysis.linear_model import LinearModel
 from ibrid.analysis.modes import STABLE_BELOW, Mode, modes, rightmost
 from ibrid.analysis.nyquist import Nyquist, nyquist, start_frequencies
-from ibrid.analysis.parametric import Matrices, ParametricModel
-from ibrid.analysis.thevenin import terminal_current, thevenin_voltage
-from ibrid.analysis.uncertainty import uncertainty
+from ibrid.analysis.parametric import Matrices, ParametricModel, uncertainty
+from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.operating_point import plant_equilibrium
+from ibrid.assembly.terminals import behind_terminals
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint
+from ibrid.modules.branch import BRANCH
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.parameters import parameter_table, parameters_at
+from ibrid.structure.wiring import split_port, wire
+
+#: Smallest singular value of a direct term over the largest that counts as its rank.
+RANK = 1e-12
+#: Condition number from which on v_PCC does not follow from the states.
+SINGULAR = 1e12
+
+
+def behind_grid(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, grid: SeriesRL
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """State matrix of dx/dt = A x + B v, i = C x + D v joined with v = (r + x s/omega_0 + x J) i.
+
+    The grid's inductor is in series with what the inverter has at its terminals. With D = 0 its current is C x, which the
+    inverter's states hold already, so no state is added and v follows from di/dt = C (A x + B v). Where D passes some
+    combination of v on (a resistive branch at the PCC), the same combination of the current is a state of its own.
+
+    Returns the matrix (m, m), m = n + rank D, and the names of the added states.
+    Raises IbridError where v does not follow.
+    """
+    left, sizes, right = np.linalg.svd(D)
+    rank = int((sizes > RANK * max(1.0, float(sizes[0]))).sum())
+    own, shared = (
+        left[:, :rank],
+        left[:, rank:],
+    )  # current combinations that are states of the grid, and of the inverter
+    direct, rest = right[:rank].T, right[rank:].T  # voltage combinations that D passes on, and the others
+    l = grid.x / grid.omega_0
+    drop = grid.r * np.eye(2) + grid.x * J
+    n = len(A)
+    # i = own j + shared shared' C x, v = direct u + rest w, u = (j - own' C x) / sizes, over z = (x, j)
+    i = np.hstack([shared @ shared.T @ C, own])
+    u = np.hstack([-own.T @ C, np.eye(rank)]) / sizes[:rank, None]
+    known = direct @ u
+    # shared' (l di/dt) = shared' (v - drop i) with shared' di/dt = shared' C (A x + B v)
+    through = l * shared.T @ C @ B - shared.T
+    forced = np.hstack([l * shared.T @ C @ A, np.zeros((2 - rank, rank))]) + shared.T @ drop @ i + through @ known
+    if rank < 2:
+        square = through @ rest
+        if np.linalg.cond(square) > SINGULAR:
+            raise IbridError(
+                "the PCC voltage does not follow from the model and the grid: its inductances cancel; check the parameters"
+            )
+        v = known - rest @ np.linalg.solve(square, forced)
+    else:
+        v = known
+    top = np.hstack([A, np.zeros((n, rank))]) + B @ v
+    # own' l di/dt = own' (v - drop i), i = own j + what the inverter's states hold
+    bottom = own.T @ (v - drop @ i) / l
+    return np.vstack([top, bottom]), tuple(f"grid.i_{k + 1}" for k in range(rank))
+
+
+def terminal_current(record: Record, op: str) -> np.ndarray | None:
+    """(2,) [i_D, i_Q] that leaves the PCC at an operating point of the record, shunt branches included; per unit.
+
+    None for a plant whose equilibrium is not known in closed form.
+    """
+    settings, values = record.settings, record.parameters[op]
+    wiring = wire(record.diagram, record.vocabulary)
+    plant, point = wiring.kinds[wiring.plant], settings["operating_points"][op]
+    if plant.branches is None:
+        return None
+    at = (float(point["p"]), float(point["q"]), float(point["v"]))
+    table = parameter_table(wiring, settings["equilibrium"])
+    every = parameters_at(wiring, table, values)
+    inner = behind_terminals(wiring, every, at, settings["power_node"])
+    if inner.current is not None:
+        return np.array(inner.current, dtype=float)
+    numbers = every[wiring.plant]
+    current = np.array(plant_equilibrium(plant, numbers, *inner.point, inner.power_node)["i_g"], dtype=float)
+    shunts = [
+        split_port(source)[0]
+        for source in wiring.sources[TERMINAL_CURRENT]
+        if source != TERMINAL_VOLTAGE and wiring.kinds[split_port(source)[0]].family == BRANCH
+    ]
+    if shunts:
+        physics = {key: settings[key] for key in ("equilibrium", "power_node")}
+        omega_0 = 2 * np.pi * float(settings["f0_hz"])
+        matrices = module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics)
+        for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
+            a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
+            current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]
+    return current if np.isfinite(current).all() else None
+
+
+def thevenin_voltage(v: float, current: np.ndarray, grid: SeriesRL) -> float:
+    """|v_Th|, per unit, of v_Th = [v, 0] - (r + x J) i."""
+    return float(np.linalg.norm(np.array([v, 0.0]) - (grid.r * np.eye(2) + grid.x * J) @ current))
+
 
 #: Relative distance from a critical ratio at which the crossing mode is the rightmost one.
 BESIDE = 1e-3

@@ -8,8 +8,7 @@ import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.analysis.modes import QUANTILE, Mode, modes
-from ibrid.analysis.parametric import ParametricModel
-from ibrid.analysis.uncertainty import Uncertainty, uncertainty
+from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
 from ibrid.analysis.validity import doubts
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record

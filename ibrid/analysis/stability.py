@@ -19,7 +19,7 @@ from ibrid.analysis.stability_words import case_warnings, sentence, unstable_war
 from ibrid.analysis.validity import bad_fit, beyond_points, measured_frequencies
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.noise_estimate import PointNoise
+from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.passivity import Passivity, passivity
 from ibrid.measurement.sweep import PointSweep
 from ibrid.showing import brief, shown

@@ -87,8 +87,7 @@ def run_report(arguments: Namespace) -> int:
     require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
-    from ibrid.report.measured_data import measured_data
-    from ibrid.report.page import write_report
+    from ibrid.report.page import measured_data, write_report
 
     sweep, remark = measured_data(record, sweep)
     write_report(record, out, sweep=sweep)

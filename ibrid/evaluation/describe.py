@@ -11,9 +11,8 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import DiagramError
 from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.grade import grade_of, misfit_of
-from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.outcome import Outcome, reward
 from ibrid.evaluation.record import Record, pade_orders
-from ibrid.evaluation.reward import reward
 from ibrid.fit.identifiability import Visibility, visibility
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
@@ -37,7 +36,7 @@ SUSPICIOUS_ERROR = 0.1
 
 
 @dataclass(frozen=True)
-class Fitted:
+class BestFit:
     """A problem and its solution: all operating points when parameters are shared, one when they are not."""
 
     problem: Problem
@@ -71,7 +70,7 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
 
 
 def describe(
-    diagram: Diagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[Fitted]
+    diagram: Diagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[BestFit]
 ) -> Record:
     """The record of fits that together cover all fitted operating points and minimised the `objective`."""
     return _Description(diagram, wiring, study, objective, fitted).record(base)
@@ -79,7 +78,7 @@ def describe(
 
 class _Description:
     def __init__(
-        self, diagram: Diagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[Fitted]
+        self, diagram: Diagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[BestFit]
     ) -> None:
         self.wiring, self.study, self.fitted = wiring, study, fitted
         self.table = parameter_table(wire(diagram, study.kinds), study.equilibrium)  # names in the program's order
@@ -299,7 +298,7 @@ def _sorted_poles(poles: np.ndarray) -> list[list[float]]:
     return [[float(one.real), float(one.imag)] for one in ordered]
 
 
-def _twin_sentence(one: Fitted, twin: np.ndarray) -> str:
+def _twin_sentence(one: BestFit, twin: np.ndarray) -> str:
     here = one.problem.coordinates.to_theta(one.solution.x)
     there = one.problem.coordinates.to_theta(twin)
     moved = [

@@ -10,18 +10,19 @@ import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError, IbridError
-from ibrid.evaluation.describe import Fitted, describe, unfitted
+from ibrid.evaluation.describe import BestFit, describe, unfitted
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
-from ibrid.fit.multistart import fit
+from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.canonical import canonical_wiring
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
 
 
@@ -93,7 +94,7 @@ def _evaluate(
     omega_0 = study.sweep.omega_0
     model = symbolic_model(wiring, equilibrium=study.equilibrium, power_node=study.sweep.power_node, omega_0=omega_0)
     each = replace(effort, seconds=effort.seconds / len(study.groups))
-    fitted: list[Fitted] = []
+    fitted: list[BestFit] = []
     before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     for group in study.groups:
         problem = Problem(model, group)
@@ -103,7 +104,7 @@ def _evaluate(
         solution = fit(problem, wiring, rng, each, omega_0=omega_0, warm=known)
         if solution is None:
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
-        fitted.append(Fitted(problem, solution))
+        fitted.append(BestFit(problem, solution))
         before = [problem.values_at(solution.x, 0)] if solution.errors.mean() < warm_start_below else []
     return describe(diagram, wiring, study, effort.minimised, base, fitted)
 
@@ -130,3 +131,44 @@ def _why_nothing_fits(study: Study) -> str:
             "check p, q, v and their per-unit base"
         )
     return "no start has a finite response at the measured frequencies; check the wiring"
+
+
+def record_at(
+    diagram: Diagram, sweep: Sweep | Study, values: Mapping[str, float], **options: Unpack[StudyOptions]
+) -> Record:
+    """Describe a diagram at values of its free parameters, shared by all operating points, equilibria computed.
+
+    sweep : a study, or the data of one with `options`. values : free name -> value, clipped to its box. Intervals are
+    those of an estimator that weighs the data by their noise where the sweep has a sigma. The outcome is `invalid` for
+    an illegal diagram.
+    """
+    study = Study.of(sweep, **options)
+    diagram = study.placed(diagram)
+    effort = study.effort()
+    found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
+    base = replace(unfitted(diagram, study, effort), reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
+    if found:
+        return base
+    wiring = wire(diagram, study.kinds)
+    model = symbolic_model(
+        wiring,
+        equilibrium=study.equilibrium,
+        power_node=study.sweep.power_node,
+        omega_0=study.sweep.omega_0,
+    )
+    problem = Problem(model, study.fitted.points)
+    x = problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
+    x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
+    solution = Solution(
+        x=x,
+        errors=np.sqrt(problem.costs(x[None], effort.minimised)[0]),
+        twins=(),
+        finished=(),
+        independent=1,
+        agreeing=1,
+        waves=0,
+        evaluations=0,
+        ipopt_status="nothing fitted",
+        ipopt_iterations=0,
+    )
+    return replace(describe(diagram, wiring, study, effort.minimised, base, [BestFit(problem, solution)]), reasons=())

@@ -16,7 +16,7 @@ from scipy import stats
 from ibrid.evaluation.errors_by_part import noise_floor
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import ENTRIES, PointSweep, measured_numbers
 
 #: Least p value at which what is left over counts as noise; multiple of the noise up to which it is close.

@@ -5,11 +5,8 @@ from types import ModuleType
 from typing import Any
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
-from ibrid.export.admittance import admittance
-from ibrid.export.averaged import NonlinearModel
-from ibrid.export.control_json import read_control_json
-from ibrid.export.formats import FORMAT_NAMES, FORMATS, export
-from ibrid.export.nonlinear_model import nonlinear_model
+from ibrid.export.formats import FORMAT_NAMES, FORMATS, admittance, export, read_control_json
+from ibrid.export.nonlinear_model import NonlinearModel, nonlinear_model
 
 __all__ = [
     "FORMATS",

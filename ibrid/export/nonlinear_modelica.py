@@ -11,8 +11,7 @@ from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
 from ibrid.export.module_motion import Module, by_port
 from ibrid.export.names import MODELICA, written_in
-from ibrid.export.nonlinear_assembly import channel_names
-from ibrid.export.nonlinear_model import rest_of_record
+from ibrid.export.nonlinear_model import channel_names, rest_of_record
 from ibrid.export.rest import Rest
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import is_linear

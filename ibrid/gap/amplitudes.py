@@ -8,7 +8,7 @@ from ibrid.gap.data import Values
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
-from ibrid.gap.nonlinear_places import Place, places
+from ibrid.gap.nonlinear_places import NonlinearPlace, places
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
@@ -31,7 +31,7 @@ class Amplitudes:
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
         self.refitter = Refitter(self.noise, kinds, prior, seed)
-        self._fits: dict[int, tuple[Place, NonlinearFit | None]] = {}
+        self._fits: dict[int, tuple[NonlinearPlace, NonlinearFit | None]] = {}
 
     def given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
@@ -48,13 +48,13 @@ class Amplitudes:
         """The same."""
         return model
 
-    def insertions(self, model: Model) -> tuple[Place, ...]:
+    def insertions(self, model: Model) -> tuple[NonlinearPlace, ...]:
         """Every nonlinearity at every place of the linear model."""
         return () if model.edits else places(model.diagram, self.kinds)
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for each."""
-        if not isinstance(insertion, Place):
+        if not isinstance(insertion, NonlinearPlace):
             return None
         if id(insertion) not in self._fits:
             search = NonlinearSearch(insertion, model.diagram, self.kinds, self.data, self.prior)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ibrid.evaluation.errors_by_part import noise_floor, nrmse
+from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.recording import record_at
 from ibrid.fit.problem import Problem
 from ibrid.gap.convention import Convention
 from ibrid.gap.detectability import unseen

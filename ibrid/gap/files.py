@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.gap.result import SCHEMA, Gap
-from ibrid.structure.difference import unified
+from ibrid.structure.compare import unified
 from ibrid.writing import inside, write_whole
 
 GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ibrid.measurement.amplitudes import can_be_thinned, thinned
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.thinning import can_be_thinned, thinned
 
 if TYPE_CHECKING:
     from ibrid.gap.trial import Model, Workshop

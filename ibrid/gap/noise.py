@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 
 from ibrid.fit.identifiability import MODEL_FLOOR
-from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import PointSweep, Sweep
 
 #: Relative to |Y|_F: what data of unknown noise are taken to have at least.

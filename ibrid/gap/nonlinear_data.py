@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.measurement.amplitudes import at_amplitudes
-from ibrid.measurement.noise_estimate import estimate_point
-from ibrid.measurement.products import with_products
+from ibrid.measurement.linearity import with_products
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import Sweep
 
 #: Part of the measured change with the amplitude that a describing function may be wrong by: it neglects high harmonics and

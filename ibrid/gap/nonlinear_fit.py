@@ -11,7 +11,7 @@ from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.gap.data import Fitted
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
 from ibrid.gap.nonlinear_data import AmplitudeData
-from ibrid.gap.nonlinear_places import Place, values_at_rest
+from ibrid.gap.nonlinear_places import NonlinearPlace, values_at_rest
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.modules.vocabulary import Vocabulary
@@ -45,7 +45,7 @@ class State:
 class NonlinearFit(Fitted):
     """A nonlinearity at its best threshold and parameters. `interval` : of the threshold, 95 %. `state` : the motion there."""
 
-    place: Place
+    place: NonlinearPlace
     threshold: float
     interval: tuple[float, float]
     state: State
@@ -61,7 +61,9 @@ class NonlinearFit(Fitted):
 class NonlinearSearch:
     """The fits of one place to one set of data."""
 
-    def __init__(self, place: Place, diagram: Diagram, kinds: Vocabulary, data: AmplitudeData, prior: Prior) -> None:
+    def __init__(
+        self, place: NonlinearPlace, diagram: Diagram, kinds: Vocabulary, data: AmplitudeData, prior: Prior
+    ) -> None:
         self.place, self.diagram, self.kinds, self.data = place, diagram, kinds, data
         self.model = at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
         self.parameters = self.model.symbolic.parameters

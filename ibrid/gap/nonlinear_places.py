@@ -23,7 +23,7 @@ from ibrid.structure.wiring import wire
 
 
 @dataclass(frozen=True, eq=False)
-class Place(Insertion):
+class NonlinearPlace(Insertion):
     """One nonlinearity at one port, as an edit that leaves the diagram as it is: no program holds it. `effect` : "" for one
     that has no name in the catalogue. `resting` : output channels of the diagram whose sum is minus the value at rest; ()
     where that is zero or does not matter."""
@@ -38,14 +38,14 @@ class Place(Insertion):
         return f"a {self.shape.name} at {self.port.words}"
 
 
-def places(diagram: Diagram, kinds: Vocabulary) -> tuple[Place, ...]:
+def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
     """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a command."""
     view = view_of(diagram, kinds)
     if view is None:
         return ()
     found = {one.name: one for one in ports(diagram, kinds)}
     return tuple(
-        Place(effect, "add", port.name, diagram, {}, {}, shape, port, resting)
+        NonlinearPlace(effect, "add", port.name, diagram, {}, {}, shape, port, resting)
         for effect, shape, port, resting in _places(view, found)
     )
 
@@ -83,7 +83,7 @@ def _beside(view: View, pack: str) -> tuple[str, ...]:
 
 
 def values_at_rest(
-    place: Place, diagram: Diagram, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
+    place: NonlinearPlace, diagram: Diagram, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
 ) -> np.ndarray:
     """(M, 2) the port's operating value at each operating point, at parameter values by name; for a place with `resting`.
 

@@ -18,8 +18,8 @@ from ibrid.gap.data import Fitted, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.whole_fit import whole_fit
+from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import measured_numbers
-from ibrid.measurement.thinning import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram

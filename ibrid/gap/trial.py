@@ -12,7 +12,7 @@ from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.evaluation.describe import STABLE_BELOW
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.convention import Convention, written_otherwise
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
@@ -20,8 +20,8 @@ from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter
+from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import PointSweep
-from ibrid.measurement.thinning import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion

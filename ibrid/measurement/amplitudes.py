@@ -1,7 +1,9 @@
-"""One inverter swept with several injection amplitudes: apart, and together as one sweep."""
+"""Sweeps apart and together: by injection amplitude, several files as one, every fourth frequency held out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.sweep import PointSweep, Sweep
@@ -43,3 +45,47 @@ def levels_of(point: PointSweep) -> tuple[PointSweep, ...]:
 
 def _all(point: PointSweep) -> list[PointSweep]:
     return [replace(point, larger=()), *point.larger]
+
+
+def merge(sweeps: Sequence[Sweep]) -> Sweep:
+    """One sweep with the operating points of all of them (name them with op= when reading).
+
+    Raises SweepError when there is none, f0, power node or bases differ, or two operating points share a name.
+    """
+    if not sweeps:
+        raise SweepError("merge must get at least one sweep; found none.")
+    first = sweeps[0]
+    for other in sweeps[1:]:
+        for field in ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz"):
+            ours, theirs = getattr(first, field), getattr(other, field)
+            if ours != theirs:
+                raise SweepError(
+                    f"sweeps of one inverter must agree on {field}; found {ours} in {first.source} and {theirs} in "
+                    f"{other.source}."
+                )
+    return replace(
+        first,
+        points=tuple(point for sweep in sweeps for point in sweep.points),
+        notes=tuple(dict.fromkeys(note for sweep in sweeps for note in sweep.notes)),
+        source=", ".join(dict.fromkeys(sweep.source for sweep in sweeps if sweep.source)),
+    )
+
+
+#: One frequency in so many is held out.
+EVERY = 4
+
+
+def thinned(sweep: Sweep, *, hold: bool) -> Sweep:
+    """Every fourth frequency of each operating point, the ends never among them, or the others."""
+    return replace(sweep, points=tuple(_thinned(point, hold) for point in sweep.points))
+
+
+def can_be_thinned(sweep: Sweep) -> bool:
+    """True when every operating point has frequencies enough to do without some."""
+    return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
+
+
+def _thinned(point: PointSweep, hold: bool) -> PointSweep:
+    number = np.arange(len(point.frequency))
+    chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
+    return point.at(chosen if hold else ~chosen)

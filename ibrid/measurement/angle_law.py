@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.measurement.noise_estimate import PointNoise
+from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.sweep import PointSweep, PowerNode
 
 #: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at least.

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
-from ibrid.measurement.noise_estimate import PointNoise, estimate
+from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.tail import Tail, inductive_tail
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.measurement.noise_estimate import DENSE, PointNoise, points_per_decade
+from ibrid.measurement.noise import DENSE, PointNoise, points_per_decade
 from ibrid.measurement.sweep import PointSweep
 
 LOOPS: tuple[tuple[str, float, float], ...] = (
@@ -80,7 +80,7 @@ def _run(flags: np.ndarray) -> int:
 
 
 @dataclass(frozen=True)
-class Line:
+class HarmonicLine:
     """A point on a multiple of f0, where background harmonics disturb a measurement.
 
     order : the multiple, in the dq frame.
@@ -92,13 +92,13 @@ class Line:
     outlying: bool | None
 
 
-def harmonic_lines(point: PointSweep, f0_hz: float, tolerance: float = 0.01) -> tuple[Line, ...]:
+def harmonic_lines(point: PointSweep, f0_hz: float, tolerance: float = 0.01) -> tuple[HarmonicLine, ...]:
     """Points within `tolerance` f0 of a multiple of f0, up to the 50th."""
     order = np.round(point.frequency / f0_hz)
     near = (np.abs(point.frequency - order * f0_hz) <= tolerance * f0_hz) & (order >= 1) & (order <= 50)
     sticking = outliers(point)
     return tuple(
-        Line(float(point.frequency[k]), int(order[k]), None if sticking is None else bool(sticking[k]))
+        HarmonicLine(float(point.frequency[k]), int(order[k]), None if sticking is None else bool(sticking[k]))
         for k in np.flatnonzero(near)
     )
 

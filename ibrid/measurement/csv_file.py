@@ -14,7 +14,7 @@ from ibrid.measurement.csv_columns import ENTRIES, columns_of
 from ibrid.measurement.csv_table import Table, fields_of, read_table
 from ibrid.measurement.files import read_lines, write_atomically
 from ibrid.measurement.header import Header, header_of, header_values, known_keys, read_keys
-from ibrid.measurement.repeats import sigma_of_mean
+from ibrid.measurement.noise import sigma_of_mean
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 
 #: Amplitudes further apart than this factor are different ones; nearer ones are one amplitude, repeated.

@@ -7,7 +7,7 @@ import numpy as np
 from ibrid.measurement.amplitudes import levels_of
 from ibrid.measurement.conventions import Conventions, check_conventions
 from ibrid.measurement.coverage import (
-    Line,
+    HarmonicLine,
     LoopCoverage,
     Resonance,
     harmonic_lines,
@@ -16,7 +16,7 @@ from ibrid.measurement.coverage import (
     resonances,
 )
 from ibrid.measurement.inspection_warnings import warnings_of
-from ibrid.measurement.noise_estimate import PointNoise, Source, estimate, points_per_decade
+from ibrid.measurement.noise import PointNoise, Source, estimate, points_per_decade
 from ibrid.measurement.passivity import passivity
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 
@@ -52,7 +52,7 @@ class PointInspection:
     active_bands: tuple[tuple[float, float], ...]
     loops: tuple[LoopCoverage, ...]
     resonances: tuple[Resonance, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[HarmonicLine, ...]
     outliers: tuple[float, ...]
     above_half_sampling: int | None
     amplitudes: tuple[float, ...] = ()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.measurement.noise_estimate import PointNoise
+from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.sweep import PointSweep
 
 _SIGNIFICANT = 2.0

@@ -2,11 +2,18 @@
 
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.plants.gfl import GFLParameters
-from ibrid.plants.linear_sweep import Linearisation, is_stable, state_space
 from ibrid.plants.published import PLANTS
 from ibrid.plants.random_plants import random_stable
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.plants.sweeping import frequency_grid, operating_point, plant_named, sweep
+from ibrid.plants.sweeping import (
+    Linearisation,
+    frequency_grid,
+    is_stable,
+    operating_point,
+    plant_named,
+    state_space,
+    sweep,
+)
 
 __all__ = [
     "PLANTS",

@@ -10,8 +10,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import Sweep
 from ibrid.plants.gfl import GFLParameters
-from ibrid.plants.published import PAPER_LIKE, PUBLISHED
-from ibrid.plants.published_forming import BEYOND
+from ibrid.plants.published import BEYOND, PAPER_LIKE, PUBLISHED
 from ibrid.plants.random_plants import random_stable
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import frequency_grid, sweep

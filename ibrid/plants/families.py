@@ -13,12 +13,19 @@ from ibrid.plants.gfl import GFLParameters, gfl_dynamics
 from ibrid.plants.gfm import DroopParameters, OscillatorParameters, VSMParameters, gfm_dynamics
 from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
 from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
-from ibrid.plants.true_program import true_program, true_values
-from ibrid.plants.true_values import droop_values, hybrid_values, oscillator_values, parallel_values, vsm_values
+from ibrid.plants.true_program import (
+    droop_values,
+    hybrid_values,
+    oscillator_values,
+    parallel_values,
+    true_program,
+    true_values,
+    vsm_values,
+)
 
 
 @dataclass(frozen=True)
-class Family:
+class InverterFamily:
     """What a kind of inverter is, as functions of its parameters.
 
     dynamics : (parameters, omega_0 in rad/s) -> nonlinear model. program : parameters -> text of the diagram that equals it.
@@ -98,27 +105,27 @@ def _textbook(name: str) -> Callable[[Any], str]:
     return lambda parameters: (files("ibrid") / "structure" / "programs" / f"{name}.py").read_text(encoding="utf-8")
 
 
-FAMILIES: Mapping[type, Family] = MappingProxyType(
+FAMILIES: Mapping[type, InverterFamily] = MappingProxyType(
     {
-        GFLParameters: Family(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
-        DroopParameters: Family(
+        GFLParameters: InverterFamily(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
+        DroopParameters: InverterFamily(
             gfm_dynamics, _textbook("gfm_droop"), droop_values, _forming, {**_CASCADE, "p_filter.omega_c": "omega_p"}
         ),
-        VSMParameters: Family(
+        VSMParameters: InverterFamily(
             gfm_dynamics,
             _textbook("gfm_vsm"),
             vsm_values,
             _forming,
             {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll"},
         ),
-        OscillatorParameters: Family(
+        OscillatorParameters: InverterFamily(
             gfm_dynamics,
             _textbook("gfm_dvoc"),
             oscillator_values,
             _forming,
             {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"},
         ),
-        HybridParameters: Family(
+        HybridParameters: InverterFamily(
             hybrid_dynamics,
             _textbook("hybrid_gfl_gfm"),
             hybrid_values,
@@ -132,7 +139,7 @@ FAMILIES: Mapping[type, Family] = MappingProxyType(
                 "current.kI": "kI_current",
             },
         ),
-        ParallelParameters: Family(
+        ParallelParameters: InverterFamily(
             parallel_dynamics,
             _textbook("parallel_gfl_gfm"),
             parallel_values,

@@ -12,9 +12,8 @@ from typing import Literal
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
 from ibrid.plants.output_filter import FilterKind, OutputFilter, output_filter
-from ibrid.plants.states import J, R, States, low_pass
 
 Decoupling = Literal["pll", "nominal", "none"]
 ActiveLoop = Literal["power", "dc_link"]

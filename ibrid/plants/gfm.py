@@ -13,9 +13,8 @@ from typing import ClassVar
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
 from ibrid.plants.output_filter import FilterKind, OutputFilter, output_filter
-from ibrid.plants.states import J, R, States, low_pass
 
 
 @dataclass(frozen=True, kw_only=True)

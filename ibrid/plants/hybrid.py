@@ -9,9 +9,8 @@ from math import isfinite
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
 from ibrid.plants.output_filter import FilterKind, output_filter
-from ibrid.plants.states import J, R, States, low_pass
 
 
 @dataclass(frozen=True, kw_only=True)

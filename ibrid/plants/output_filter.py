@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 
 import casadi as ca
 
-from ibrid.plants.states import J, States
+from ibrid.plants.dynamics import J, States
 
 FilterKind = Literal["LCL", "L"]
 

@@ -6,10 +6,9 @@ from math import isfinite
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics
+from ibrid.plants.dynamics import Dynamics, J
 from ibrid.plants.gfl import GFLParameters, gfl_dynamics
 from ibrid.plants.gfm import DroopParameters, gfm_dynamics
-from ibrid.plants.states import J
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,8 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.gfl import GFLParameters, hertz
-from ibrid.plants.linear_sweep import is_stable
 from ibrid.plants.reference import P1_Q03, ReferenceInverter
+from ibrid.plants.sweeping import is_stable
 
 Population = Literal["textbook", "wide"]
 

@@ -13,7 +13,7 @@ from ibrid.errors import IbridError, near
 from ibrid.measurement.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.equilibrium import AtRest, at_rest
-from ibrid.plants.families import FAMILIES, Family
+from ibrid.plants.families import FAMILIES, InverterFamily
 from ibrid.plants.gfl import GFLParameters
 from ibrid.plants.gfm import GFMParameters
 from ibrid.plants.hybrid import HybridParameters
@@ -47,7 +47,7 @@ class ReferenceInverter:
     v_base_v: float | None = None
 
     @property
-    def family(self) -> Family:
+    def family(self) -> InverterFamily:
         """What all inverters with such parameters have in common."""
         return FAMILIES[type(self.parameters)]
 

@@ -1,19 +1,139 @@
 """Sweeping a reference inverter: by linearisation or by injection, at given operating points and frequencies."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from math import isfinite
+from dataclasses import dataclass, replace
+from math import ceil, isfinite
 from typing import Literal
 
+import casadi as ca
 import numpy as np
 
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.plants.time_sweep import injected_admittance
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ around an equilibrium; current out of the inverter, per unit.
+
+    states : names of x; A (n, n), B (n, 2), C (2, n), D (2, 2); x_eq (n,) the equilibrium itself.
+    """
+
+    states: tuple[str, ...]
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    x_eq: np.ndarray
+
+    @property
+    def poles(self) -> np.ndarray:
+        """(n,) rad/s."""
+        return np.linalg.eigvals(self.A)
+
+    @property
+    def is_stable(self) -> bool:
+        """Every pole has a negative real part."""
+        return bool((np.real(self.poles) < 0).all())
+
+    def admittance(self, frequency: np.ndarray) -> np.ndarray:
+        """(K, 2, 2) complex: Y = C (j omega I - A)^-1 B + D at `frequency`, (K,) Hz."""
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        resolvent = 1j * omega[:, None, None] * np.eye(len(self.A)) - self.A
+        return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape))) + self.D
+
+
+def state_space(plant: ReferenceInverter, op: OperatingPoint) -> Linearisation:
+    """Linearise at an operating point; OperatingPointError when it does not exist."""
+    rest = plant.at_rest(op)
+    A, B, C, D = (np.asarray(m) for m in plant.dynamics.jacobian(rest.x, [op.v, 0.0], rest.r))
+    return Linearisation(plant.dynamics.states, A, B, C, D, rest.x)
+
+
+def is_stable(plant: ReferenceInverter, op: OperatingPoint, *, margin: float = 0.0) -> bool:
+    """Whether, on a stiff grid, every pole lies left of -margin rad/s; no operating point, no stability."""
+    try:
+        return bool((np.real(state_space(plant, op).poles) < -margin).all())
+    except OperatingPointError:
+        return False
+
+
+AMPLITUDE = 2e-4
+AGREEMENT = 1e-4
+SHORTEST_RECORD = 0.02
+FEWEST_PERIODS = 4
+LONGEST_SIMULATION = 60.0
+
+
+def injected_admittance(
+    plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, *, amplitude: float = AMPLITUDE
+) -> np.ndarray:
+    """(K, 2, 2) complex: measured Y at `frequency`, (K,) Hz, one simulation per frequency and axis.
+
+    Law: v_DQ = [v, 0] + a sin(omega t) on one axis, from the equilibrium; in each record of whole periods the phasor is
+    I = 2 / T integral (1 - cos(2 pi t / T)) i(t) exp(-j omega t) dt, whose Hann window suppresses what still decays at
+    other frequencies; Y = I / (-j a).
+
+    amplitude : a, per unit; distortion grows with its square.
+    Raises SweepError when the response is not steady after LONGEST_SIMULATION seconds.
+    """
+    record = _record(plant, op)
+    columns = [[_column(record, hz, axis, amplitude, op) for axis in (0, 1)] for hz in np.asarray(frequency)]
+    return np.moveaxis(np.array(columns), 1, 2)
+
+
+def _column(record: ca.Function, hz: float, axis: int, amplitude: float, op: OperatingPoint) -> np.ndarray:
+    """(2,) response of i_DQ to a sinusoid on one axis, relative to it."""
+    direction = np.eye(2)[axis] * amplitude
+    periods = max(FEWEST_PERIODS, ceil(SHORTEST_RECORD * hz))
+    state, time, before = 0.0, 0.0, None
+    while time < LONGEST_SIMULATION:
+        duration = periods / hz
+        answer = record(x0=state, p=ca.vertcat(duration, 2 * np.pi * hz, *direction))
+        parts = np.asarray(answer["qf"]).ravel()
+        phasor = 2 * (parts[:2] + 1j * parts[2:]) / (-1j * amplitude)
+        if before is not None and np.linalg.norm(phasor - before) <= AGREEMENT * np.linalg.norm(phasor):
+            return phasor
+        state, time, before, periods = answer["xf"], time + duration, phasor, 2 * periods
+    raise SweepError(
+        f"the response at {hz:g} Hz and operating point {op.name} must be steady within {LONGEST_SIMULATION:g} s of "
+        "simulation; it was not, sweep by linearisation or choose a better damped operating point."
+    )
+
+
+def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
+    """Integrator over one record in normalised time, of the deviation from the equilibrium.
+
+    Small deviations keep their own digits; the quadratures are the windowed real and imaginary parts of i_DQ.
+    """
+    dynamics, rest = plant.dynamics, plant.at_rest(op)
+    x_eq = rest.x
+    z, tau = ca.SX.sym("z", len(x_eq)), ca.SX.sym("tau")
+    duration, omega, injected = ca.SX.sym("duration"), ca.SX.sym("omega"), ca.SX.sym("injected", 2)
+    angle = omega * duration * tau
+    v_DQ = ca.vertcat(op.v, 0) + injected * ca.sin(angle)
+    i_DQ = dynamics.g(x_eq + z, v_DQ) - dynamics.g(x_eq, [op.v, 0.0])
+    window = 1 - ca.cos(2 * ca.pi * tau)
+    problem = {
+        "x": z,
+        "t": tau,
+        "p": ca.vertcat(duration, omega, injected),
+        "ode": duration * dynamics.f(x_eq + z, v_DQ, rest.r),
+        "quad": ca.vertcat(window * i_DQ * ca.cos(angle), -window * i_DQ * ca.sin(angle)),
+    }
+    # Adams formulas: the motion is oscillatory at the injected frequency, and of a higher order than BDF there
+    options = {
+        "linear_multistep_method": "adams",
+        "abstol": 1e-13,
+        "reltol": 1e-9,
+        "quad_err_con": True,
+        "max_num_steps": 10_000_000,
+    }
+    return ca.integrator("record", "cvodes", problem, 0.0, 1.0, options)
+
 
 Method = Literal["linear", "time"]
 

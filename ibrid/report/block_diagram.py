@@ -3,16 +3,20 @@
 Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add.
 """
 
+import re
 from collections.abc import Collection, Sequence
 from html import escape
+from typing import NamedTuple
 
 from markupsafe import Markup
 
+from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_graph import Node, block_graph
-from ibrid.report.drawing import Drawing, arrange
+from ibrid.report.drawing import Layout, arrange
 from ibrid.report.layering import HEADER, shorten
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import parse_program
 
 #: Larger diagrams are not drawn: nobody could read them.
 LARGEST = 60
@@ -40,7 +44,7 @@ def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind], framed
     )
 
 
-def _net(drawing: Drawing, index: int) -> list[str]:
+def _net(drawing: Layout, index: int) -> list[str]:
     net = drawing.placement.graph.nets[index]
     path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in drawing.pieces(index))
     title = f"{'.'.join(dict.fromkeys(net.source))} to {', '.join('.'.join(dict.fromkeys(pin)) for pin in net.targets)}"
@@ -54,7 +58,7 @@ def _net(drawing: Drawing, index: int) -> list[str]:
     return [*found, "</g>"]
 
 
-def _node(drawing: Drawing, node: Node, framed: bool) -> list[str]:
+def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
     left, top, width, height = drawing.boxes[node.name]
     middle = left + width / 2
     if node.shape == "sum":
@@ -92,3 +96,34 @@ FAMILIES = {
 
 def _text(x: float, y: float, words: str, style: str) -> str:
     return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
+
+
+#: A title, the diagram, and the names of blocks that get a frame.
+Shown = tuple[str, Diagram, tuple[str, ...]]
+
+
+class DrawnDiagrams(NamedTuple):
+    """For the macro `diagrams`. `figures` : (title, SVG, its width in px or ""). `families` : (style, words)."""
+
+    figures: list[tuple[str, Markup, str]]
+    families: list[tuple[str, str]]
+
+
+def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> DrawnDiagrams:
+    """Some diagrams, drawn; a single one needs no title."""
+    figures = []
+    for title, diagram, framed in shown:
+        svg = block_diagram_svg(diagram, kinds, framed)
+        width = re.search(r"max-width:(\d+)px", svg)
+        figures.append((title, svg, width[1] if width else ""))
+    families = {kind.name: kind.family for kind in kinds}
+    used = dict.fromkeys(families.get(block.kind, "unknown") for _, diagram, _ in shown for block in diagram.instances)
+    return DrawnDiagrams(figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used])
+
+
+def readable(text: str) -> Diagram | None:
+    """The diagram of a program text; None where there is none."""
+    try:
+        return parse_program(text) if text else None
+    except IbridError:
+        return None

@@ -11,7 +11,7 @@ TRIES = 24
 Point = tuple[float, float]
 
 
-class Drawing:
+class Layout:
     """A finished layout with horizontal positions; all lengths in drawing units, y downwards.
 
     `boxes` : name -> (left, top, width, height). `lines` : per net, straight pieces ((x, y), (x, y)).
@@ -114,10 +114,10 @@ class Drawing:
         return found
 
 
-def arrange(graph: BlockGraph) -> Drawing:
+def arrange(graph: BlockGraph) -> Layout:
     """The best of several layouts: few crossings, short lines, little height."""
     layouts = [(placement := place(graph, seed), route(placement)) for seed in range(TRIES)]
     return min(
-        (Drawing(placement, routes) for placement, routes in layouts),
+        (Layout(placement, routes) for placement, routes in layouts),
         key=lambda one: one.routes.crossings + one.routes.length / 400 + one.height / 150,
     )

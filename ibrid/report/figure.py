@@ -1,19 +1,24 @@
 """From a function that draws on matplotlib axes to SVG inside a page, in the colours of the page's style sheet."""
 
+import base64
+import hashlib
 import io
+import json
 import re
 from collections.abc import Callable, Sequence
+from functools import cache
 from html import escape
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from ibrid.report.style import INK, MUTED, RULE, STAND_INS
-from ibrid.report.ticks import plain_decades
-from ibrid.report.zoom import zoom_attributes
+from ibrid.report.style import INK, MUTED, RULE, STAND_INS, plain_decades, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 _SETTINGS: Any = {
     "svg.fonttype": "none",
@@ -102,3 +107,49 @@ def _for_page(text: str, name: str, attributes: str) -> Markup:
         text = text.replace(stand_in, variable)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     return Markup(text.replace("<svg", f"<svg {attributes}", 1))
+
+
+SCRIPTS = ("plot_axes.js", "zoom.js")
+#: Units of an SVG drawing per inch.
+PER_INCH = 72.0
+
+
+@cache
+def script() -> str:
+    """The text of the script."""
+    return "".join((files("ibrid.report") / name).read_text(encoding="utf-8") for name in SCRIPTS)
+
+
+@cache
+def content_policy() -> str:
+    """The content security policy of a page: its own styles, the one script, no network."""
+    digest = base64.b64encode(hashlib.sha256(script().encode()).digest()).decode()
+    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'"
+
+
+def zoom_attributes(figure: "Figure") -> str:
+    """Attributes of a drawn figure's <svg> that say where its axes lie and what they show; after it was drawn.
+
+    Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over frequency are linked.
+    """
+    width, height = PER_INCH * figure.get_size_inches()
+    unit = next((found for axes in figure.axes if (found := unit_of(axes.xaxis))), "")  # below the lowest axes alone
+    found = []
+    for axes in figure.axes:
+        place = axes.get_position()
+        box = [place.x0 * width, (1 - place.y1) * height, place.width * width, place.height * height]
+        found.append(
+            {
+                "box": [round(one, 3) for one in box],
+                "x": _side(axes.xaxis, unit),
+                "y": _side(axes.yaxis, unit_of(axes.yaxis)),
+            }
+        )
+    linked = "yes" if any(axes.get_xlabel().startswith("frequency") for axes in figure.axes) else "no"
+    return f'data-link="{linked}" data-axes="{escape(json.dumps(found, separators=(",", ":")))}"'
+
+
+def _side(axis: "Axis", unit: str) -> dict[str, Any]:
+    scale = axis.get_scale()
+    ends = [float(f"{one:.9g}") for one in axis.get_view_interval()]
+    return {"scale": scale if scale in ("log", "linear") else "fixed", "ends": ends, "unit": unit}

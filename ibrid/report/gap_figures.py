@@ -14,8 +14,7 @@ from matplotlib.text import Text
 
 from ibrid.gap.result import Gap
 from ibrid.measurement.sweep import ENTRIES
-from ibrid.report.gap_bode import draw_entry
-from ibrid.report.gap_curves import PointView, point_views
+from ibrid.report.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.gap_ports import draw_missing, draw_ports
 from ibrid.report.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
 

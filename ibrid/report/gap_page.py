@@ -7,12 +7,18 @@ from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.gap.workflow import FEWEST
 from ibrid.measurement.sweep import ENTRIES
+from ibrid.report.block_diagram import drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs
-from ibrid.report.diagrams_beside import drawn_diagrams, readable
 from ibrid.report.figure import inline_svg
-from ibrid.report.gap_bode import draw_entry
-from ibrid.report.gap_curves import PointView, comparable, point_views, repaired
-from ibrid.report.gap_errors import errors_by_part, errors_by_point
+from ibrid.report.gap_curves import (
+    PointView,
+    comparable,
+    draw_entry,
+    errors_by_part,
+    errors_by_point,
+    point_views,
+    repaired,
+)
 from ibrid.report.gap_ports import PORTS, draw_gain, draw_missing, draw_ports, room_for_names
 from ibrid.report.gap_words import (
     HELD_OUT,
@@ -27,8 +33,8 @@ from ibrid.report.gap_words import (
 from ibrid.report.parameter_rows import parameter_groups
 from ibrid.report.template import output, page, tag
 from ibrid.report.verdict import stability
+from ibrid.structure.compare import difference
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.difference import difference
 
 #: Operating points that get figures.
 POINTS = 6

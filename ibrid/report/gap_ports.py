@@ -12,8 +12,7 @@ from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.report.numbers import number
-from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, series
-from ibrid.report.ticks import plain_decades
+from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, plain_decades, series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,7 @@ from ibrid.gap.files import DIFF, FILES
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.measurement.quantities import span
-from ibrid.report.gap_curves import repaired
-from ibrid.report.gap_errors import closed
+from ibrid.report.gap_curves import closed, repaired
 from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
 from ibrid.report.numbers import error, number, percent
 from ibrid.report.text import table

@@ -20,7 +20,7 @@ LONGEST = 22
 
 
 @dataclass(frozen=True)
-class Shape:
+class NodeShape:
     """Size of a node and the height of each pin below its top."""
 
     width: float
@@ -35,7 +35,7 @@ class Placement:
     """Column and top (drawing units, downwards) of every node, with its shape."""
 
     graph: BlockGraph
-    shapes: Mapping[str, Shape]
+    shapes: Mapping[str, NodeShape]
     column: Mapping[str, int]
     top: Mapping[str, float]
 
@@ -54,23 +54,23 @@ def shorten(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
-def shape(node: Node) -> Shape:
+def shape(node: Node) -> NodeShape:
     """Size and pins; pins carry labels where a side has several."""
     if node.shape == "sum":
         spacing = 9.0
         radius = max(12.0, spacing * len(node.inputs) / 2 + 3)
         inputs = {port: radius + (i - (len(node.inputs) - 1) / 2) * spacing for i, port in enumerate(node.inputs)}
-        return Shape(2 * radius, 2 * radius, inputs, {"out": radius})
+        return NodeShape(2 * radius, 2 * radius, inputs, {"out": radius})
     if node.shape == "terminal":
-        return Shape(54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0))
+        return NodeShape(54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0))
     labelled = len(node.inputs) > 1 or len(node.outputs) > 1
     width = max(BOLD * len(shorten(node.name)), PLAIN * len(shorten(node.kind)), 40.0) + 16
     if not labelled:
-        return Shape(width, 42.0, dict.fromkeys(node.inputs, 21.0), dict.fromkeys(node.outputs, 21.0))
+        return NodeShape(width, 42.0, dict.fromkeys(node.inputs, 21.0), dict.fromkeys(node.outputs, 21.0))
     rows = max(len(node.inputs), len(node.outputs))
     ports = sum(SMALL * max((len(shorten(port)) for port in side), default=0) for side in (node.inputs, node.outputs))
     height = HEADER + rows * PORT_PITCH + 4
-    return Shape(max(width, ports + 30), height, _down(node.inputs), _down(node.outputs), labelled=True)
+    return NodeShape(max(width, ports + 30), height, _down(node.inputs), _down(node.outputs), labelled=True)
 
 
 def _down(ports: Sequence[str]) -> dict[str, float]:
@@ -119,7 +119,7 @@ def _columns(graph: BlockGraph, forward: Sequence[tuple[Pin, Pin]]) -> dict[str,
 
 def _heights(
     order: Sequence[str],
-    shapes: Mapping[str, Shape],
+    shapes: Mapping[str, NodeShape],
     column: Mapping[str, int],
     forward: Sequence[tuple[Pin, Pin]],
 ) -> dict[str, float]:
@@ -141,7 +141,7 @@ def _heights(
 class _Wishes:
     """Tops at which a node's lines would be straight."""
 
-    def __init__(self, shapes: Mapping[str, Shape], forward: Sequence[tuple[Pin, Pin]]) -> None:
+    def __init__(self, shapes: Mapping[str, NodeShape], forward: Sequence[tuple[Pin, Pin]]) -> None:
         self.after: dict[str, list[tuple[str, float]]] = {name: [] for name in shapes}
         self.before: dict[str, list[tuple[str, float]]] = {name: [] for name in shapes}
         for source, target in forward:
@@ -160,7 +160,7 @@ class _Wishes:
 
 
 def _separate(
-    layer: Sequence[str], wanted: Mapping[str, float], shapes: Mapping[str, Shape], top: dict[str, float]
+    layer: Sequence[str], wanted: Mapping[str, float], shapes: Mapping[str, NodeShape], top: dict[str, float]
 ) -> None:
     """Least-squares heights in the given order, at least GAP apart (pool adjacent violators)."""
     floor, blocks = 0.0, []
@@ -179,7 +179,7 @@ def _separate(
 
 
 def _straighten(
-    layer: Sequence[str], direction: int, wishes: _Wishes, shapes: Mapping[str, Shape], top: dict[str, float]
+    layer: Sequence[str], direction: int, wishes: _Wishes, shapes: Mapping[str, NodeShape], top: dict[str, float]
 ) -> None:
     """Move each node, as far as its neighbours in the column allow, to where its first line downstream is straight."""
     for index, name in list(enumerate(layer))[::direction]:

@@ -15,8 +15,8 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.report.block_diagram import drawn_diagrams, readable
 from ibrid.report.bode import Curves, bode_svgs
-from ibrid.report.diagrams_beside import drawn_diagrams, readable
 from ibrid.report.figure import inline_svg
 from ibrid.report.page import record_facts
 from ibrid.report.parameter_rows import parameter_groups

@@ -14,7 +14,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.bode import Curves, curves, draw_bode
 from ibrid.report.gap_figures import on_white
-from ibrid.report.measured_data import measured_data
+from ibrid.report.page import measured_data
 from ibrid.report.stability_figures import draw_locus
 
 

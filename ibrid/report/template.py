@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from ibrid.measurement.quantities import hertz, span
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report import numbers
+from ibrid.report.figure import content_policy, script
 from ibrid.report.style import SHAPES, heat, notebook_style_sheet, series_line, style_sheet
-from ibrid.report.zoom import content_policy, script
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -1,20 +1,21 @@
 """The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV, A.1)."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 from ibrid.errors import DiagramError, near
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary, usual_kind
+from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, choose_vocabulary, usual_kind
 from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, algebraic_loops, largest_loop
-from ibrid.structure.connection_rules import check_connections
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.connection_rules import check_connections, check_modules
 from ibrid.structure.devices import check_plants, devices
 from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
 from ibrid.structure.habits import check_habits
-from ibrid.structure.module_rules import check_modules
 from ibrid.structure.parameters import EQUILIBRIA, parameter_table
 from ibrid.structure.steady_state import lost_at, steady_order, unknown_equilibria
-from ibrid.structure.violation import Findings, Violation, some
+from ibrid.structure.violation import Violation, Violations, some
 from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
 
 __all__ = ["HIGHEST_ORDER", "Violation", "require_legal", "violations", "warnings"]
@@ -36,7 +37,7 @@ def violations(
     kinds_allowed = choose_vocabulary(vocabulary)
     if equilibrium not in EQUILIBRIA:
         raise DiagramError(f"no equilibrium mode is called {equilibrium!r}; {near(equilibrium, EQUILIBRIA)}")
-    findings = Findings()
+    findings = Violations()
     _check_size(diagram, findings)
     if findings:
         return findings.sorted
@@ -67,7 +68,7 @@ def examine(
 ) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
     """Violations and warnings at the cost of one check."""
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
-    findings = Findings()
+    findings = Violations()
     if not found:
         check_habits(diagram, choose_vocabulary(vocabulary), equilibrium, findings)
     return found, findings.sorted
@@ -82,7 +83,7 @@ def require_legal(
         raise DiagramError("; ".join(str(one) for one in found))
 
 
-def _check_size(diagram: Diagram, findings: Findings) -> None:
+def _check_size(diagram: Diagram, findings: Violations) -> None:
     for what, number, most in (
         ("modules", len(diagram.instances), MOST_MODULES),
         ("connections", len(diagram.connections), MOST_CONNECTIONS),
@@ -92,7 +93,7 @@ def _check_size(diagram: Diagram, findings: Findings) -> None:
 
 
 def _check_whole(
-    diagram: Diagram, kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Findings
+    diagram: Diagram, kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Violations
 ) -> None:
     check_plants(diagram, kinds, vocabulary, findings)
     if all(connection.target != TERMINAL_CURRENT for connection in diagram.connections):
@@ -120,7 +121,7 @@ def _terminal_remedy(kinds: dict[str, ModuleKind | None], vocabulary: Sequence[M
     return "connect the plant's grid current to it"
 
 
-def _check_effort(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+def _check_effort(wiring: Wiring, equilibrium: str, findings: Violations) -> None:
     if (free := len(parameter_table(wiring, equilibrium).free)) > MOST_FREE:
         message = f"there are {free} free parameters, more than {MOST_FREE}; give some a number or a common name"
         findings.add(None, "size", message)
@@ -133,7 +134,7 @@ def _check_effort(wiring: Wiring, equilibrium: str, findings: Findings) -> None:
         findings.add(None, "algebraic_loop", message)
 
 
-def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Findings) -> None:
+def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: Violations) -> None:
     cycles = dict.fromkeys(
         loop.singular for loop in algebraic_loops(wiring, equilibrium=equilibrium) if loop.singular
     )  # d and q are alike
@@ -152,7 +153,7 @@ def _check_loops(diagram: Diagram, wiring: Wiring, equilibrium: str, findings: F
         findings.add(max(lines, default=None), "algebraic_loop", message)
 
 
-def _check_equilibria(wiring: Wiring, findings: Findings) -> None:
+def _check_equilibria(wiring: Wiring, findings: Violations) -> None:
     lines = {instance.name: instance.line for instance in wiring.instances}
     steady = steady_order(wiring)
     for name, port in unknown_equilibria(wiring, steady):
@@ -168,3 +169,50 @@ def _check_equilibria(wiring: Wiring, findings: Findings) -> None:
             "wire it to a plant signal, to a sum of them, or to one behind filters and gains"
         )
         findings.add(lines[name], "equilibrium", message)
+
+
+#: Programs that are remembered.
+REMEMBERED = 4096
+
+
+class Examined:
+    """`hash` : of the structure, "" where a kind or port does not exist. `violations`, `warnings` : of the grammar, which
+    is slower and therefore asked only when they are wanted."""
+
+    def __init__(self, diagram: Diagram, kinds: Vocabulary, equilibrium: str) -> None:
+        self._diagram, self._kinds, self._equilibrium = diagram, kinds, equilibrium
+
+    @cached_property
+    def hash(self) -> str:
+        try:
+            return structure_hash(self._diagram, self._kinds, equilibrium=self._equilibrium)
+        except DiagramError:
+            return ""  # the grammar says which
+
+    @property
+    def violations(self) -> tuple[Violation, ...]:
+        return self._found[0]
+
+    @property
+    def warnings(self) -> tuple[Violation, ...]:
+        return self._found[1]
+
+    @cached_property
+    def _found(self) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
+        return examine(self._diagram, self._kinds, equilibrium=self._equilibrium)
+
+
+class Examination:
+    """The grammar of a run with a memory: proposers ask it about many edits, and it is asked again about the chosen one."""
+
+    def __init__(self, kinds: Vocabulary, equilibrium: str) -> None:
+        self._kinds, self._equilibrium = kinds, equilibrium
+        self._known: dict[str, Examined] = {}
+
+    def __call__(self, diagram: Diagram, text: str) -> Examined:
+        """What is to be said of a diagram whose canonical print is `text`."""
+        if text not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[text] = Examined(diagram, self._kinds, self._equilibrium)
+        return self._known[text]

@@ -1,19 +1,21 @@
-"""Rules for connections: both ends exist, point the right way, carry the same kind of signal, and drive every input."""
+"""Rules of the grammar for modules one by one and for their connections."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 from ibrid.modules.behaviour import Element
-from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import usual_kind
+from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
+from ibrid.modules.vocabulary import VOCABULARY, usual_kind
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Connection, Diagram, Instance
-from ibrid.structure.violation import Findings, first_line, shown, some
-from ibrid.structure.wiring import split_port
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
+from ibrid.structure.parameters import kind_parameters
+from ibrid.structure.violation import Violations, first_line, shown, some
+from ibrid.structure.wiring import PLANT, split_port
 
 Kinds = Mapping[str, ModuleKind | None]
 
 
-def check_connections(diagram: Diagram, kinds: Kinds, findings: Findings) -> None:
+def check_connections(diagram: Diagram, kinds: Kinds, findings: Violations) -> None:
     """Report what is wrong with the connections of a diagram, and inputs that nothing drives."""
     made: dict[tuple[str, str], Connection] = {}
     driven = set()
@@ -32,7 +34,7 @@ def check_connections(diagram: Diagram, kinds: Kinds, findings: Findings) -> Non
     _check_driven(diagram, kinds, driven, findings)
 
 
-def _check_connection(connection: Connection, kinds: Kinds, findings: Findings) -> None:
+def _check_connection(connection: Connection, kinds: Kinds, findings: Violations) -> None:
     source = _signal(connection.source, "source", connection.line, kinds, findings)
     target = _signal(connection.target, "target", connection.line, kinds, findings)
     if source is None or target is None or source is target:
@@ -42,7 +44,7 @@ def _check_connection(connection: Connection, kinds: Kinds, findings: Findings) 
     findings.add(connection.line, "signal_kind", message)
 
 
-def _signal(port: str, end: str, line: int | None, kinds: Kinds, findings: Findings) -> Signal | None:
+def _signal(port: str, end: str, line: int | None, kinds: Kinds, findings: Violations) -> Signal | None:
     """Signal kind of one end of a connection; None, and a finding, where that end is wrong."""
     if port in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
         if (port == TERMINAL_VOLTAGE) == (end == "source"):
@@ -106,7 +108,7 @@ def _fitting(connection: Connection, source: Signal, kinds: Kinds) -> str:
     return f"no input of {name or connection.target} accepts a {source}: {adapters[source]}"
 
 
-def _check_driven(diagram: Diagram, kinds: Kinds, driven: set[str], findings: Findings) -> None:
+def _check_driven(diagram: Diagram, kinds: Kinds, driven: set[str], findings: Violations) -> None:
     done: set[str] = set()
     for instance in diagram.instances:
         kind = kinds[instance.name]
@@ -134,3 +136,98 @@ def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal)
     if not found:
         return f"add a module with a {signal} output{zero}"
     return f"connect {'one of ' * (len(found) > 1)}{some(found)} to it{zero}"
+
+
+def check_modules(
+    diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations
+) -> dict[str, ModuleKind | None]:
+    """Report what is wrong with modules and bindings; instance name -> kind, None where the kind is unknown."""
+    known = {kind.name: kind for kind in vocabulary}
+    kinds: dict[str, ModuleKind | None] = {}
+    first: dict[str, Instance] = {}
+    for instance in diagram.instances:
+        kind = known.get(instance.kind)
+        if kind is None:
+            findings.add(instance.line, "unknown_kind", _unknown_kind(instance, known, findings))
+        else:
+            _check_bindings(instance, kind, equilibrium, findings)
+        if instance.name in first:
+            where = first_line(first[instance.name].line)
+            message = f"the name {instance.name} is used twice{where}; give this {instance.kind[:64]} a name of its own"
+            findings.add(instance.line, "duplicate_name", message)
+        else:
+            first[instance.name] = instance
+            kinds[instance.name] = kind
+    _check_shared(diagram, kinds, equilibrium, findings)
+    return kinds
+
+
+def _unknown_kind(instance: Instance, known: dict[str, ModuleKind], findings: Violations) -> str:
+    extended = {kind.name for kind in VOCABULARY if kind.extended}
+    if instance.kind in extended:
+        return (
+            f"{instance.kind} (module {instance.name}) is an extended kind that this vocabulary leaves out; "
+            "use the extended vocabulary or a kind of the paper"
+        )
+    hint = findings.near(instance.kind, known)
+    return f"the vocabulary has no kind {shown(instance.kind)} (module {instance.name}); {hint}"
+
+
+def _check_bindings(instance: Instance, kind: ModuleKind, equilibrium: str, findings: Violations) -> None:
+    boxes = kind_parameters(kind, equilibrium)
+    where = f"{instance.name} ({kind.name})"
+    for name, value in instance.bindings.items():
+        if name in boxes:
+            if fault := _binding_fault(f"{instance.name}.{name}", value, boxes[name], kind.family == PLANT):
+                findings.add(instance.line, "box", fault)
+        elif name not in kind.paper_parameters:  # those are accepted and ignored under "exact"
+            if not boxes:
+                remedy = "this kind has no parameters, so remove the binding"
+            else:
+                remedy = findings.near(name, boxes)
+            findings.add(instance.line, "binding", f"{where} has no parameter {shown(name)}; {remedy}")
+
+
+def _binding_fault(where: str, value: Binding, box: Range, plant: bool) -> str | None:
+    limits = f"[{box.low:g}, {box.high:g}] {box.unit}"
+    if isinstance(value, tuple):
+        low, high = value
+        if box.low <= low < high <= box.high:
+            return None
+        return f"the box ({low:g}, {high:g}) of {where} must lie within {limits}; narrow it"
+    if isinstance(value, str):
+        return None
+    if not math.isfinite(value):
+        return f"{where} is fixed to {value}; write a finite number"
+    if plant and not box.low <= value <= box.high:
+        return (
+            f"{where} is fixed to {value:g}, but a plant parameter lies within {limits}; move it there or let it free"
+        )
+    if box.divides and value <= 0:
+        return f"{where} is fixed to {value:g}, but its law needs a number above zero; it usually lies within {limits}"
+    return None
+
+
+def _check_shared(
+    diagram: Diagram, kinds: dict[str, ModuleKind | None], equilibrium: str, findings: Violations
+) -> None:
+    members: dict[str, list[tuple[Instance, str, float, float]]] = {}
+    for instance in diagram.instances:
+        kind = kinds.get(instance.name)
+        if kind is None:
+            continue
+        for parameter, box in kind_parameters(kind, equilibrium).items():
+            value = instance.bindings.get(parameter)
+            own = parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
+            low, high = value if isinstance(value, tuple) else (box.low, box.high)
+            if value is None or isinstance(value, str | tuple):
+                name = value if isinstance(value, str) else own
+                members.setdefault(name, []).append((instance, parameter, low, high))
+    for name, sharing in members.items():
+        low = max(sharing, key=lambda member: member[2])
+        high = min(sharing, key=lambda member: member[3])
+        if len(sharing) > 1 and not low[2] < high[3]:
+            where = some(f"{one[0].name}.{one[1]} ({one[2]:g} to {one[3]:g})" for one in (low, high))
+            line = max((one[0].line for one in sharing if one[0].line is not None), default=None)
+            message = f"{where} share the name {name}, but their boxes do not overlap; give them names of their own"
+            findings.add(line, "shared_box", message)

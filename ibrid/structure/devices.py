@@ -7,7 +7,7 @@ import networkx as nx
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
-from ibrid.structure.violation import Findings
+from ibrid.structure.violation import Violations
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 
@@ -43,7 +43,7 @@ def _part_of(wiring: Wiring, names: set[str]) -> Wiring:
 
 
 def check_plants(
-    diagram: Diagram, kinds: Mapping[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Findings
+    diagram: Diagram, kinds: Mapping[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Violations
 ) -> None:
     """Report a diagram without a plant, with plants that are not devices of their own, and shares that do not add up."""
     plants = [one for one in diagram.instances if (kind := kinds[one.name]) is not None and kind.family == PLANT]
@@ -73,7 +73,7 @@ def _check_shares(
     shares: Sequence[Instance],
     dividing: str,
     part: Mapping[str, int],
-    findings: Findings,
+    findings: Violations,
 ) -> None:
     if len(plants) == 1 and shares:
         message = (
@@ -91,7 +91,7 @@ def _check_shares(
         findings.add(plants[-1].line, "several_plants", message)
 
 
-def _check_shares_in_place(diagram: Diagram, shares: Sequence[Instance], findings: Findings) -> None:
+def _check_shares_in_place(diagram: Diagram, shares: Sequence[Instance], findings: Violations) -> None:
     for one in shares:
         entering = [each.source for each in diagram.connections if each.target == f"{one.name}.v_DQ"]
         if entering and entering != [TERMINAL_VOLTAGE]:

@@ -9,14 +9,14 @@ from ibrid.modules.kind import PAPER_RANGES, ModuleKind
 from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.parameters import kind_parameters
-from ibrid.structure.violation import Findings
+from ibrid.structure.violation import Violations
 from ibrid.structure.wiring import Wiring, split_port, wire
 
 #: A coupling of more seconds than this is more than 7 per unit at 60 Hz, so it was meant per unit.
 LARGEST_COUPLING = 0.02
 
 
-def check_habits(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Findings) -> None:
+def check_habits(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations) -> None:
     """Report the doubtful parts of a legal diagram."""
     wiring = wire(diagram, vocabulary)
     _rotations(wiring, vocabulary, findings)
@@ -29,7 +29,7 @@ def check_habits(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium
     _shared_with_fixed(wiring, findings)
 
 
-def _rotations(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
+def _rotations(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Violations) -> None:
     for present, absent in (ROTATIONS, ROTATIONS[::-1]):
         names = wiring.having(present)
         if names and not wiring.having(absent):
@@ -41,7 +41,7 @@ def _rotations(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findi
             findings.add(_line(wiring, names[0]), "one_rotation", message)
 
 
-def _idle(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
+def _idle(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Violations) -> None:
     graph = nx.DiGraph()
     graph.add_nodes_from([*wiring.kinds, TERMINAL_VOLTAGE, TERMINAL_CURRENT])
     for target, sources in wiring.sources.items():
@@ -63,7 +63,7 @@ def _idle(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) 
         findings.add(None, "voltage_unused", message)
 
 
-def _coupling_unit(instance: Instance, wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Findings) -> None:
+def _coupling_unit(instance: Instance, wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Violations) -> None:
     if wiring.kinds[instance.name].element is not Element.COUPLING:
         return
     for name, value in instance.bindings.items():
@@ -77,7 +77,7 @@ def _coupling_unit(instance: Instance, wiring: Wiring, vocabulary: Sequence[Modu
         findings.add(instance.line, "coupling_unit", message)
 
 
-def _ignored(instance: Instance, findings: Findings) -> None:
+def _ignored(instance: Instance, findings: Violations) -> None:
     for name in instance.bindings:
         if name in PAPER_RANGES:
             message = (
@@ -92,7 +92,7 @@ def _per_unit(vocabulary: Sequence[ModuleKind]) -> str:
     return usual_kind(Element.COUPLING_AT_FREQUENCY, kinds=vocabulary).name
 
 
-def _shared_units(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Findings) -> None:
+def _shared_units(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations) -> None:
     """A name shared by numbers of different units, such as the L [s] of a coupling and the plant's L_F [pu]."""
     groups: dict[str, list[tuple[Instance, str, str]]] = {}
     for instance in wiring.instances:
@@ -111,7 +111,7 @@ def _shared_units(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium:
 
 
 def _report_units(
-    name: str, member: tuple[Instance, str, str], owner: tuple[Instance, str, str], per_unit: str, findings: Findings
+    name: str, member: tuple[Instance, str, str], owner: tuple[Instance, str, str], per_unit: str, findings: Violations
 ) -> None:
     """per_unit : the kind to take where one of the two is a coupling in seconds, else empty."""
     (instance, parameter, unit), (other, of_other, expected) = member, owner
@@ -124,7 +124,7 @@ def _report_units(
         findings.add(instance.line, "shared_unit", message)
 
 
-def _shared_with_fixed(wiring: Wiring, findings: Findings) -> None:
+def _shared_with_fixed(wiring: Wiring, findings: Violations) -> None:
     elsewhere = {
         f"{instance.name}.{parameter}": value
         for instance in wiring.instances

@@ -21,7 +21,7 @@ class Violation:
         return self.message if self.line is None else f"line {self.line}: {self.message}"
 
 
-class Findings:
+class Violations:
     """Collects violations while a diagram is read."""
 
     def __init__(self) -> None:

@@ -4,12 +4,15 @@ from collections.abc import Collection
 from math import inf
 
 from ibrid.evaluation.record import Record
+from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.view import View, views_of
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.wiring import split_port
 from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, oddities
 from ibrid_search.parsed import parsed
 from ibrid_search.ranking import Entry
-from ibrid_search.sorts import sort_of_control
 from ibrid_search.step import Step
 from ibrid_search.store import Store
 
@@ -85,3 +88,18 @@ class Appraisal:
             value=self.criterion.merit(error, 0, odd),
             sort=sort_of_control(parsed(step.program), self._kinds) + ", absurd plant" * bool(odd.absurd),
         )
+
+
+def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:
+    """By what the frequency follows (phase, power, oscillator, several or nothing), and whether the voltage is controlled; of
+    two devices both. Empty where the roles of none can be told."""
+    return " beside ".join(sorted(_sort(view) for view in views_of(diagram, kinds)))
+
+
+def _sort(view: View) -> str:
+    draft, roles = view.draft, view.roles
+    makers = draft.upstream(f"{roles.plant}.delta_omega", without=roles.plant)
+    phase = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
+    power, oscillator = makers & set(roles.power), makers & set(draft.having(Element.OSCILLATOR))
+    follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
+    return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

@@ -42,7 +42,7 @@ class EditError(IbridError):
 
 
 @dataclass(frozen=True)
-class Block:
+class EditBlock:
     """Lines to find and lines to put there; `number` counts from 1."""
 
     number: int
@@ -50,7 +50,7 @@ class Block:
     replace: tuple[str, ...]
 
 
-def read_blocks(edit: str) -> list[Block]:
+def read_blocks(edit: str) -> list[EditBlock]:
     """The blocks of an answer in their order; text around them and code fences do not count.
 
     A marker has 5 to 9 characters and may be indented. Raises EditError, NO_EDIT, unless there is a block and each is
@@ -61,7 +61,7 @@ def read_blocks(edit: str) -> list[Block]:
             Status.NO_EDIT,
             f"an edit has at most {LONGEST_EDIT} characters, found {len(edit)}; write only the lines that change",
         )
-    found: list[Block] = []
+    found: list[EditBlock] = []
     parts: list[list[str]] = []  # of the open block: SEARCH, then REPLACE
     begun = 0
     for number, line in enumerate(split_lines(edit), 1):
@@ -71,7 +71,7 @@ def read_blocks(edit: str) -> list[Block]:
         elif marker is _MIDDLE and len(parts) == 1:
             parts.append([])
         elif marker is _CLOSE and len(parts) == 2:
-            found.append(Block(len(found) + 1, tuple(parts[0]), tuple(parts[1])))
+            found.append(EditBlock(len(found) + 1, tuple(parts[0]), tuple(parts[1])))
             parts = []
         elif marker is not None and parts:
             raise EditError(Status.NO_EDIT, _unfinished(begun, len(parts), f"line {number} is `{shown(line)}`"))

@@ -14,12 +14,11 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.blocks import write_block
-from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.priors import PRIORS, SCALE_TEXTS
+from ibrid_search.language import kinds_text, rules_text, words
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import FENCE, fenced, quoted
-from ibrid_search.record_text import record_text, score_text
+from ibrid_search.record_view import record_text, score_text
 from ibrid_search.step import Step
 
 #: Edits that a question names.
@@ -54,52 +53,22 @@ def prompt(
 
 def system_text(study: Study, *, short: bool = False) -> str:
     """What does not change in a run: role and objective, language and grammar, priors, form of an answer."""
-    return "\n\n".join(
-        (
-            _objective(study),
-            f"# Programs\n{api_text()}",
-            f"# Modules\n{kinds_text(study.kinds, study.equilibrium, short=short)}",
-            f"# When a diagram is legal\n{rules_text(study.kinds, study.equilibrium)}",
-            f"# What engineers know\n{PRIORS}",
-            f"# Form of your answer\n{answer_form(study.kinds)}",
-        )
-    )
-
-
-def answer_form(kinds: Vocabulary) -> str:
-    """How an edit is written, with an example that is about no inverter."""
-    wire = '    g.connect("a.out", "b.in_")'
-    kind = _one_in_one_out(kinds)
-    inserted = f'    g.add("{kind}", "new")\n    g.connect("a.out", "new.in_")\n    g.connect("new.out", "b.in_")'
-    return (
-        "First one line `CHANGE: ` that says what changes and why. Then one or more SEARCH/REPLACE blocks. SEARCH holds whole "
-        "lines copied from the program, enough of them to be found only once; REPLACE holds what stands there afterwards, "
-        "which may be nothing. An empty SEARCH appends at the end. Blocks apply in order, all or none. For example, in a "
-        "program that has the line in SEARCH:\n\n" + write_block([wire], inserted.split("\n")) + "\n"
-        "Do not write the whole program again, and do not repeat a structure that is already known: it counts for nothing."
-    )
-
-
-def _objective(study: Study) -> str:
     points = "; ".join(
         f"{quoted(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
         f"frequencies from {one.frequency[0]:.4g} to {one.frequency[-1]:.4g} Hz"
         for one in study.sweep.points
     )
     shared = "one value at all operating points" if study.parameters == "shared" else "values of its own at every point"
-    return f"""\
-# Task
-You identify the hidden controller of a power inverter as a block diagram of textbook modules. All that is known is its
-measured 2x2 admittance Y(j omega) at the terminals, d and q axis, in per unit: i = Y v, current out of the inverter, q
-leading d. You improve a program that builds such a diagram by small edits.
+    modules, rules = kinds_text(study.kinds, study.equilibrium, short=short), rules_text(study.kinds, study.equilibrium)
+    example = _example(study.kinds)
+    return words("system.md", points=points, shared=shared, modules=modules, rules=rules, example=example)
 
-# Objective
-An evaluator fits the free parameters of your diagram to the measurement ({shared})
-and gives the NRMSE: the norm of the error of Y over the norm of Y at each operating point, averaged over the points.
-Lower is better; the reward is -ln(NRMSE). The record also resolves the error by frequency band, entry (dd, dq,
-qd, qq) and operating point. The measured device is stable, so a diagram whose fit is unstable cannot be the answer. What
-counts in the end is a diagram of recognisable modules, as few as explain the data.
-Measured: {points}."""
+
+def _example(kinds: Vocabulary) -> str:
+    """An edit that is about no inverter: a block put into a wire."""
+    kind = _one_in_one_out(kinds)
+    inserted = f'    g.add("{kind}", "new")\n    g.connect("a.out", "new.in_")\n    g.connect("new.out", "b.in_")'
+    return write_block(['    g.connect("a.out", "b.in_")'], inserted.split("\n"))
 
 
 def diagnosis_text(context: Context) -> str:
@@ -124,7 +93,7 @@ def _question(context: Context, short: bool, diagnosis: str) -> Iterator[str]:
         yield diagnosis
     if context.remark:
         yield f"# What else is known\n{fenced(context.remark)}"
-    yield f"# What to do\nWrite {SCALE_TEXTS[context.scale]}"
+    yield f"# What to do\nWrite {words('scales.md', scale=context.scale)}"
     if context.complaint is not None:
         yield (
             "# Your first answer could not be used\n"

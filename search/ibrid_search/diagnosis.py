@@ -20,8 +20,8 @@ from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
+from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import PointSweep
-from ibrid.measurement.thinning import coarse
 from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
 from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary

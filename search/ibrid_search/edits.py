@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from difflib import SequenceMatcher
 
-from ibrid_search.blocks import Block, EditError, read_blocks, shown, split_lines, strip_thinking, write_block
+from ibrid_search.blocks import EditBlock, EditError, read_blocks, shown, split_lines, strip_thinking, write_block
 from ibrid_search.step import Status
 
 __all__ = ["EditError", "apply_edit", "edit_between", "strip_thinking"]
@@ -47,7 +47,7 @@ def edit_between(before: str, after: str) -> str:
     )
 
 
-def _apply(block: Block, lines: list[str]) -> list[str]:
+def _apply(block: EditBlock, lines: list[str]) -> list[str]:
     search = _without_blank_ends(block.search)
     if not search:
         last = next((line for line in reversed(lines) if line.strip()), "")
@@ -95,7 +95,7 @@ def _places(search: Sequence[str], lines: Sequence[str], normal: Callable[[str],
     return found
 
 
-def _only(places: list[tuple[int, int]], block: Block) -> tuple[int, int]:
+def _only(places: list[tuple[int, int]], block: EditBlock) -> tuple[int, int]:
     if len(places) > 1:
         where = ", ".join(str(begin + 1) for begin, _ in places[:5]) + (" and more" if len(places) > 5 else "")
         raise EditError(
@@ -106,7 +106,7 @@ def _only(places: list[tuple[int, int]], block: Block) -> tuple[int, int]:
     return places[0]
 
 
-def _no_match(block: Block, search: Sequence[str], lines: Sequence[str]) -> str:
+def _no_match(block: EditBlock, search: Sequence[str], lines: Sequence[str]) -> str:
     """Which line of the block is not there, and which line of the program comes nearest."""
     present = {_comments_aside(line) for line in lines} | {_spacing_aside(line) for line in lines}
     missing = [line for line in search if not {_comments_aside(line), _spacing_aside(line)} & present]

@@ -7,14 +7,14 @@ from ibrid.errors import ProgramError
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.edits import EditError, apply_edit
-from ibrid_search.gates import implausible
+from ibrid_search.oddities import implausible
 from ibrid_search.parsed import parsed
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.step import Status
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Judgement:
     """`status` : PENDING for a candidate to be fitted. `reason` : a sentence for the proposer. `same_as` : the step with
     this structure. `program` : what the edit made of the parent, in the canonical print when it is a program."""
 
@@ -27,21 +27,21 @@ class Verdict:
 
 def judge(
     proposal: Proposal, parent: str, parent_hash: str, study: Study, known: Callable[[str], int | None]
-) -> Verdict:
+) -> Judgement:
     """Apply the edit, parse, hash, ask the grammar, compare with what is known, ask the gates, in this order.
 
     parent, parent_hash : program and structure of the parent. known : structure hash -> step that has it, or None.
     """
     if proposal.failure:
-        return Verdict(Status.NO_ANSWER, proposal.failure)
+        return Judgement(Status.NO_ANSWER, proposal.failure)
     try:
         text = apply_edit(proposal.edit, parent)
     except EditError as error:
-        return Verdict(error.status, error.reason)
+        return Judgement(error.status, error.reason)
     return judge_program(text, study, known, parent_hash)
 
 
-def verdict_of(proposal: Proposal, context: Context) -> Verdict:
+def verdict_of(proposal: Proposal, context: Context) -> Judgement:
     """What a proposal would end as if it were handed in now."""
     study, parent = context.study, context.parent.diagram
     own = study.hash_of(parent)
@@ -50,7 +50,7 @@ def verdict_of(proposal: Proposal, context: Context) -> Verdict:
 
 def judge_program(
     text: str, study: Study, known: Callable[[str], int | None] = lambda _: None, parent_hash: str = ""
-) -> Verdict:
+) -> Judgement:
     """The same questions about a whole program: parse, hash, grammar, compare with what is known, gates.
 
     The grammar comes first, at a millisecond, since the hash of an illegal diagram does not see all of it (a binding
@@ -59,16 +59,16 @@ def judge_program(
     try:
         diagram = parsed(text)
     except ProgramError as error:
-        return Verdict(Status.UNREADABLE, str(error), text)
+        return Judgement(Status.UNREADABLE, str(error), text)
     text = program_text(diagram)
     found = study.examined(diagram, text)
     digest = found.hash
     if found.violations:
-        return Verdict(Status.ILLEGAL, "; ".join(map(str, found.violations)), text, digest)
+        return Judgement(Status.ILLEGAL, "; ".join(map(str, found.violations)), text, digest)
     if digest and digest == parent_hash:
-        return Verdict(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
+        return Judgement(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
     if digest and (same := known(digest)) is not None:
-        return Verdict(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
+        return Judgement(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
     if reason := implausible(found.warnings):
-        return Verdict(Status.IMPLAUSIBLE, reason, text, digest)
-    return Verdict(Status.PENDING, "", text, digest)
+        return Judgement(Status.IMPLAUSIBLE, reason, text, digest)
+    return Judgement(Status.PENDING, "", text, digest)

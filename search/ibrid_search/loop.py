@@ -19,7 +19,7 @@ from ibrid_search.archive import Archive, Entry
 from ibrid_search.diagnosis import published_structures
 from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
-from ibrid_search.judging import Verdict, judge, judge_program
+from ibrid_search.judging import Judgement, judge, judge_program
 from ibrid_search.merit import criterion
 from ibrid_search.panel import Panel
 from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
@@ -237,7 +237,7 @@ class Loop:
 
     def _asked(
         self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
-    ) -> tuple[Proposal, Verdict]:
+    ) -> tuple[Proposal, Judgement]:
         """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before.
 
         The usage is that of all attempts.

@@ -10,8 +10,9 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event, Thread
@@ -21,14 +22,16 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.csv_file import sweep_csv
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook
 from ibrid.structure.program import program_text
 from ibrid.study import Study
-from ibrid_search.logbook import USUAL
-from ibrid_search.priors import PRIORS
-from ibrid_search.sitting import open_logbook
+from ibrid_search.language import words
+from ibrid_search.logbook import USUAL, Logbook
+from ibrid_search.run_folder import digest, open_run
+from ibrid_search.step import Status
 from ibrid_search.tool import Tool, call_by_name, failed
 from ibrid_search.workbench import Workbench
 
@@ -38,24 +41,6 @@ if TYPE_CHECKING:
 _MISSING = (
     "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip install 'ibrid[mcp]'"
 )
-
-#: What the server tells an agent about itself.
-INSTRUCTIONS = """\
-These tools identify the hidden controller of an inverter from its measured 2x2 dq admittance at the terminals. You write
-block diagrams as programs; evaluate_program fits their parameters and answers with the error: NRMSE, lower is better, and
-where it lies by operating point, frequency band and entry. Step 0 is the start.
-Begin with show_data and list_diagrams, which ranks the published controls that ship by a first look: read_diagram and evaluate
-the likely ones. Then work in a loop: diagnose the best step (every edit that control practice knows, ranked by what it
-explains, with a ready program), evaluate its first program with parent = that step, look at the worst parts of what is left
-(show_record), and write down what the result says about your guess. try_programs looks at several ideas of your own at once, at
-no cost. A smaller diagram that fits as well is better; an unstable one is no answer, because the device was measured in steady
-state.
-describe_vocabulary tells how programs are written and which modules there are.
-
-{priors}
-
-Data: {points}; {frequencies} frequencies from {low:g} to {high:g} Hz. Parameters {parameters}, equilibrium {equilibrium}.
-"""
 
 _Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
 
@@ -153,12 +138,12 @@ def _in_words(error: Exception) -> str:
 
 def _instructions(study: Study) -> str:
     points = study.sweep.points
-    return INSTRUCTIONS.format(
-        priors=PRIORS,
+    return words(
+        "server.md",
         points=f"operating point{'' if len(points) == 1 else 's'} {', '.join(study.sweep.names)}",
         frequencies=len(points[0].frequency),
-        low=min(float(one.frequency[0]) for one in points),
-        high=max(float(one.frequency[-1]) for one in points),
+        low=f"{min(float(one.frequency[0]) for one in points):g}",
+        high=f"{max(float(one.frequency[-1]) for one in points):g}",
         parameters=study.parameters,
         equilibrium=study.equilibrium,
     )
@@ -167,3 +152,32 @@ def _instructions(study: Study) -> str:
 def _require_sdk() -> None:
     if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
         raise IbridError(_MISSING)
+
+
+_STOPPED = "the server was stopped before the evaluation ended; submit the program again"
+
+
+@contextmanager
+def open_logbook(study: Study, fit: FitSettings, folder: Path | None, start: str) -> Iterator[Logbook]:
+    """A logbook; with a folder, its store is made or, for the same data, start and options, gone on with.
+
+    Raises IbridError when the folder holds another run or cannot be used.
+    """
+    if folder is None:
+        yield Logbook(study, fit=fit)
+        return
+    texts = {"data": sweep_csv(study.sweep), "start": start, "truth": ""}
+    options = {
+        "proposer": "tools",
+        "parameters": study.parameters,
+        "equilibrium": study.equilibrium,
+        "kinds": [kind.name for kind in study.kinds],
+        "seed": study.seed,
+        "holdout_op": list(study.held),
+        "data_sha256": digest(texts["data"]),
+        "start_sha256": digest(start),
+    }
+    with open_run(folder, options, texts, resume=True) as store:
+        for step in store.pending():
+            store.conclude(step.number, status=Status.LOST, reason=_STOPPED)
+        yield Logbook(study, fit=fit, store=store, folder=folder, steps=tuple(store.steps()))

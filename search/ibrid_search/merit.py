@@ -5,9 +5,9 @@ from math import inf, log, sqrt
 
 import numpy as np
 
+from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.reward import reward
-from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import Sweep, measured_numbers
 from ibrid.study import Study
 from ibrid_search.oddities import SOUND, Oddities

@@ -1,4 +1,4 @@
-"""What an engineer would doubt in a fitted candidate, however well it fits."""
+"""What an engineer would doubt: what cannot be an inverter before anything is fitted, and what is odd in a fit however good."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.violation import Violation
 from ibrid.structure.wiring import PLANT
 
 #: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
@@ -55,3 +56,16 @@ def _absurd(diagram: Diagram, record: Record, kinds: Vocabulary, op: str) -> int
             low = 0.0 if name.startswith("R_") else box.typical / ABSURD
             count += not low <= value <= box.typical * ABSURD
     return count
+
+
+#: Warnings of the checker that a search takes as refusals, each a slip that a fit would only hide.
+GATES = ("one_rotation", "voltage_unused", "idle_module", "coupling_unit")
+
+
+def implausible(warnings: tuple[Violation, ...]) -> str:
+    """Why a legal diagram is refused, in sentences; "" when it may be fitted.
+
+    Half a frame (one rotation without the other), a terminal voltage that changes nothing, a module without a way to the
+    terminal current, and a decoupling whose per-unit inductance stands for seconds (off by omega_0).
+    """
+    return "; ".join(str(one) for one in warnings if one.reason in GATES)

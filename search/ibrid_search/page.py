@@ -1,7 +1,9 @@
 """report.html of a search: one self-contained page, during the run and after it, in the look of `ibrid report`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 
 from ibrid.measurement.sweep import Sweep
@@ -9,15 +11,15 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.report.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, verdict
+from ibrid.structure.compare import difference
 from ibrid.writing import inside, write_whole
-from ibrid_search.lineage import lineage
 from ibrid_search.report.course import front_svg, trajectory_svg
 from ibrid_search.report.learning import learning_svg, updates_of
 from ibrid_search.report.models import drawn_models, front_facts, response_facts
 from ibrid_search.report.run_data import RunData, Stored, read_run
 from ibrid_search.report.statistics import statistics_facts
 from ibrid_search.run_folder import ARCHIVE, PAGE
-from ibrid_search.step import EVALUATED
+from ibrid_search.step import EVALUATED, Status, Step
 from ibrid_search.store import Store
 
 #: What the error is drawn against: a number of a step, and its name.
@@ -84,3 +86,41 @@ def _when(text: str) -> str:
         return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M %Z").strip()
     except ValueError:
         return " ".join(text.split())
+
+
+@dataclass(frozen=True)
+class Ancestor:
+    """A step on the way to a candidate.
+
+    `difference` : lines of its program that differ from its parent's, " ", "+" or "-" first. `others` : the parent's
+    other children that were fitted, the lowest error first.
+    """
+
+    step: Step
+    difference: tuple[str, ...] = ()
+    others: tuple[Step, ...] = ()
+
+
+def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
+    """The way from the start to a step, oldest first; it begins later where a parent is not among the steps."""
+    path: list[Step] = []
+    seen: set[int] = set()
+    here = steps.get(number)
+    while here is not None and here.number not in seen:
+        seen.add(here.number)
+        path.append(here)
+        here = None if here.parent is None else steps.get(here.parent)
+    path.reverse()
+    found = [Ancestor(step) for step in path[:1]]
+    for parent, step in pairwise(path):
+        found.append(Ancestor(step, difference(parent.program, step.program), _others(steps, parent, step)))
+    return tuple(found)
+
+
+def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step, ...]:
+    found = [
+        step
+        for step in steps.values()
+        if step.parent == parent.number and step.number != child.number and step.status is Status.OK
+    ]
+    return tuple(sorted(found, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))

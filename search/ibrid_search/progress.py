@@ -6,11 +6,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from textwrap import wrap
 from typing import Self, TextIO
 
 from ibrid.display import make_display
 from ibrid.report.numbers import error
-from ibrid_search.milestone_table import milestone_head, milestone_row, printable
 from ibrid_search.tally import Tally
 from ibrid_search.trajectory import Milestone
 
@@ -154,3 +154,39 @@ def clock_time(seconds: float) -> str:
     whole = round(seconds)
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+#: Characters of the columns; what changed takes the rest of the width, but no less than its own.
+EVALUATION, CHANGED, NRMSE, BAND = 10, 16, 9, 29
+#: Characters of the whole table at most: where a window is wider, the eye would lose the row.
+WIDEST = 130
+#: Lines that a note may take.
+LINES = 4
+
+
+def milestone_head(width: int) -> tuple[str, str]:
+    """The names of the columns and a rule."""
+    names = _line("evaluation", "what changed", "NRMSE", "band (Hz) that got better", width)
+    return names, "-" * max(min(width, WIDEST), len(names))
+
+
+def milestone_row(one: Milestone, width: int) -> tuple[str, ...]:
+    """Evaluation, what changed, the best NRMSE with it, and which band got better; a long note goes on below."""
+    room = _room(width)
+    notes = wrap(printable(one.note), room, max_lines=LINES, placeholder=" ...") or [""]
+    band = f"{one.band}, {error(one.band_before)} -> {error(one.band_after)}" if one.band else ""
+    first = _line(str(one.evaluation), notes[0], error(one.after), band, width)
+    return first, *(" " * (EVALUATION + 2) + line for line in notes[1:])
+
+
+def printable(text: str) -> str:
+    """The text on one line, without what would move the cursor: notes come from outside."""
+    return "".join(one if one.isprintable() else " " for one in text)
+
+
+def _line(evaluation: str, note: str, nrmse: str, band: str, width: int) -> str:
+    return f"{evaluation:>{EVALUATION}}  {note:<{_room(width)}}  {nrmse:<{NRMSE}}  {band}".rstrip()
+
+
+def _room(width: int) -> int:
+    return max(CHANGED, min(width, WIDEST) - EVALUATION - NRMSE - BAND - 6)

@@ -11,7 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
-from ibrid_search.gates import implausible
+from ibrid_search.oddities import implausible
 from ibrid_search.step import Step
 from ibrid_search.store import Store
 

@@ -33,8 +33,7 @@ from ibrid_search.progress import Progress
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.rivals import VISIBLE, rivals_of
-from ibrid_search.run_file import digest
-from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, open_run, require_run, write_best
+from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, digest, open_run, require_run, write_best
 from ibrid_search.selecting import select, selection_json
 from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.store import Store

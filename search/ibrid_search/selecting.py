@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.measurement.thinning import can_be_thinned, thinned
+from ibrid.measurement.amplitudes import can_be_thinned, thinned
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor
 from ibrid_search.report.selection import plain_selection
@@ -25,7 +25,7 @@ ALIKE = 1.02
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Finalist:
     """A structure of the front. `frequencies` : error at frequencies that a refit did not see. `holdout` : at operating
     points that no fit saw. `passivity` : least eigenvalue of -(Y+Y')/2 over the measured band, per unit.
     `damping` : least damping ratio of all poles, negative when one is unstable."""
@@ -92,7 +92,7 @@ def _kinds(assessor: Assessor) -> dict[str, Any]:
     return {kind.name: kind for kind in assessor.study.kinds}
 
 
-def _chosen(found: Sequence[Candidate], best: Step, way: str, floor: Floor) -> tuple[int, str]:
+def _chosen(found: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:
     """The answer and why. Held-out errors within the noise, or alike, are equal: the smaller structure is the answer."""
     for ways, what, error in _HELD_OUT:
         errors = {candidate.step: error(candidate) for candidate in found if candidate.stable}
@@ -108,15 +108,15 @@ def _chosen(found: Sequence[Candidate], best: Step, way: str, floor: Floor) -> t
 
 
 #: Ways of choosing by data that no fit saw, what those are, and the error there.
-_HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Candidate], float | None]], ...] = (
+_HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Finalist], float | None]], ...] = (
     (("op", "plausible"), "operating points", lambda candidate: candidate.holdout),
     (("frequencies",), "frequencies", lambda candidate: candidate.frequencies),
 )
 
 
-def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Candidate:
+def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Finalist:
     low, high = record.settings["frequency_hz"]
-    return Candidate(
+    return Finalist(
         step=step.number,
         nrmse=float(step.nrmse or 0.0),
         order=int(step.order or 0),

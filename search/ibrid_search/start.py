@@ -22,10 +22,10 @@ from ibrid.structure.library import published_names, textbook, textbook_names
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid.writing import write_whole
+from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Edited, Looker, RankedEdit
 from ibrid_search.merit import Floor, criterion
 from ibrid_search.settings import SearchSettings
-from ibrid_search.sorts import sort_of_control
 
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
 FITTED, SECONDS, RESTARTS = 3, 12.0, 1

@@ -11,8 +11,7 @@ from ibrid_search.judging import judge
 from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.agent_calls import diagnosis_in, read_wish
-from ibrid_search.proposers.agent_memory import remembered
-from ibrid_search.proposers.agent_question import AgentSettings
+from ibrid_search.proposers.agent_view import AgentSettings, remembered
 from ibrid_search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.spending import Limits

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_search.logbook import Logbook
-from ibrid_search.mcp_server import serve
-from ibrid_search.sitting import open_logbook
+from ibrid_search.mcp_server import open_logbook, serve
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 from ibrid_search.tool import Tool, call_by_name, capped, complaint, listed

@@ -13,14 +13,13 @@ from sharing import shared
 
 import ibrid
 from ibrid.analysis import stability
-from ibrid.analysis.closed_loop import behind_grid
+from ibrid.analysis.device_in_grid import behind_grid, terminal_current, thevenin_voltage
 from ibrid.analysis.grid import MeasuredGrid, SeriesRL, measured_grid, of_ratio, ratios, series_rl
 from ibrid.analysis.nyquist import nyquist, start_frequencies
-from ibrid.analysis.thevenin import terminal_current, thevenin_voltage
 from ibrid.cli import main
 from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.recording import record_at
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants import PLANTS, operating_point, state_space
 from ibrid.structure.program import parse_program

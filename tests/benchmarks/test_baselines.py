@@ -27,7 +27,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.plants.linear_sweep import state_space
+from ibrid.plants.sweeping import state_space
 
 OMEGA_0 = 2 * np.pi * 60
 HERE, THERE = OperatingPoint("here", 1.0, 0.3), OperatingPoint("there", 1.0, -0.3)

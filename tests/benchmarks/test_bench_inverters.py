@@ -20,7 +20,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
-from ibrid.plants.published_forming import BEYOND
+from ibrid.plants.published import BEYOND
 from ibrid.structure import compare, structure_hash, violations
 from ibrid.structure.drafting import Draft
 

@@ -32,7 +32,7 @@ from scipy.linalg import block_diag
 from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PowerNode, Sweep
 from ibrid.modules.vocabulary import VOCABULARY

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from fitted import benchmark, evaluated
 from ibrid_bench.attack.names import payloads, reachable
-from ibrid_search.run_file import read_run_toml, run_toml
+from ibrid_search.run_folder import read_run_toml, run_toml
 from page_reader import self_contained
 
 from ibrid.analysis.linear_model import LinearModel, linear_model

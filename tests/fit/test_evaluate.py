@@ -17,7 +17,7 @@ from fitted import benchmark, changed, evaluated
 import ibrid
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.errors_by_part import error_parts
-from ibrid.evaluation.reward import reward
+from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import ipopt, waves
 from ibrid.fit.settings import FitSettings

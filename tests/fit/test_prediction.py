@@ -10,11 +10,9 @@ from fitted import GRID, benchmark, evaluated, measured
 from sharing import shared
 
 import ibrid
-from ibrid.analysis import predict
-from ibrid.analysis import uncertainty as analysis_uncertainty
-from ibrid.analysis.parametric import ParametricModel
+from ibrid.analysis import parametric, predict
+from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.analysis.prediction import predicted_sweep
-from ibrid.analysis.uncertainty import uncertainty
 from ibrid.cli import main
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.record import Record
@@ -136,7 +134,7 @@ def test_an_invisible_direction_that_matters_widens_the_band_to_its_box(monkeypa
     model = ParametricModel(record, OperatingPoint("p=1,q=0.3", 1.0, 0.3))
     name = "pll.kP_pll"
     direction = np.eye(len(model.names))[:, [model.names.index(name)]]
-    monkeypatch.setattr(analysis_uncertainty, "null_directions", lambda problem, x: direction)
+    monkeypatch.setattr(parametric, "null_directions", lambda problem, x: direction)
     sure = uncertainty(record, model)
     assert sure is not None
     width = float((model.coordinates.x_high - model.coordinates.x_low)[model.names.index(name)])

@@ -14,7 +14,7 @@ from page_reader import Reader, self_contained
 from sharing import shared
 
 from ibrid.errors import OperatingPointError
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.convention import Convention
 from ibrid.gap.files import gap_json
 from ibrid.gap.missing_transfer import missing_transfer as missing
@@ -25,13 +25,12 @@ from ibrid.gap.result import Gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions
 from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
-from ibrid.report.gap_curves import point_views
-from ibrid.report.gap_errors import closed
+from ibrid.report.gap_curves import closed, point_views
 from ibrid.report.gap_figures import gap_figure
 from ibrid.report.gap_page import gap_page
 from ibrid.report.gap_text import WIDTH, gap_text
 from ibrid.report.gap_words import evidence_words, headline
-from ibrid.structure.difference import difference
+from ibrid.structure.compare import difference
 from ibrid.structure.library import textbook
 
 HOSTILE = '<script>alert("x")</script>&'

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.files import gap_json
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of

@@ -18,7 +18,7 @@ from ibrid.errors import IbridError
 from ibrid.gap.files import gap_json
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.nonlinear_fit import NonlinearSearch, State
-from ibrid.gap.nonlinear_places import Place, places
+from ibrid.gap.nonlinear_places import NonlinearPlace, places
 from ibrid.gap.prior import prior_of
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
@@ -63,7 +63,7 @@ def searched(kind: NonlinearKind, sweep: Sweep, effect: str) -> tuple[NonlinearS
     return NonlinearSearch(place, diagram, VOCABULARY, data, prior), data
 
 
-def at_truth(kind: NonlinearKind, effect: str, threshold: float) -> tuple[State, AmplitudeData, Place]:
+def at_truth(kind: NonlinearKind, effect: str, threshold: float) -> tuple[State, AmplitudeData, NonlinearPlace]:
     search, data = searched(kind, case(kind).sweep, effect)
     start = search.beliefs.start(case(kind).truth["values"])
     beside = search._beside(start)

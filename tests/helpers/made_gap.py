@@ -10,9 +10,8 @@ from sharing import shared
 
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
-from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.recording import record_at
 from ibrid.gap.convention import rotation
 from ibrid.gap.noise import LEAST_UNKNOWN
 from ibrid.gap.port_map import PortFit

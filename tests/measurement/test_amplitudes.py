@@ -19,7 +19,7 @@ from ibrid.gap.nonlinear_shapes import (
     one_sided_limit,
     saturation_gain,
 )
-from ibrid.measurement.amplitudes import at_amplitudes, joined
+from ibrid.measurement.amplitudes import at_amplitudes, joined, thinned
 from ibrid.measurement.csv_file import read_csv, sweep_csv, write_sweep
 from ibrid.measurement.inspect import inspect
 from ibrid.measurement.inspection_table import format_inspection
@@ -27,7 +27,6 @@ from ibrid.measurement.linearity import AmplitudeDependence, Linearity, linearit
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.measurement.thinning import thinned
 
 HEAD = "op,p,q,freq_hz,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"
 OP = OperatingPoint("p=1,q=0.3", 1.0, 0.3)

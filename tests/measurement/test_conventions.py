@@ -18,7 +18,7 @@ from ibrid.measurement import (
     read_sweep,
 )
 from ibrid.measurement.angle_law import angle_reading
-from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.tail import inductive_tail
 from ibrid.plants.benchmarks import recipes

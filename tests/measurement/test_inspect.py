@@ -20,7 +20,7 @@ from ibrid.measurement import (
 )
 from ibrid.measurement.coverage import harmonic_lines, outliers, resonances
 from ibrid.measurement.inspect import inspect
-from ibrid.measurement.noise_estimate import estimate_point
+from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.passivity import bands_of, passivity
 from ibrid.measurement.quantities import band, counted, hertz, percent, span
 

@@ -10,8 +10,7 @@ from collecting import each_of
 
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, estimate_noise, hardware_sweeps, read_sweep
-from ibrid.measurement.noise_estimate import points_per_decade, roughness
-from ibrid.measurement.repeats import sigma_of_mean
+from ibrid.measurement.noise import points_per_decade, roughness, sigma_of_mean
 
 PAPER_LIKE = Path(__file__).resolve().parents[2] / "data" / "paper_like.csv"
 

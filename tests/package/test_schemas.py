@@ -14,7 +14,7 @@ from made_gap import misses_the_filter
 
 import ibrid
 from ibrid.analysis.linear_model import linear_model
-from ibrid.export.control_json import control_json
+from ibrid.export.formats import control_json
 from ibrid.gap.files import gap_json
 from ibrid.schemas import schema
 

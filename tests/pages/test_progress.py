@@ -10,8 +10,16 @@ import subprocess
 import sys
 
 import pytest
-from ibrid_search.milestone_table import WIDEST, milestone_head, milestone_row, printable
-from ibrid_search.progress import Progress, Snapshot, clock_time, progress_line
+from ibrid_search.progress import (
+    WIDEST,
+    Progress,
+    Snapshot,
+    clock_time,
+    milestone_head,
+    milestone_row,
+    printable,
+    progress_line,
+)
 from ibrid_search.tally import Tally
 from ibrid_search.trajectory import Milestone
 

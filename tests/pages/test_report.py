@@ -24,7 +24,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.report.block_diagram import LARGEST, block_diagram_svg
 from ibrid.report.block_graph import block_graph
-from ibrid.report.drawing import Drawing, arrange
+from ibrid.report.drawing import Layout, arrange
 from ibrid.report.modes import modes
 from ibrid.report.numbers import error, interval, more_readable, number
 from ibrid.report.page import report_html, write_report
@@ -219,7 +219,7 @@ def test_enormous_and_empty_diagrams_are_not_drawn():
 
 
 @pytest.fixture(scope="module", params=textbook_names())
-def drawing(request) -> Drawing:
+def drawing(request) -> Layout:
     return arrange(block_graph(textbook(request.param), VOCABULARY))
 
 

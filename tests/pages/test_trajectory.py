@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from ibrid_search.lineage import lineage
+from ibrid_search.page import lineage
 from ibrid_search.report.selection import plain_selection
 from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from ibrid_search.tally import Tally, counts
@@ -27,8 +27,8 @@ from matplotlib.text import Text
 
 from ibrid.evaluation.record import Record
 from ibrid.report.figure import inline_svg
-from ibrid.report.trajectory import CELLS, Front, Trajectory, draw_front, draw_trajectory
-from ibrid.structure.difference import difference
+from ibrid.report.trajectory import CELLS, ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
+from ibrid.structure.compare import difference
 
 BANDS = ("5-50", "50-500", "500-2000", "2000-5000")
 
@@ -255,8 +255,8 @@ def test_trajectories_of_any_length_and_range_are_drawn(shown):
 def test_fronts_are_drawn_with_and_without_an_answer():
     front = ((2.0, 0.9), (4.0, 0.1))
     stable = np.array([True, False])
-    full = Front(np.array([2.0, 4.0]), np.array([0.9, 0.1]), stable, front, front[1], "order", 0.05)
-    empty = Front(np.array([]), np.array([]), np.array([], dtype=bool), (), None, "order")
+    full = ErrorAgainstCost(np.array([2.0, 4.0]), np.array([0.9, 0.1]), stable, front, front[1], "order", 0.05)
+    empty = ErrorAgainstCost(np.array([]), np.array([]), np.array([], dtype=bool), (), None, "order")
     for shown in (full, empty):
         assert "order" in inline_svg(
             lambda axes, shown=shown: draw_front(axes, shown), name="f", label="f", size=(5, 3)

@@ -7,11 +7,10 @@ from collecting import each_of
 
 import ibrid
 from ibrid.analysis.linear_model import linear_model
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.export import NonlinearModel, nonlinear_model
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
-from ibrid.plants.published import PLANTS
-from ibrid.plants.published_forming import BEYOND
+from ibrid.plants.published import BEYOND, PLANTS
 from ibrid.plants.sweeping import operating_point
 
 NAMES = [plant.name for plant in BEYOND]

@@ -17,7 +17,7 @@ from ibrid.plants import (
     state_space,
     sweep,
 )
-from ibrid.plants.time_sweep import injected_admittance
+from ibrid.plants.sweeping import injected_admittance
 
 PAPER_LIKE = PLANTS["paper_like"]
 POINTS = ("p=1,q=0.3", "p=1,q=-0.3")

@@ -15,20 +15,12 @@ from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants import PLANTS, GFLParameters, operating_point, state_space
 from ibrid.plants.gfm import DroopParameters, GFMParameters, VSMParameters
 from ibrid.plants.parallel import ParallelParameters
-from ibrid.plants.published_forming import (
-    BEYOND,
-    GFL_DC_LINK,
-    GFL_L_FILTER,
-    GFM_DROOP,
-    GFM_DVOC,
-    GFM_VSM,
-    HYBRID_GFL_GFM,
-    PARALLEL_GFL_GFM,
-)
+from ibrid.plants.published import BEYOND
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.plants.time_sweep import injected_admittance
+from ibrid.plants.sweeping import injected_admittance
 from ibrid.structure import parse_program, structure_hash, textbook
 
+GFL_L_FILTER, GFL_DC_LINK, GFM_DROOP, GFM_VSM, GFM_DVOC, HYBRID_GFL_GFM, PARALLEL_GFL_GFM = BEYOND
 NAMES = [plant.name for plant in BEYOND]
 POINTS = ("p=1,q=0.3", "p=1,q=-0.3", "p=-0.6,q=0.1,v=1.04")
 FREQUENCY = np.geomspace(0.5, 1e4, 25)

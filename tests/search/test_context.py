@@ -7,8 +7,7 @@ import pytest
 from fitted import benchmark, evaluated
 from ibrid_search.context import prompt, system_text
 from ibrid_search.edits import apply_edit
-from ibrid_search.language import kinds_text
-from ibrid_search.priors import SCALE_TEXTS
+from ibrid_search.language import kinds_text, words
 from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated
 from ibrid_search.proposers.chat import estimated_tokens
 from ibrid_search.quoting import fenced
@@ -181,9 +180,8 @@ def test_the_change_that_made_the_parent_is_named_when_it_is_known():
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_the_scale_of_the_edit_is_asked_for_in_words(scale):
-    assert set(SCALE_TEXTS) == set(SCALES)
     text = said(context(scale=scale))
-    assert [name for name in SCALES if SCALE_TEXTS[name] in text] == [scale]
+    assert [name for name in SCALES if words("scales.md", scale=name) in text] == [scale]
 
 
 def test_the_example_of_an_edit_works_and_is_about_no_inverter():

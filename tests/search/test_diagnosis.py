@@ -24,8 +24,8 @@ from scripted_search import steps_of
 from sharing import shared
 
 import ibrid
+from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.thinning import coarse
 from ibrid.structure.compare import compare
 from ibrid.study import Study
 

@@ -17,11 +17,10 @@ from typing import Any
 import pytest
 from ibrid_search.evaluation import ray_session
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.evaluation.job import Evaluator, Job, Result
+from ibrid_search.evaluation.job import Attempt, Evaluator, Job, Result, Turns
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.evaluation.ray_actors import RayEvaluator
 from ibrid_search.evaluation.ray_session import RaySession, open_session, sweep_folders
-from ibrid_search.evaluation.turns import Attempt, Turns
 from ibrid_search.step import Status
 
 import ibrid

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from collecting import each_of
 from ibrid_search.edits import edit_between
-from ibrid_search.gates import implausible
-from ibrid_search.judging import Verdict, judge, judge_program
+from ibrid_search.judging import Judgement, judge, judge_program
+from ibrid_search.oddities import implausible
 from ibrid_search.proposal import Proposal
 from ibrid_search.step import Status
 from scripted_search import NAIVE, study
@@ -24,7 +24,7 @@ def hash_of(text: str) -> str:
     return structure_hash(ibrid.parse_program(text), VOCABULARY)
 
 
-def judged(edit: str, parent: str = NAIVE, known=lambda _: None, **changes) -> Verdict:
+def judged(edit: str, parent: str = NAIVE, known=lambda _: None, **changes) -> Judgement:
     return judge(Proposal(edit), parent, hash_of(parent), replace(study(), **changes), known)
 
 

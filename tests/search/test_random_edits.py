@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_search.edits import apply_edit
-from ibrid_search.gates import implausible
+from ibrid_search.oddities import implausible
 from ibrid_search.proposal import SCALES, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
 from scripted_search import NAIVE, context_of, study

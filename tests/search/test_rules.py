@@ -13,7 +13,7 @@ import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import DIAGRAMS, inverter
 from ibrid_search.edits import apply_edit
-from ibrid_search.gates import implausible
+from ibrid_search.oddities import implausible
 from ibrid_search.proposal import SCALES, Proposal
 from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands

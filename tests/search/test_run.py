@@ -21,7 +21,7 @@ from ibrid_search.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.report.selection import read_selection
 from ibrid_search.requirements import Requirements
-from ibrid_search.run_file import read_run_toml
+from ibrid_search.run_folder import read_run_toml
 from ibrid_search.running import Run
 from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.step import EVALUATED, Status

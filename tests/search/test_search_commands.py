@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.run_file import read_run_toml
+from ibrid_search.run_folder import read_run_toml
 from ibrid_search.store import Store
 from scripted_search import NAIVE, QUICK, steps_of
 from scripted_server import says, scripted

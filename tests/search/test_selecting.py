@@ -18,7 +18,7 @@ from sharing import shared
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.measurement.thinning import EVERY
+from ibrid.measurement.amplitudes import EVERY
 from ibrid.study import Study
 
 HELD = "p=0.5,q=0"

@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from fitted import evaluated
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
-from ibrid_search.tables import FIELDS, VERSION
+from ibrid_search.store import FIELDS, VERSION, Store
 
 import ibrid
 from ibrid.errors import IbridError

@@ -10,7 +10,7 @@ import pytest
 from collecting import each_of
 
 import ibrid
-from ibrid.evaluation.recording import record_at
+from ibrid.evaluation.evaluate import record_at
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.ports import ports
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep

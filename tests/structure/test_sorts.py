@@ -5,7 +5,7 @@
 import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import inverter
-from ibrid_search.sorts import sort_of_control
+from ibrid_search.appraisal import sort_of_control
 
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook

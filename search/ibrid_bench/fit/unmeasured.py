@@ -12,9 +12,8 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.noise import add_noise
 from ibrid.plants.benchmarks import recipes
-from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.plants.sweeping import operating_point, sweep
+from ibrid.plants.sweeping import operating_point, state_space, sweep
 from ibrid.structure.program import parse_program
 
 #: Where the inverters, measured at p = 1 and q = +-0.3, are asked.

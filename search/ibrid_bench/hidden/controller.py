@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ibrid.plants.states import J, States, Symbols, band_pass, low_pass, notch
+from ibrid.plants.dynamics import J, States, Symbols, band_pass, low_pass, notch
 
 
 @dataclass(frozen=True)

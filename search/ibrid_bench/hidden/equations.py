@@ -14,7 +14,7 @@ from ibrid_bench.hidden.nonlinear import dead_zone, limited
 from ibrid_bench.hidden.parameters import Device, Structure
 from ibrid_bench.hidden.plant import arriving, beside_the_inverter, l_filter, lcl_filter
 
-from ibrid.plants.states import J, R, States, Symbols
+from ibrid.plants.dynamics import J, R, States, Symbols
 
 _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ibrid.plants.states import J, States, Symbols
+from ibrid.plants.dynamics import J, States, Symbols
 
 
 @dataclass(frozen=True)

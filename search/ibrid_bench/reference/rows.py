@@ -20,9 +20,8 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.plants.linear_sweep import state_space
 from ibrid.plants.reference import P1_Q03, ReferenceInverter
-from ibrid.plants.time_sweep import injected_admittance
+from ibrid.plants.sweeping import injected_admittance, state_space
 from ibrid.structure.diagram import Diagram
 
 #: The reference inverters, grid-following first.

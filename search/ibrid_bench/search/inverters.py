@@ -11,11 +11,9 @@ from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.benchmarks import benchmarks, recipes
-from ibrid.plants.linear_sweep import is_stable
-from ibrid.plants.published import PAPER_LIKE
-from ibrid.plants.published_forming import BEYOND
+from ibrid.plants.published import BEYOND, PAPER_LIKE
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.plants.sweeping import sweep
+from ibrid.plants.sweeping import is_stable, sweep
 from ibrid.structure.library import textbook_text
 
 #: Published parameter sets: a gain in the feedforward, one without a PLL filter, one behind an L filter.

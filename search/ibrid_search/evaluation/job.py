@@ -1,9 +1,11 @@
-"""One interface for evaluating candidates: a job goes in under its number, its result comes out under the same number."""
+"""One interface for evaluating candidates: a job goes in under its number, its result comes out under it; and the bookkeeping."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid_search.step import Status
 
@@ -73,3 +75,122 @@ class Evaluator(Protocol):
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *_: object) -> None: ...
+
+
+class OpenJobs:
+    """Jobs from `add` to `take`, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._jobs: dict[int, Job] = {}
+        self._results: dict[int, Result] = {}
+        self._closed = False
+
+    def add(self, job: Job) -> None:
+        """Raises IbridError when the number is in use, or after `close`."""
+        if self._closed:
+            raise IbridError(f"job {job.number} came after the evaluator was closed; open a new one")
+        if job.number in self._jobs:
+            raise IbridError(f"two jobs must not have the number {job.number}; collect the first one before")
+        self._jobs[job.number] = job
+
+    def require(self, number: int) -> None:
+        """Raises IbridError when no such job is open."""
+        if number not in self._jobs:
+            open_ones = ", ".join(map(str, self._jobs)) or "none"
+            raise IbridError(f"job {number} was not submitted, or was collected before; open jobs: {open_ones}")
+
+    def has_result(self, number: int) -> bool:
+        """True when the job has ended."""
+        return number in self._results
+
+    def first_with_result(self) -> int | None:
+        """The number of the oldest job that has ended and was not taken; None when there is none.
+
+        Raises IbridError when no job is open.
+        """
+        if not self._jobs:
+            raise IbridError("no job is open; submit one before asking which has ended")
+        return next((number for number in self._jobs if number in self._results), None)
+
+    def first_without_result(self) -> Job:
+        """The oldest job that has not ended; there must be one."""
+        return next(job for number, job in self._jobs.items() if number not in self._results)
+
+    def settle(self, result: Result) -> None:
+        """Keep a result until it is taken."""
+        if result.number in self._jobs:
+            self._results[result.number] = result
+
+    def take(self, number: int) -> Result:
+        """The result, once."""
+        del self._jobs[number]
+        return self._results.pop(number)
+
+    def close(self) -> None:
+        """Forget everything and take nothing more."""
+        self._closed = True
+        self._jobs.clear()
+        self._results.clear()
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A job and its history: how often the wall limit stopped it, how often its worker was lost, seconds spent so far."""
+
+    job: Job
+    stops: int = 0
+    losses: int = 0
+    seconds: float = 0.0
+
+    @property
+    def number(self) -> int:
+        """Which attempt the next one is, from 1."""
+        return self.stops + self.losses + 1
+
+    @property
+    def alone(self) -> bool:
+        """True when nothing else may run beside it."""
+        return self.stops > 0
+
+
+class Turns:
+    """A queue of attempts and the count of those that run. Says what may begin; who uses it from threads holds a lock."""
+
+    def __init__(self) -> None:
+        self._queue: deque[Attempt] = deque()
+        self._alone: deque[Attempt] = deque()
+        self._running: set[int] = set()
+        self._exclusive = False
+
+    @property
+    def running(self) -> frozenset[int]:
+        """Numbers of the jobs that run now."""
+        return frozenset(self._running)
+
+    def add(self, attempt: Attempt) -> None:
+        """A new attempt queues; a later one comes before the jobs that have not begun, since others wait for its result."""
+        if attempt.alone:
+            self._alone.append(attempt)
+        elif attempt.number > 1:
+            self._queue.appendleft(attempt)
+        else:
+            self._queue.append(attempt)
+
+    def begin(self) -> Attempt | None:
+        """The attempt that begins now, None when none may."""
+        if self._exclusive or (self._alone and self._running):
+            return None
+        if self._alone:
+            self._exclusive = True
+            attempt = self._alone.popleft()
+        elif self._queue:
+            attempt = self._queue.popleft()
+        else:
+            return None
+        self._running.add(attempt.job.number)
+        return attempt
+
+    def end(self, attempt: Attempt) -> None:
+        """The attempt does not run any more."""
+        self._running.discard(attempt.job.number)
+        self._exclusive = False

@@ -1,8 +1,7 @@
 """Evaluates jobs in this process, one after the other, when their results are asked for."""
 
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.evaluation.job import Job, Result
-from ibrid_search.evaluation.open_jobs import OpenJobs
+from ibrid_search.evaluation.job import Job, OpenJobs, Result
 from ibrid_search.evaluation.verdict import judge
 from ibrid_search.step import Status
 

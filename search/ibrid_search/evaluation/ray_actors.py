@@ -12,11 +12,9 @@ from dataclasses import replace
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import choose_vocabulary
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.evaluation.job import Job, Result
-from ibrid_search.evaluation.open_jobs import OpenJobs
+from ibrid_search.evaluation.job import Attempt, Job, OpenJobs, Result, Turns
 from ibrid_search.evaluation.ray_session import open_session
 from ibrid_search.evaluation.remote_worker import Hiring, RemoteWorker, WorkerLost
-from ibrid_search.evaluation.turns import Attempt, Turns
 from ibrid_search.evaluation.verdict import Verdict
 from ibrid_search.step import Status
 

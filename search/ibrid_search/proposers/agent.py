@@ -12,9 +12,8 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.agent_question import AgentSettings, question
 from ibrid_search.proposers.agent_turn import Turn
-from ibrid_search.proposers.agent_view import History, View
+from ibrid_search.proposers.agent_view import AgentSettings, History, RunView, question
 from ibrid_search.proposers.chat import Chat
 from ibrid_search.proposers.model_names import models_of
 from ibrid_search.spending import Limits, Prices, Spender, Spending
@@ -75,7 +74,7 @@ class Agent(Spender):
         """One turn; a failure in one sentence when the model gives no answer; the rest that goes wrong is talked over."""
         for step in (*context.failures, *(() if context.last is None else (context.last,))):
             self._seen[step.number] = step
-        view = View(context, self.history, tuple(self._seen.values()))
+        view = RunView(context, self.history, tuple(self._seen.values()))
         try:
             messages = question(context, view, self.settings, author=self.name)
         except IbridError as error:  # the token limit is too small for this program

@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any
 
 from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking
-from ibrid_search.proposers.agent_memory import paragraph
+from ibrid_search.proposers.agent_view import paragraph
 from ibrid_search.proposers.chat import Answer
 
 #: Calls that are read from one answer, and characters of text that are searched for them.

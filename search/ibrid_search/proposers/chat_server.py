@@ -9,8 +9,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid_search.proposers.chat import Answer, ChatError, Message, estimated_tokens, prompt_text
-from ibrid_search.proposers.chat_reply import read_reply
-from ibrid_search.proposers.chat_request import Refusal, check_url, post
+from ibrid_search.proposers.chat_request import Refusal, check_url, post, read_reply
 
 OPENAI = "https://api.openai.com/v1"
 #: Where the base URL comes from when none is given, in this order.

@@ -15,7 +15,7 @@ from ibrid_search.proposers.diagnosis import Diagnosis
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.run_file import digest
+from ibrid_search.run_folder import digest
 from ibrid_search.spending import Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]

@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.report.figure import inline_svg
 from ibrid.report.numbers import error
 from ibrid.report.template import shortened
-from ibrid.report.trajectory import Front, Trajectory, draw_front, draw_trajectory
+from ibrid.report.trajectory import ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
 from ibrid_search.report.run_data import RunData
 from ibrid_search.trajectory import eligible
 
@@ -44,7 +44,7 @@ def front_svg(run: RunData, count: str, name: str) -> str:
     steps = [step for step in run.steps.values() if step.nrmse is not None and getattr(step, count) is not None]
     spots = [(float(cost), one.nrmse) for one in run.selection.front if (cost := getattr(one, count)) is not None]
     place = getattr(run.answer, count, None)
-    shown = Front(
+    shown = ErrorAgainstCost(
         cost=_column(getattr(step, count) for step in steps),
         nrmse=_column(step.nrmse for step in steps),
         stable=np.array([eligible(step) for step in steps], dtype=bool),

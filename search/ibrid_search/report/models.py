@@ -10,8 +10,8 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import PointSweep
 from ibrid.modules.kind import ModuleKind
+from ibrid.report.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, readable
 from ibrid.report.bode import Curves, bode_svgs, line_frequency
-from ibrid.report.diagrams_beside import DrawnDiagrams, Shown, drawn_diagrams, readable
 from ibrid_search.report.run_data import RunData
 
 #: Operating points that get figures, and points of a model line: a page stays below a few megabytes.

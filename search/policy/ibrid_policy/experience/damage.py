@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from ibrid_search.gates import implausible
+from ibrid_search.oddities import implausible
 
 from ibrid.errors import DiagramError
 from ibrid.modules.vocabulary import Vocabulary

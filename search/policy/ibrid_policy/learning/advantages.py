@@ -106,7 +106,7 @@ class Rewarded:
 
 def gain(one: Rewarded, parent: Step, most: float) -> float | None:
     """What an answer gains on the step that it edits: max(R, 0) - max(R_parent, 0) within 0 and `most` for a valid one, with R of
-    `ibrid.evaluation.reward`, so ln(NRMSE_parent / NRMSE) below errors of 1; the penalty of any other, None for a lost one.
+    `ibrid.evaluation.outcome`, so ln(NRMSE_parent / NRMSE) below errors of 1; the penalty of any other, None for a lost one.
     """
     if one.status is not Status.OK or one.reward is None:
         return one.reward
