@@ -85,6 +85,16 @@ def can_be_thinned(sweep: Sweep) -> bool:
     return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
 
 
+def coarse(points: Sequence[PointSweep], most_points: int, most_frequencies: int) -> tuple[PointSweep, ...]:
+    """So many operating points with so many frequencies each at most, evenly chosen, ends included."""
+
+    def chosen(number: int, most: int) -> np.ndarray:
+        return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(int))
+
+    few = [points[index] for index in chosen(len(points), most_points)]
+    return tuple(point.at(chosen(len(point.frequency), most_frequencies)) for point in few)
+
+
 def _thinned(point: PointSweep, hold: bool) -> PointSweep:
     number = np.arange(len(point.frequency))
     chosen = (number % EVERY == EVERY // 2) & (number < len(number) - 1)
