@@ -20,6 +20,7 @@ from ibrid_bench.gap.examination import examine
 from ibrid_bench.gap.held_out import held_out_ratio, noise_floor, predicted
 from ibrid_bench.gap.misses import confusions, miss
 from ibrid_bench.gap.scoring import Row, score
+from ibrid_bench.gap.several import GROUPS, group_of, several
 from ibrid_bench.gap.share import Share, Z
 from ibrid_bench.gap.tables import WIDTH, report, trial_line
 from ibrid_bench.gap.trials import MAIN, NUMBERS, UNSTATED, Trial, design, shares, unstated
@@ -118,6 +119,16 @@ def test_beside_the_table_stand_noisy_sweeps_that_do_not_state_their_noise():
     assert other.sigma is None
     assert known.sigma is not None
     assert np.array_equal(seen.admittance, known.admittance)
+
+
+def test_beside_the_table_three_effects_are_hidden_and_models_have_blocks_that_must_go():
+    trials = several(200, 3)
+    assert Counter(group_of(one.effects) for one in trials) == dict.fromkeys(GROUPS, 30)
+    assert trials == several(200, 3)
+    assert not {one.seed for one in trials} & {one.seed for one in (*design(200, 3), *unstated(200, 3))}
+    for trial in trials[::15]:
+        assert Trial.parse(trial.key) == trial
+        assert [one["change"] for one in trial.case().truth["effects"]] == [key.split(":")[1] for key in trial.effects]
 
 
 def test_sweeps_that_do_not_state_their_noise_have_rows_of_their_own():
@@ -532,6 +543,6 @@ def test_a_part_of_the_table_is_asked_for_by_kind_effect_or_trial(tmp_path, caps
         one for one in table if one.effects and one.effects[0].startswith("dc_link:")
     ]
     assert wanted(200, 5, [table[0].key, table[0].kind])[0] == table[0]
-    assert len(wanted(20, 5, [])) == 22
+    assert len(wanted(20, 5, [])) == 22 + len(several(20, 5))
     assert main(["--only", "pairs", "--out", str(tmp_path)]) == 2
     assert "pair" in capsys.readouterr().err

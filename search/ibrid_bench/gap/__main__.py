@@ -15,6 +15,7 @@ from pathlib import Path
 from ibrid_bench.gap.diagnosis import Diagnose, diagnose
 from ibrid_bench.gap.examination import examine
 from ibrid_bench.gap.scoring import Row
+from ibrid_bench.gap.several import GROUPS, group_of, several
 from ibrid_bench.gap.tables import report, trial_line
 from ibrid_bench.gap.trials import NUMBERS, UNSTATED, Trial, design, unstated
 from ibrid_bench.ledger import Ledger, resumable
@@ -47,17 +48,18 @@ def wanted(cases: int, seed: int, only: Sequence[str]) -> list[Trial]:
 
     Raises IbridError when a name is neither.
     """
-    table = [*design(cases, seed), *unstated(cases, seed)]
+    table, beside = [*design(cases, seed), *unstated(cases, seed)], several(cases, seed)
     if not only:
-        return table
+        return [*table, *beside]
     found: list[Trial] = []
     for name in only:
         if "/" in name:
             found.append(Trial.parse(name))
             continue
         chosen = [one for one in table if one.group == name or any(key.startswith(f"{name}:") for key in one.effects)]
+        chosen += [one for one in beside if group_of(one.effects) == name]
         if not chosen:
-            known = {*NUMBERS, UNSTATED, *(key.split(":")[0] for one in table for key in one.effects)}
+            known = {*NUMBERS, *GROUPS, UNSTATED, *(key.split(":")[0] for one in table for key in one.effects)}
             raise IbridError(
                 f"there is no kind of case and no hidden effect called {name}; {near(name, sorted(known))}"
             )
@@ -103,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="NAME",
-        help=f"a kind ({', '.join((*NUMBERS, UNSTATED))}), an effect, or a trial as the list of misses has it; repeatable",
+        help=f"a kind ({', '.join((*NUMBERS, *GROUPS, UNSTATED))}), an effect, or a trial as the misses have it; repeatable",
     )
     parser.add_argument("--workers", type=count, default=2, help="cases at a time, one core each (2)")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} cases")

@@ -9,6 +9,7 @@ from ibrid_bench.gap.detection import LIMIT, REMOVAL_LIMIT, STARTS
 from ibrid_bench.gap.held_out import MOST
 from ibrid_bench.gap.misses import Row, confusions, hidden, miss, said
 from ibrid_bench.gap.scoring import FAILED
+from ibrid_bench.gap.several import GROUPS, group_of
 from ibrid_bench.gap.share import Share
 
 WIDTH = 100
@@ -88,7 +89,10 @@ def _held_out(rows: Iterable[Row]) -> Share:
 
 
 def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
-    of = {kind: [row for row in rows if row["kind"] == kind] for kind in {row["kind"] for row in rows}}
+    of = {
+        kind: [row for row in rows if row["kind"] == kind and not group_of(row["effects"])]
+        for kind in {row["kind"] for row in rows}
+    }
 
     def share(kind: str, column: str, *, above: bool = False) -> str:
         return str(Share.of(row[column] for row in of.get(kind, ()) if row["above"] or not above))
@@ -104,6 +108,7 @@ def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
         ("not in the catalogue, above the limit: verdict right", share("foreign", "right_verdict", above=True), ""),
         ("two effects, both above the limit: both named", share("pair", "all_named", above=True), ">= 80%"),
         ("two effects, both above the limit: first one right", share("pair", "named_first", above=True), ""),
+        *((f"{name}, all above the limit: all named", _all_named(rows, name), ">= 80%") for name in GROUPS),
         ("wrong convention, above the limit: verdict right", share("convention", "right_verdict", above=True), ""),
         ("sigma stated too small: verdict right", share("wrong-noise", "right_verdict"), ""),
         ("effect that parameters absorb: verdict right", str(Share.of(row["right_verdict"] for row in absorbed)), ""),
@@ -112,6 +117,10 @@ def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
     )
     for what, found, wanted in lines:
         yield f"{what:52} {found:>22}   {wanted}".rstrip()
+
+
+def _all_named(rows: Sequence[Row], group: str) -> str:
+    return str(Share.of(row["all_named"] for row in rows if row["above"] and group_of(row["effects"]) == group))
 
 
 def _unstated(rows: Sequence[Row]) -> Iterator[str]:

@@ -25,12 +25,13 @@ from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import frequency_grid
 from ibrid.writing import write_whole
 
-Kind = Literal["effect", "pair", "nothing", "parameters", "foreign", "convention", "wrong-noise"]
+Kind = Literal["effect", "pair", "nothing", "parameters", "foreign", "convention", "wrong-noise", "triple"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 #: How many effects a kind hides, and of which.
 _POOLS: Mapping[str, tuple[int, tuple[HiddenEffect, ...]]] = {
     "effect": (1, HIDDEN),
     "pair": (2, HIDDEN),
+    "triple": (3, HIDDEN),
     "foreign": (1, FOREIGN),
     "convention": (1, CONVENTIONS),
 }
@@ -40,6 +41,8 @@ _VERDICTS: Mapping[str, tuple[Verdict, ...]] = {
     "wrong-noise": ("no-gap", "parameters-only", "unexplained"),
 }
 F0_HZ = 60.0
+#: Of the seeds of noise, beside those of the devices of a kind.
+NOISE = 7
 #: Standard deviation that a file of kind "wrong-noise" states, over the true one; and its noise unless told otherwise.
 UNDERSTATED, WRONG_NOISE_DB = 0.7, 40.0
 
@@ -77,8 +80,8 @@ def draw_case(
 ) -> Case:
     """Draw a case; the same arguments give the same case, and the same device at every level of noise.
 
-    kind : "effect" and "pair" hide one or two effects of the catalogue, "foreign" what it lacks, "convention" a wrongly
-    written sweep; "nothing"; "parameters": some nominal values far off; "wrong-noise": sigma stated 0.7 times too small.
+    kind : "effect", "pair" and "triple" hide one to three effects of the catalogue, "foreign" what it lacks, "convention" a
+    wrongly written sweep; "nothing"; "parameters": some nominal values far off; "wrong-noise": sigma stated 0.7 times too small.
     effects : "id", "id:change" or "id:change:variant"; those that a kind hides beyond them are drawn.
     noise_db : dB below the norm of Y; None: clean, no sigma. sigma : whether a noisy file states it.
     frequencies : number of them from 5 Hz to 5 kHz, logarithmic. points : 1, 2 or 4 operating points.
@@ -99,7 +102,7 @@ def draw_case(
     level = WRONG_NOISE_DB if noise_db is None and kind == "wrong-noise" else noise_db
     sweep = measured(hiding, ops, frequency)
     if level is not None:
-        sweep = add_noise(sweep, level, rng=np.random.default_rng([seed, len(KINDS)]), record_sigma=sigma == "known")
+        sweep = add_noise(sweep, level, rng=np.random.default_rng([seed, NOISE]), record_sigma=sigma == "known")
     truth = {
         "schema": "ibrid.hidden/1",
         "kind": kind,
