@@ -173,7 +173,7 @@ def evil(folder: Path, until: float) -> Row:
 
 def refusals(folder: Path, until: float) -> Row:
     """What is refused, or is large, against the clock."""
-    row = Row("cost of refusing: illegal programs 1 s, a million rows 10 s, a line of 40 MB 1 s", 0)
+    row = Row("cost of refusing: illegal programs 1 s, a million rows 10 s, a line of 40 MB 1 s (of computation)", 0)
     for what, seconds, most in costs(folder):
         row.tried += 1
         if seconds > most:

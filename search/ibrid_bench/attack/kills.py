@@ -34,7 +34,8 @@ def killed_runs(data: str, folder: Path, kills: int, seed: int, until: float, wo
     """Kill runs until there were so many kills or the time (monotonic, s) is up; the last run is carried to its end."""
     rng, found, number = random.Random(seed), Kills(0, 0, []), 0
     whole = folder / f"whole{workers}"
-    _process(data, whole, workers).wait(PATIENCE)
+    if _status(_process(data, whole, workers)):
+        return Kills(0, 0, [f"with {workers} workers not even a run that nobody kills ends"])
     truth = _steps(whole)
     while found.kills < kills and time.monotonic() < until:
         number += 1
@@ -72,7 +73,7 @@ def _killed(data: str, run: Path, workers: int, rng: random.Random, found: Kills
 
 def _finished(data: str, run: Path, workers: int, found: Kills) -> bool:
     before = _steps(run)
-    if _process(data, run, workers).wait(PATIENCE):
+    if _status(_process(data, run, workers)):
         found.lost.append(f"{run.name} cannot be gone on with")
     _compare(before, _steps(run), found)
     return True
@@ -102,6 +103,15 @@ def _process(data: str, run: Path, workers: int) -> subprocess.Popen[bytes]:
     resume = ["--resume"] if (run / "archive.sqlite").exists() or (run / "run.toml").exists() else []
     command = [sys.executable, "-m", "ibrid", *words, "--workers", str(workers), *resume]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+
+
+def _status(process: subprocess.Popen[bytes]) -> int:
+    """Exit status; a process that takes longer than `PATIENCE` is killed."""
+    try:
+        return process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
 
 
 def _await(process: subprocess.Popen[bytes], seen: Any) -> None:
