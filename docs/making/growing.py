@@ -46,7 +46,7 @@ def growing_svg(folder: Path) -> str:
     frames = [_frame(step, run.kinds, k, (chosen[0].nrmse, chosen[-1].nrmse)) for k, step in enumerate(chosen)]
     style = _STYLE % {"all": count * SECONDS, "share": 100 / count, "stay": 300 / count}
     first, last = chosen[0].nrmse, chosen[-1].nrmse
-    label = f"A search finds the controller of a simulated inverter: error {first:.2g} at first, {last:.1g} at the end."
+    label = f"The first edits of a search of a simulated inverter: error {first:.2g} at first, {last:.1g} at the end."
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(label)}">'
         f"<style>{style}</style>{''.join(frames)}</svg>"

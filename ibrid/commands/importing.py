@@ -1,11 +1,14 @@
 """`ibrid import FILE...`: anybody's table as a sweep file; what was read as what is shown."""
 
 from argparse import Namespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.writing import aligned, require_place
+
+if TYPE_CHECKING:
+    from ibrid.measurement.sweep import Sweep
 
 #: Options that say what a table does not, and their help.
 _SAID = {
@@ -59,6 +62,11 @@ def run(arguments: Namespace) -> int:
     require_place(arguments.out)
     require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
     said = {name: getattr(arguments, name) for name in _SAID}
+    known = _known_formats(arguments.files, said)
+    if known is not None:
+        write_sweep(known, arguments.out)
+        print(f"{arguments.out}: a format that ibrid knows, {len(known.points)} operating points")
+        return 0
     imported = import_files(arguments.files, arguments.map, **said)
     print(aligned(imported.readings))
     for remark in imported.remarks:
@@ -70,3 +78,20 @@ def run(arguments: Namespace) -> int:
     print(f"{Path(arguments.out)}: {grid} frequencies at {'; '.join(sweep.names)}")
     print(f"next: ibrid start {arguments.out} --out {Path(arguments.out).stem}_start")
     return 0
+
+
+def _known_formats(files: list[str], said: dict[str, Any]) -> "Sweep | None":
+    """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), which say more than their columns; None for others."""
+    from pathlib import Path
+
+    from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
+    from ibrid.measurement.merge import merge
+    from ibrid.measurement.read import is_known_format, read_sweep
+    from ibrid.measurement.told import base_of
+
+    if not all(is_known_format(Path(file)) for file in files):
+        return None
+    keys = {name: value for name, value in said.items() if value is not None and name in HEADER_KEYS + POINT_KEYS}
+    if said["base"]:
+        keys["s_base_va"], keys["v_base_v"] = base_of(said["base"], "--base")
+    return merge([read_sweep(file, **keys) for file in files])

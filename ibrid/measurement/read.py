@@ -49,11 +49,33 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
             f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid import read it."
         )
     first = _first_line(path)
-    if first.startswith("f") and first.split()[:1] == ["f"]:
+    if _of_ztool(first):
         return read_ztool(path, **keys)
-    if "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first:
+    if _of_imtb(first):
         return read_imtb(path, **keys)
     return read_csv(path, **keys)
+
+
+def is_known_format(path: Path) -> bool:
+    """Whether a file is Touchstone, or text that Z-tool or IMTB writes."""
+    if path.suffix.lower() in _TOUCHSTONE:
+        return True
+    try:
+        first = _first_line(path)
+    except SweepError:
+        return False
+    names = first.split()[1:]
+    return _of_imtb(first) or (
+        _of_ztool(first) and bool(names) and (names[0] in ("dd", "pp") or names[0].endswith("_d"))
+    )
+
+
+def _of_ztool(first: str) -> bool:
+    return first.startswith("f") and first.split()[:1] == ["f"]
+
+
+def _of_imtb(first: str) -> bool:
+    return "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first
 
 
 def _first_line(path: Path) -> str:

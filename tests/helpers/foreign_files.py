@@ -325,6 +325,20 @@ def angles_in_text(sweep: Sweep, folder: Path) -> list[Path]:
     return _text(folder, "polar.csv", lines)
 
 
+def ztool(sweep: Sweep, folder: Path) -> list[Path]:
+    """What Z-tool writes: kA/kV into the block, q behind d."""
+    files = []
+    for point in sweep.points[:1]:
+        scanned = (MIRROR @ -point.admittance @ MIRROR).reshape(-1, 4) / Z_BASE
+        lines = ["f PCC-1_d PCC-1_q"]
+        lines += [
+            " ".join([f"({f:.14g}+0j)", *(f"({z.real:.14g}{z.imag:+.14g}j)" for z in row)])
+            for f, row in zip(point.frequency, scanned, strict=True)
+        ]
+        files += _text(folder, "scan#Y_AC#PCC-1#.txt", lines)
+    return files
+
+
 _SI = ("--base", "10kVA,400V", "--f0-hz", "60")
 _OUT, _IN = ("--current", "out", "--q-axis", "leads"), ("--current", "in", "--q-axis", "leads")
 _FOUR = ",".join(f"Y{entry}=ch{k}a+jch{k}b" for k, entry in enumerate(NAMES))
@@ -354,5 +368,6 @@ MAKES = (
     Foreign("HDF5", hdf5, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
     Foreign("MATLAB 7.3", matlab_73, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
     Foreign("Fortran numbers", quoted_fortran, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("Z-tool", ztool, (*_SI, "--p", "1", "--q", "0.3", "--op", "full")),
     Foreign("polar text", angles_in_text, (*_SI, *_IN)),
 )
