@@ -55,6 +55,11 @@ def declare(commands: Any) -> None:
     parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
     add_kinds_option(parser)
     inputs.add_port_option(parser)
+    parser.add_argument(
+        "--labels",
+        default="uncertain",
+        help="uncertain (default): p, q, v, base, signs, node and frame may be wrong | exact",
+    )
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.set_defaults(run=run)
 
@@ -101,6 +106,7 @@ def _answer(
         "seed": arguments.seed,
         "suggest": suggest,
         "progress": tell,
+        "labels": arguments.labels,
         "seconds": arguments.seconds,
         "so_far": partial(write_partial, folder=arguments.out),
     }

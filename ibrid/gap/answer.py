@@ -19,7 +19,7 @@ from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
 from ibrid.gap.suggesting import Question, Suggest, suggested
-from ibrid.gap.trial import FRAME, Model, Workshop, significant, threshold
+from ibrid.gap.trial import Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
 from ibrid.measurement.sweep import Sweep
 from ibrid.parts.practice import Insertion
@@ -119,9 +119,11 @@ def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) 
     effects = []
     for place, edit in enumerate(found.best.edits):
         if isinstance(edit, Convention):
-            if edit.angle:
-                effects.append(NamedEffect(FRAME, "add", "between the measuring frame and the grid",
-                                           {"angle": (edit.angle, None, None)}, evidence))  # fmt: skip
+            frame = ("add", "between the measuring frame and the grid")
+            change, where = frame if edit.angle else ("replace", "the labels of the data")
+            for label, numbers in edit.ids.items():
+                shown = {name: (value, None, None) for name, value in numbers.items()}
+                effects.append(NamedEffect(label, change, where, shown, evidence, alike(found, place)))
             continue
         parameters = {}
         for name in edit.parameters:
@@ -170,7 +172,7 @@ def _candidate(model: Model, found: Findings, stable: bool | None) -> Candidate:
     if stable is False:
         reasons.append("unstable")
     return Candidate(
-        id=(FRAME if edit.angle else "convention") if isinstance(edit, Convention) else edit.effect,
+        id=next(iter(edit.ids), "convention") if isinstance(edit, Convention) else edit.effect,
         change="replace" if isinstance(edit, Convention) else edit.change,
         where=edit.words if isinstance(edit, Convention) else edit.where,
         cost=model.cost(scale),

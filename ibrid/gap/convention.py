@@ -9,7 +9,11 @@ from itertools import combinations
 
 import numpy as np
 
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.angle_law import usual_mistakes
+from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
+
+FRAME = "frame_misalignment"
+_NUMBERS = {"power_scale": "power", "voltage_scale": "voltage", "base_impedance": "factor", FRAME: "angle"}
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,9 @@ class Convention:
     """How the data differ from what the model means; the default: not at all.
 
     `sign` : -1 when the current counts into the inverter. `q` : -1 when the q axis lags. `factor` : measured admittances are
-    so many times too large: another per-unit base. `labels` : pairs of operating points whose labels are exchanged.
+    so many times too large: another per-unit base. `power`, `voltage` : p and q, and v, are so many times the true ones.
+    `node` : where p and q were measured in truth, None as declared. `labels` : pairs of operating points whose labels are
+    exchanged.
     `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]].
     """
 
@@ -26,6 +32,26 @@ class Convention:
     factor: float = 1.0
     labels: tuple[tuple[str, str], ...] = ()
     angle: float = 0.0
+    power: float = 1.0
+    voltage: float = 1.0
+    node: PowerNode | None = None
+
+    @classmethod
+    def of(cls, label: str, value: float) -> "Convention":
+        """A doubted label of `ibrid.structure.outside.LABELS` at its value."""
+        return cls(**{_NUMBERS[label]: value})
+
+    @property
+    def ids(self) -> dict[str, dict[str, float]]:
+        """Id of each label that is wrong -> its number, where it has one."""
+        scales = {label: getattr(self, name) for label, name in _NUMBERS.items() if label != FRAME}
+        found: dict[str, dict[str, float]] = {
+            label: {"scale": value} for label, value in scales.items() if value != 1.0
+        }
+        found |= {"current_sign": {}} if self.sign < 0 else {}
+        found |= {"q_axis": {}} if self.q < 0 else {}
+        found |= {"power_node": {}} if self.node else {}
+        return found | ({FRAME: {"angle": self.angle}} if self.angle else {})
 
     @property
     def words(self) -> str:
@@ -38,6 +64,12 @@ class Convention:
         found += [f"the labels of {one} and {other} are exchanged" for one, other in self.labels]
         if self.factor != 1.0:
             found.append(f"the admittances are {self.factor:.4g} times those on the model's per-unit base")
+        if self.power != 1.0:
+            found.append(f"p and q of the file are {self.power:.4g} times the true ones{usual_mistakes(self.power)}")
+        if self.voltage != 1.0:
+            found.append(f"v of the file is {self.voltage:.4g} times the true one{usual_mistakes(self.voltage)}")
+        if self.node:
+            found.append(f"p and q were measured at the {self.node}, not where the file says")
         if self.angle != 0.0:
             found.append(f"the measuring frame is turned by {np.degrees(self.angle):.3g} degrees")
         return " and ".join(found) or "as declared"
@@ -53,6 +85,12 @@ class Convention:
         found += [f"Exchange p and q of {one} and {other}." for one, other in self.labels]
         if self.factor != 1.0:
             found.append(f"Divide the admittances by {self.factor:.4g}, or correct the base they are referred to.")
+        if self.power != 1.0:
+            found.append(f"Divide the columns p and q by {self.power:.4g}.")
+        if self.voltage != 1.0:
+            found.append(f"Divide the column v by {self.voltage:.4g} (1 where there is none).")
+        if self.node:
+            found.append(f"Write # power_node: {self.node} at the top of the file.")
         if self.angle != 0.0:
             found.append(
                 f"Nothing has to be rewritten: the repaired record keeps the {np.degrees(self.angle):.3g} degrees."
@@ -67,7 +105,8 @@ class Convention:
                 continue
             first, second = by_name[one], by_name[other]
             by_name[one], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
-        return replace(sweep, points=tuple(by_name[name] for name in sweep.names))
+        node = self.node or sweep.power_node
+        return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node)
 
     def _undone(self, point: PointSweep) -> PointSweep:
         mirror = np.diag([1.0, float(self.q)])
@@ -77,7 +116,8 @@ class Convention:
         sigma = None
         if point.sigma is not None:
             sigma = np.sqrt((turn**2) @ np.asarray(point.sigma) ** 2 @ (turn**2).T) / self.factor
-        return replace(point, admittance=response, sigma=sigma, repeats=None)
+        op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
+        return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
 
 
 def rotation(angle: float) -> np.ndarray:
@@ -87,8 +127,9 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
-    """The conventions without a number to be fitted: signs, and pairs of exchanged labels."""
+    """The conventions without a number to be fitted: signs, the other power node, and pairs of exchanged labels."""
     for sign, q in ((-1, 1), (1, -1), (-1, -1)):
         yield Convention(sign=sign, q=q)
+    yield Convention(node="pcc" if sweep.power_node == "capacitor" else "capacitor")
     for one, other in combinations(sweep.names, 2):
         yield Convention(labels=((one, other),))

@@ -85,9 +85,10 @@ class Refitter:
         self._few = self._on_few()
 
     def of(self, noise: Noise) -> "Refitter":
-        """The same for other data with that power node and frequency; models are derived once."""
+        """The same for other data; models are derived once for each power node."""
         other = Refitter(noise, self.kinds, self.prior, self.seed)
-        other._share(self._symbolic)
+        if noise.sweep.power_node == self.sweep.power_node:
+            other._share(self._symbolic)
         return other
 
     def _share(self, symbolic: dict[int, tuple[Diagram, SymbolicModel]]) -> None:

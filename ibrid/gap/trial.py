@@ -1,6 +1,6 @@
 """Trials: every edit of the catalogue, and every way to read the data otherwise, refitted and weighed against the model."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import log
@@ -8,7 +8,6 @@ from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.optimize import fminbound
 from scipy.stats import chi2 as chi2_law
 
 from ibrid.evaluation.describe import STABLE_BELOW
@@ -26,6 +25,7 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.outside import LABEL, LABELS, PEAKS
 
 #: Probability of one false alarm in a whole catalogue of tests.
 FALSE_ALARM = 1e-3
@@ -39,18 +39,19 @@ FAR = 3.0
 TRIAL_DRAWS, BASE_DRAWS = 16, 64
 #: Whole fits of a given model at most, each with other random numbers.
 WHOLE_FITS = 2
-#: Largest angle of a measuring frame (rad) and largest factor of a per-unit base that are looked for.
-LARGEST_ANGLE, LARGEST_FACTOR = 0.5, 20.0
-FRAME = "frame_misalignment"
 #: Frequencies that all operating points must share for a port map.
 LEAST_SHARED = 6
 #: Of many data, the operating points and frequencies of each on which ports are compared, and how many adequate ones then on all.
 MAPPED_POINTS, MAPPED_FREQUENCIES, MAPPED = 4, 40, 4
 #: Conventions, the best by a glance, that are refitted.
 READ_OTHERWISE = 2
-#: Steps in which a number of a convention is sought, and the factor on a cost that something else reaches beyond which the
-#: first ones end it.
-COARSE, FINE, HOPELESS = 7, 25, 20.0
+#: What is thought of the labels of data.
+LABELLED = ("exact", "uncertain")
+#: |ln| within which a label is tried at a usual number, and for how many free numbers any other one counts: a scale of
+#: sqrt 2, sqrt 3 or 3/2 is far more probable than another.
+USUAL, UNUSUAL = 0.04, 2
+#: Factor on a cost that something else reaches, beyond which a glance at a convention is enough.
+HOPELESS = 20.0
 
 
 Fit = TypeVar("Fit", bound=Fitted)
@@ -87,7 +88,16 @@ class Model(Generic[Fit]):
 class Workshop:
     """A small-signal sweep as a kind of `Data`, read in any convention."""
 
-    def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, catalogue: Sequence[Effect], seed: int) -> None:
+    def __init__(
+        self,
+        noise: Noise,
+        kinds: Vocabulary,
+        prior: Prior,
+        catalogue: Sequence[Effect],
+        seed: int,
+        labels: str = "uncertain",
+    ) -> None:
+        self.labels = labels
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
         self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
@@ -173,12 +183,16 @@ class Workshop:
 
         enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left.
         """
+        if self.labels == "exact":
+            return
         glances = [(self._glanced_in(model, one), one) for one in written_otherwise(self.noise.sweep)]
         for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
             if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
-        yield from self._with_number(model, "angle", np.linspace(-0.3, 0.3, 7), LARGEST_ANGLE, enough)
-        yield from self._with_number(model, "factor", np.geomspace(0.1, 10.0, 7), LARGEST_FACTOR, enough)
+        for label in LABELS if model.convention == Convention() else ():
+            value = self._label(model, label, enough)
+            for number, extra in () if value is None else usual_first(label, value):
+                yield from self._in(model, Convention.of(label, number), extra)
 
     def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """The port map at the frequencies that all operating points share; empty where there are too few."""
@@ -219,42 +233,26 @@ class Workshop:
         if found is not None:
             yield found
 
-    def _with_number(self, model: Model, name: str, grid: np.ndarray, largest: float, enough: float) -> Iterator[Model]:
-        """The best number of a convention: the best of a grid, then refined by Brent's method, coarsely at first."""
-        if model.convention != Convention():
-            return
-        logarithmic = name == "factor"
+    def _label(self, model: Model, label: str, enough: float) -> float | None:
+        """The number of a doubted label at which a model fits best, beside its parameters; None where a glance is hopeless."""
+        outside, name = model.diagram.outside, f"{LABEL}.{label}"
+        labelled = model.diagram.behind(replace(outside, labels=(*outside.labels, label)))
+        usual = np.linspace(-0.4, 0.4, 7) if LABELS[label].low < 0 else (*PEAKS, 3.0, 1 / 3)
+        starts = [{**values, name: float(one)} for one in usual for values in (model.refit.values, {})]
+        glance = self._plain.glance(labelled, starts)
+        if glance is None or glance.cost > HOPELESS * enough:
+            return None
+        refit = self._plain.refit(labelled, [glance.values])
+        return None if refit is None else refit.values[name]
 
-        def read(number: float) -> Convention:
-            return Convention(factor=float(np.exp(number))) if logarithmic else Convention(angle=number)
 
-        def fitted(number: float) -> Refit | None:
-            return self._plain.of(self.read(read(number))).glance(model.diagram, [values, {}])
-
-        def cost(number: float) -> float:
-            nonlocal values
-            found = fitted(number)
-            if found is None:
-                return np.inf
-            if found.cost < best[0]:
-                best[0], values = found.cost, found.values
-            return found.cost
-
-        values: Mapping[str, float] = model.refit.values
-        best = [np.inf]
-        numbers = np.log(grid) if logarithmic else grid
-        costs = [cost(float(one)) for one in numbers]
-        if not np.isfinite(costs).any():
-            return
-        place = int(np.argmin(costs))
-        step = numbers[1] - numbers[0]
-        bound = np.log(largest) if logarithmic else largest
-        low, high = max(numbers[place] - step, -bound), min(numbers[place] + step, bound)
-        for steps in COARSE, FINE:
-            number = np.asarray(fminbound(cost, low, high, xtol=1e-7, maxfun=steps, disp=0)).item()
-            if best[0] > HOPELESS * enough:
-                return
-        yield from self._in(model, read(number), 1)
+def usual_first(label: str, value: float) -> Iterator[tuple[float, int]]:
+    """A label's number and the free numbers it counts for: the usual one beside it for none, for itself two."""
+    if LABELS[label].low > 0:
+        peak = min(PEAKS, key=lambda one: abs(log(value / one)))
+        if peak != 1.0 and abs(log(value / peak)) < USUAL:
+            yield peak, 0
+    yield value, UNUSUAL if LABELS[label].low > 0 else 1
 
 
 def _starts(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:

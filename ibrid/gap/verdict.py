@@ -102,9 +102,13 @@ def moved_far(model: Model) -> list[str]:
 def alike(found: Findings, place: int) -> tuple[str, ...]:
     """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
     edit, best = found.best.edits[place], found.best
-    if place >= len(found.rivals) or isinstance(edit, Convention):
-        return ()
     limit, names = best.bic(found.scale) + ALIKE, []
+    if isinstance(edit, Convention):
+        others = [one for one in found.trials if len(best.edits) == 1 and one.bic(found.scale) <= limit]
+        labels = [one.edits[-1].ids for one in others if isinstance(one.edits[-1], Convention)]
+        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
+    if place >= len(found.rivals):
+        return ()
     for one in sorted(found.rivals[place], key=lambda one: one.bic(found.scale)):
         other = one.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
@@ -135,7 +139,11 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
     if verdict == "data-convention":
-        what = " and ".join(edit.words for edit in found.best.edits if isinstance(edit, Convention))
+        what = " and ".join(
+            edit.words + _or_else(alike(found, place))
+            for place, edit in enumerate(found.best.edits)
+            if isinstance(edit, Convention)
+        )
         also = "".join(f"; also {words_of(edit)}" for edit in found.best.edits if isinstance(edit, Insertion))
         return f"The data are written otherwise than the model means: {what}{also} (error {before:.2g} -> {after:.2g}{noise})."
     if verdict == "located-unnamed":

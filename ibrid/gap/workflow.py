@@ -8,6 +8,7 @@ from typing import TypeVar, Unpack
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
+from ibrid.fit.settings import require_one_of
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
@@ -21,7 +22,7 @@ from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
-from ibrid.gap.trial import Model, Workshop
+from ibrid.gap.trial import LABELLED, Model, Workshop
 from ibrid.gap.verdict import Findings, fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
@@ -51,6 +52,7 @@ def find_gap(
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     progress: str | Tell = "interactive",
+    labels: str = "uncertain",
     seconds: float | None = None,
     so_far: Callable[[Gap], None] | None = None,
     **options: Unpack[StudyOptions],
@@ -68,6 +70,7 @@ def find_gap(
         sought with shared parameters and the exact equilibrium alone.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`.
     suggest : who is asked for edits where something is located that the catalogue does not know.
+    labels : "uncertain": p, q, v, base, signs, node and frame of the data are tried too; "exact": they are believed.
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
@@ -89,6 +92,7 @@ def find_gap(
         raise IbridError(
             "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
         )
+    require_one_of("labels", labels, LABELLED)
     kernel.load()
     require_legal(diagram, study.kinds, equilibrium="exact")
     diagram = study.placed(diagram)
@@ -97,7 +101,7 @@ def find_gap(
     gate = linearity(study.fitted)
     with telling(progress) as tell:
         watch = Watch(tell, seconds, so_far)
-        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch)
+        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch, labels)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     if watch.stopped:
         short = f"Stopped after {seconds:g} s: not everything was tried."
@@ -116,10 +120,11 @@ class _Question:
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
+    labels: str
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
-        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed)
+        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.labels)
 
     def amplitudes(self, data: AmplitudeData) -> Amplitudes:
         """All amplitudes."""

@@ -31,7 +31,7 @@ MIRRORED = 0.2
 #: Inductance (pu) that p, q of the PCC cannot have behind them, and the largest reactive power of branches outside p, q.
 OWN_NODE, OUTSIDE = 0.03, 0.4
 #: |ln| within which a scale is taken for a usual mistake.
-NEAR = 0.1
+NEAR, FITTED = 0.1, 0.04
 _MISTAKES = (
     (2**0.5, "peak and rms values confused (sqrt 2)"),
     (3**0.5, "line and phase values confused (sqrt 3)"),
@@ -113,14 +113,23 @@ _REVERSED = {
 
 def scale_reason(factor: float) -> str:
     """What makes admittances say `factor` times the power of the labels: every usual mistake that is near, the nearest first."""
-    away = sorted((abs(abs(np.log(factor)) - np.log(size)), words) for size, words in _MISTAKES)
-    likely = " or ".join(words for distance, words in away if distance < NEAR)
-    likely = likely.format(impedance="large" if factor < 1 else "small")
+    likely = " or ".join(_near(factor, NEAR)).format(impedance="large" if factor < 1 else "small")
     size = f"{1 / factor:.3g} times too large" if factor < 1 else f"{factor:.3g} times too small"
     return (
         f"p and q are probably {size}{f', by {likely}' if likely else ''}; or v is wrong by the square root of that, or the "
         "unit or the base (s_base_va, v_base_v) of Y"
     )
+
+
+def usual_mistakes(scale: float) -> str:
+    """ ", as by ..." for a scale that was found by a fit, where it is within `FITTED` of one that a usual mistake makes."""
+    named = [words for words in _near(scale, FITTED) if "{" not in words]
+    return f", as by {' or '.join(named)}" if named else ""
+
+
+def _near(scale: float, within: float) -> list[str]:
+    away = sorted((abs(abs(np.log(scale)) - np.log(size)), words) for size, words in _MISTAKES)
+    return [words for distance, words in away if distance < within]
 
 
 def _reactive(loaded: Sequence[AngleReading], factor: float, power_node: PowerNode) -> str | None:

@@ -24,7 +24,7 @@ LABELS: Mapping[str, Range] = MappingProxyType(
     {
         "power_scale": Range(0.2, 5.0, 1.0, "1", "p and q of the file over the true ones"),
         "voltage_scale": Range(0.4, 2.5, 1.0, "1", "v of the file over the true one"),
-        "base_impedance": Range(0.1, 10.0, 1.0, "1", "admittances of the file over the true ones"),
+        "base_impedance": Range(0.02, 50.0, 1.0, "1", "admittances of the file over the true ones"),
         "frame_misalignment": Range(-0.6, 0.6, 0.0, "rad", "angle of the measuring frame before the grid's"),
     }
 )

@@ -94,7 +94,36 @@ def test_a_sweep_that_is_written_otherwise_is_told_from_missing_physics(variant)
     case = draw_case("convention", 1, effects=[variant], noise_db=60, severity="gross")
     gap = answered(case, catalogue=FEW)
     assert gap.verdict == "data-convention", gap.sentence
-    assert ids(gap) == (["frame_misalignment"] if variant == "frame_misalignment" else [])
+    assert ids(gap) == ([] if variant == "operating_point" else [variant])
+
+
+WRONG_LABELS = {
+    "power_scale": Convention(power=2**0.5),
+    "voltage_scale": Convention(voltage=2**0.5),
+    "frame_misalignment": Convention(angle=0.12),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_LABELS)
+def test_a_wrong_label_is_named_with_what_to_write(name):
+    case, wrong = draw_case("nothing", 1, noise_db=60), WRONG_LABELS[name]
+    inverse = Convention(angle=-wrong.angle, power=1 / wrong.power, voltage=1 / wrong.voltage)
+    gap = find_gap(parse_program(case.program), inverse.undone(case.sweep), case.values, catalogue=FEW)
+    assert gap.verdict == "data-convention"
+    (effect,) = gap.effects
+    assert effect.id == name, effect
+    number = next(iter(effect.parameters.values()))[0]
+    assert number == pytest.approx({"power_scale": 2**0.5, "voltage_scale": 2**0.5}.get(name, 0.12), rel=0.02)
+    if name != "frame_misalignment":
+        assert "peak and rms values confused" in gap.sentence
+        assert "Divide the column" in gap.convention.remedy
+
+
+def test_labels_that_are_believed_are_not_doubted():
+    case = draw_case("nothing", 1, noise_db=60)
+    turned = Convention(angle=-0.12).undone(case.sweep)
+    gap = find_gap(parse_program(case.program), turned, case.values, catalogue=FEW, labels="exact")
+    assert gap.verdict != "data-convention"
 
 
 def test_what_a_convention_does_to_data_can_be_undone():
