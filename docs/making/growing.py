@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from ibrid_search.lineage import lineage
+from ibrid_search.page import lineage
 from ibrid_search.report.run_data import read_run
 from ibrid_search.step import Step
 from ibrid_search.store import Store

@@ -9,7 +9,7 @@ from ibrid.measurement.told import base_of
 
 
 @dataclass(frozen=True)
-class Question:
+class ImportQuestion:
     """What nobody has said: `sentence` begins "the unit of ..", `answers` are the likely options."""
 
     sentence: str
@@ -24,10 +24,10 @@ class Account:
     said: dict[str, Any]
     readings: list[tuple[str, str, str]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-    questions: dict[str, Question] = field(default_factory=dict)
+    questions: dict[str, ImportQuestion] = field(default_factory=dict)
 
     def ask(self, sentence: str, *answers: str) -> None:
-        self.questions.setdefault(sentence, Question(sentence, answers))
+        self.questions.setdefault(sentence, ImportQuestion(sentence, answers))
 
     def remark(self, words: str) -> None:
         if words not in self.remarks:

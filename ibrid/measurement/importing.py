@@ -15,7 +15,7 @@ from ibrid.measurement.entry_tables import joined_entries, widened
 from ibrid.measurement.foreign_part import Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import HEADER_KEYS, header_of
-from ibrid.measurement.import_account import Account, Question, bases_of, known_number, number_said
+from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import axis_of_tail
@@ -33,7 +33,7 @@ class Imported:
 
     readings: tuple[tuple[str, str, str], ...]
     remarks: tuple[str, ...]
-    questions: tuple[Question, ...]
+    questions: tuple[ImportQuestion, ...]
     sweep: Sweep | None
     where: str = ""
 

@@ -20,7 +20,7 @@ WORST_PARTS, WORST_FREQUENCIES = 12, 8
 
 
 @dataclass(frozen=True)
-class Part:
+class RecordPart:
     """Which part of the error is asked for; None for all. `op` : name of an operating point, `band` : such as "5-50" (Hz),
     `entry` : dd, dq, qd or qq."""
 
@@ -48,7 +48,7 @@ def summary(record: Record) -> dict[str, Any]:
     }
 
 
-def record_view(record: Record, sweep: Sweep, part: Part | None = None) -> dict[str, Any]:
+def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) -> dict[str, Any]:
     """Everything of a fitted record that helps to decide on the next edit.
 
     `share` of a part : its squared error, each operating point relative to its own measurement, over the whole squared
@@ -57,7 +57,7 @@ def record_view(record: Record, sweep: Sweep, part: Part | None = None) -> dict[
 
     Raises IbridError for a part that the data lack.
     """
-    part = part or Part()
+    part = part or RecordPart()
     _require(part, record)
     cells = list(_cells(record, sweep))
     whole = sum(cell["squared"] for cell in cells) or 1.0
@@ -80,7 +80,7 @@ def record_view(record: Record, sweep: Sweep, part: Part | None = None) -> dict[
     }
 
 
-def _require(part: Part, record: Record) -> None:
+def _require(part: RecordPart, record: Record) -> None:
     for what, value, known in (
         ("operating point", part.op, tuple(record.nrmse_by_op)),
         ("band", part.band, BAND_NAMES),
@@ -111,7 +111,7 @@ def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
                 }
 
 
-def _within(cell: Mapping[str, Any], part: Part) -> bool:
+def _within(cell: Mapping[str, Any], part: RecordPart) -> bool:
     return all(
         wanted is None or cell[key] == wanted
         for key, wanted in (("op", part.op), ("band", part.band), ("entry", part.entry))

@@ -16,7 +16,7 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study
 from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.record_view import Part, record_view, summary
+from ibrid_search.record_view import RecordPart, record_view, summary
 from ibrid_search.tool import STEP, Steps, Tool
 
 #: Seconds that looking, checking and comparing may take.
@@ -106,7 +106,11 @@ class Tools:
     ) -> dict[str, Any]:
         """`ibrid_search.record_view` of a step, with its program."""
         record = self.steps.record(step)
-        return {"step": step, **record_view(record, self.study.sweep, Part(op, band, entry)), "program": record.program}
+        return {
+            "step": step,
+            **record_view(record, self.study.sweep, RecordPart(op, band, entry)),
+            "program": record.program,
+        }
 
     def list_best(self, count: int = LISTED) -> dict[str, Any]:
         """The best steps with their programs."""
