@@ -84,8 +84,8 @@ def _known_formats(files: list[str], said: dict[str, Any]) -> "Sweep | None":
     """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), which say more than their columns; None for others."""
     from pathlib import Path
 
+    from ibrid.measurement.amplitudes import merge
     from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
-    from ibrid.measurement.merge import merge
     from ibrid.measurement.read import is_known_format, read_sweep
     from ibrid.measurement.told import base_of
 
