@@ -62,8 +62,8 @@ def plant_equilibrium(
         e, i_g = _behind_line(parameters["R_g"], parameters["L_g"], p, q, v)
     i_c: Pair = (0.0, 0.0)
     for resistance, capacitance, *inductance in kind.branches:
-        values = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
-        i_c = add(i_c, _branch_current(*values, e) if not inductance else _trap_current(*values, e))
+        r, c, *l_branch = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
+        i_c = add(i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e))
     i_ti = add(i_g, i_c)
     u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"], i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}

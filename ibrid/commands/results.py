@@ -107,7 +107,10 @@ def _run_page(arguments: Namespace) -> int:
 
     from ibrid_search.page import write_run_page
 
-    print(write_run_page(folder, out, sweep=sweep, vocabulary=inputs.vocabulary(files=arguments.kinds)))
+    from ibrid.modules.vocabulary import choose_vocabulary
+
+    kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
+    print(write_run_page(folder, out, sweep=sweep, vocabulary=kinds))
     return 0
 
 

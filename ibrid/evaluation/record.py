@@ -103,7 +103,9 @@ class Record:
         if (reason := breach(data, "record") or _broken_link(data)) is not None:
             raise IbridError(f"the record {reason}; make it again with ibrid evaluate --json")
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
-        values = {name: tuple(value) if name in _TUPLES else value for name, value in data.items() if name in names}
+        values: dict[str, Any] = {
+            name: tuple(value) if name in _TUPLES else value for name, value in data.items() if name in names
+        }
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
     def write(self, path: str | Path) -> None:

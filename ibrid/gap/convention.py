@@ -39,7 +39,7 @@ class Convention:
     @classmethod
     def of(cls, label: str, value: float) -> "Convention":
         """A doubted label of `ibrid.structure.outside.LABELS` at its value."""
-        return cls(**{_NUMBERS[label]: value})
+        return replace(cls(), **{_NUMBERS[label]: value})
 
     @property
     def ids(self) -> dict[str, dict[str, float]]:

@@ -64,13 +64,13 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
         return None
     column = point.admittance[lowest][:, :, 1]
     basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
-    at_rest, bend = np.linalg.lstsq(basis, column.real, rcond=None)[0]
-    slope = np.linalg.lstsq(frequency[:, None], column.imag, rcond=None)[0][0]
+    at_rest, bend = np.linalg.lstsq(basis, np.real(column), rcond=None)[0]
+    slope = np.linalg.lstsq(frequency[:, None], np.imag(column), rcond=None)[0][0]
     size = float(np.linalg.norm(at_rest))
     if not size:
         return None
     moving = float(np.linalg.norm(bend) + np.linalg.norm(slope)) / size
-    left = float(np.linalg.norm(column.real - basis @ [at_rest, bend], axis=1).max()) / size
+    left = float(np.linalg.norm(np.real(column) - basis @ [at_rest, bend], axis=1).max()) / size
     level = 0.0
     if noise.relative is not None:
         absolute = noise.relative[lowest] * np.linalg.norm(point.admittance[lowest], axis=(1, 2))

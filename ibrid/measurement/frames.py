@@ -25,13 +25,13 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
         if not {"p", "q"} <= set(keys):
             raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
         return from_responses(np.asarray(data[0]), np.asarray(data[1]), **keys)
-    if not hasattr(data, "columns"):
+    columns = getattr(data, "columns", None)
+    if columns is None:
         raise SweepError(f"read_sweep takes a path, a DataFrame or (frequency, matrices); found {type(data).__name__}.")
-    names = [str(name) for name in data.columns]
-    if {"op", "p", "q", "freq_hz"} <= set(names) and hasattr(data, "to_csv"):
-        return parse_csv(
-            data.to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys}
-        )
+    names = [str(name) for name in columns]
+    to_csv = getattr(data, "to_csv", None)
+    if {"op", "p", "q", "freq_hz"} <= set(names) and to_csv is not None:
+        return parse_csv(to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys})
     maps = keys.pop("map", ())
     return import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys).answered()
 

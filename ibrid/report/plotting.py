@@ -43,7 +43,7 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
     chosen = study.points[names.index(op) if op else 0]
     with rc_context({"axes.grid": True}):
         figure = None if ax is not None else Figure(figsize=(6, 4.5), layout="constrained")
-        axes = ax if figure is None else figure.subplots()
+        axes: Any = ax if figure is None else figure.subplots()
         draw_locus([axes], chosen)
         on_white(axes)
     return axes if figure is None else figure

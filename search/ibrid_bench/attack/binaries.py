@@ -4,6 +4,7 @@ import io
 import random
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import savemat
@@ -17,7 +18,8 @@ def whole_files() -> list[bytes]:
     rng = np.random.default_rng(0)
     variables = {"w": np.geomspace(10, 1e4, 16), "Y": rng.normal(size=(2, 2, 16)) + 1j, "p": 1.0, "q": 0.3, "op": "a"}
     files = []
-    for options in ({"do_compression": True}, {}, {"format": "4"}):
+    choices: tuple[dict[str, Any], ...] = ({"do_compression": True}, {}, {"format": "4"})
+    for options in choices:
         stream, kept = io.BytesIO(), dict(variables)
         if "format" in options:
             del kept["Y"]

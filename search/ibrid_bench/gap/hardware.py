@@ -60,7 +60,7 @@ def _benchmark(options: argparse.Namespace) -> int:
             ledger.add({"key": key, **_answer(effects, noise, seed)})
         row = ledger.rows[key]
         print(key, row["verdict"], row["answer"], f"named {row['named_first']}, held out {row['holdout']}", flush=True)
-    print(report([ledger.rows[key] for key in keys]))
+    print(report([dict(ledger.rows[key]) for key in keys]))
     return 0
 
 

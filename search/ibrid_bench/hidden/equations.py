@@ -58,7 +58,7 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     e_q = dead_zone(locked_to[1], m.deadband) if nonlinear else locked_to[1]
     delta_omega = phase_locked_loop(m, states, e_q, delta) if locked else ca.SX(0)
     plant.turn(m.omega_0 + delta_omega)
-    if sequence is not None:
+    if sequence is not None and m.k_dsogi is not None:
         sequence.hears(m, m.k_dsogi, plant.e, delta_omega)
     seen = Measured(plant.e, plant.i_ti, plant.i_g, delta_omega)
     i_ref = current_reference(m, states, seen, u, r)

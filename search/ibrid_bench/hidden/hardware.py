@@ -9,7 +9,7 @@ from math import pi, sqrt
 
 import numpy as np
 from ibrid_bench.hidden.case import F0_HZ, Case, as_program, measured
-from ibrid_bench.hidden.declaration import PRESENT, HiddenEffect, Strength, always
+from ibrid_bench.hidden.declaration import PRESENT, HiddenEffect, Severity, Strength, always
 from ibrid_bench.hidden.hiding import choose, hide
 from ibrid_bench.hidden.nominal import nominal_values
 from ibrid_bench.hidden.points import HELD_OUT, operating_points
@@ -52,7 +52,7 @@ def draw_hardware(
     effects: Sequence[str],
     *,
     noise_db: float = 50.0,
-    severity="clear",
+    severity: Severity = "clear",
     frequencies: int = 30,
     points: int = 4,
 ) -> Case:
