@@ -74,7 +74,7 @@ class RankedEdit:
 
 def published_structures(study: Study) -> frozenset[str]:
     """Hashes of the shipped diagrams that the vocabulary can draw."""
-    examined = (study.examined(textbook(name), name) for name in textbook_names())
+    examined = (study.examined(textbook(name), name) for name in (*textbook_names(), *published_names()))
     return frozenset(found.hash for found in examined if found.hash)
 
 

@@ -146,7 +146,7 @@ class Tools:
         return {
             "language": api_text().splitlines(),
             "rules": rules_text(kinds, equilibrium).splitlines(),
-            "kinds": kinds_text(kinds, equilibrium).splitlines(),
+            "kinds": kinds_text(kinds, equilibrium, short=True).splitlines(),
         }
 
     def compare_programs(self, a: str | int, b: str | int) -> dict[str, Any]:

@@ -120,6 +120,8 @@ def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
         except DiagramError:  # a Pade form in a loop of gain one
             continue
         expected = [np.array(one) for one in matrices(list(values.values()), point)]
+        if not all(np.isfinite(one).all() for one in expected):  # a turn by no angle in a loop of its own
+            continue
         try:
             resting = rest(wiring, table, values, point, pade_orders=orders, **physics)
         except IbridError:

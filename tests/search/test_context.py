@@ -138,7 +138,7 @@ def test_the_parent_is_shown_with_its_record():
     record = evaluated("gfl_l_filter", restarts=0)
     assert program_text(ibrid.textbook("gfl_l_filter")) in text
     assert "step 12" in text
-    assert f"NRMSE {record.nrmse:.3g}, order {record.order}, {record.modules} modules" in text
+    assert f"NRMSE {record.nrmse:.3g} ({record.grade}), order {record.order}, {record.modules} modules" in text
     for values in (record.nrmse_by_op, record.nrmse_by_band, record.nrmse_by_entry):
         for name, value in values.items():
             assert f"{name} {value:.3g}" in text

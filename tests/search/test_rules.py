@@ -520,7 +520,8 @@ BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
 #: Where a run takes its starts from, all shipped diagrams, when none is given; and where an agent may look them up.
 STARTS = {
     "diagnosis.py": ("textbook", "textbook_names", "published_names", "published_values"),
-    "insight.py": ("textbook", "textbook_names", "textbook_text"),
+    "insight.py": ("textbook", "textbook_names", "textbook_text", "published_names"),
+    "start.py": ("textbook", "textbook_names", "published_names"),
 }
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))
@@ -555,7 +556,7 @@ OFFLINE = [
     *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning", "edited")),
     *sorted((SEARCH.parents[1] / "ibrid" / "parts").glob("*.py")),
     *(SEARCH.parents[1] / "ibrid" / "structure" / f"{name}.py" for name in ("drafting", "roles")),
-    SEARCH / "gates.py",
+    SEARCH / "oddities.py",
 ]
 
 

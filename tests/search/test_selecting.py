@@ -236,7 +236,7 @@ def test_a_rival_fits_as_well_with_no_more_numbers_and_another_structure():
 def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
     floor, misfits = Floor(0.01, 1_000, "sigma"), {TRUE: 1.0, NEARLY: 1.0}
-    records = lambda number: replace(record(number), misfit=misfits.get(number, 9.0))  # noqa: E731
+    records = lambda number: replace(record(number), over_noise=misfits.get(number, 9.0))  # noqa: E731
     free = [record(number).free_parameters for number in (NEARLY, TRUE)]
     assert free[0] < free[1]
     (rival,) = rivals_of(given[TRUE], given, records, floor)
@@ -248,7 +248,7 @@ def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
 
 def test_where_two_models_differ_most_is_named():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
-    records = lambda number: replace(record(number), misfit=1.0)  # noqa: E731
+    records = lambda number: replace(record(number), over_noise=1.0)  # noqa: E731
     rival = next(
         one for one in rivals_of(given[TRUE], given, records, Floor(0.01, 1_000, "sigma")) if one.step == NEARLY
     )
