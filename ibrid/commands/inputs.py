@@ -22,13 +22,12 @@ DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped
 
 def program(text: str) -> "Diagram":
     """The diagram in a program file, else the textbook diagram of that name."""
-    from ibrid.structure.library import published_names, textbook, textbook_names
+    from ibrid.structure.library import shipped_names, textbook
     from ibrid.structure.program import read_program
 
-    names = (*textbook_names(), *published_names())
-    if not _exists(text) and text in names:
+    if not _exists(text) and text in shipped_names():
         return textbook(text)
-    _require_file(text, names, "a program file or a textbook diagram", ProgramError)
+    _require_file(text, shipped_names(), "a program file or a textbook diagram", ProgramError)
     return read_program(text)
 
 

@@ -33,20 +33,20 @@ class Account:
         if words not in self.remarks:
             self.remarks.append(words)
 
-    def read(self, *reading: str) -> None:
-        if reading not in self.readings:
-            self.readings.append(reading)  # type: ignore[arg-type]
+    def read(self, role: str, source: str, unit: str) -> None:
+        if (role, source, unit) not in self.readings:
+            self.readings.append((role, source, unit))
 
 
 def bases_of(told: Mapping[str, Any], account: Account) -> tuple[float, float] | None:
     """VA and V of the inverter's per unit; asked for where they are needed and not said."""
     if told.get("base"):
         return base_of(str(told["base"]), "--base")
-    bases = [number_said(told.get(key)) for key in ("s_base_va", "v_base_v")]
-    if None in bases:
+    power, voltage = (number_said(told.get(key)) for key in ("s_base_va", "v_base_v"))
+    if power is None or voltage is None:
         account.ask("the inverter's base", "--base S_VA,V_LL (such as 10kVA,400V)")
         return None
-    return bases[0], bases[1]  # type: ignore[return-value]
+    return power, voltage
 
 
 def known_number(key: str, told: Mapping[str, Any], account: Account) -> float | None:

@@ -25,12 +25,18 @@ def published_names() -> tuple[str, ...]:
     return _names(_PUBLISHED)
 
 
+@cache
+def shipped_names() -> tuple[str, ...]:
+    """Names of both, the textbook ones first."""
+    return (*textbook_names(), *published_names())
+
+
 def textbook_text(name: str) -> str:
     """Program text of a shipped diagram; ProgramError with near names otherwise."""
     for folder, names in ((_TEXTBOOK, textbook_names()), (_PUBLISHED, published_names())):
         if name in names:
             return (folder / f"{name}.py").read_text(encoding="utf-8")
-    raise ProgramError(f"no textbook diagram is called {name!r}; {near(name, (*textbook_names(), *published_names()))}")
+    raise ProgramError(f"no textbook diagram is called {name!r}; {near(name, shipped_names())}")
 
 
 def textbook(name: str) -> Diagram:

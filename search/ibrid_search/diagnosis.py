@@ -27,8 +27,9 @@ from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import published_names, published_values, textbook, textbook_names
+from ibrid.structure.library import published_names, published_values, shipped_names, textbook
 from ibrid.study import Study
+from ibrid.telling import Tell
 from ibrid_search.first_look import LIMIT, PRICE, problems_of
 from ibrid_search.merit import EXACT, Criterion
 
@@ -74,7 +75,7 @@ class RankedEdit:
 
 def published_structures(study: Study) -> frozenset[str]:
     """Hashes of the shipped diagrams that the vocabulary can draw."""
-    examined = (study.examined(textbook(name), name) for name in (*textbook_names(), *published_names()))
+    examined = (study.examined(textbook(name), name) for name in shipped_names())
     return frozenset(found.hash for found in examined if found.hash)
 
 
@@ -124,10 +125,11 @@ class Looker:
         self.study, self.criterion = study, criterion
         self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
-    def textbooks(self, devices: int = 1) -> tuple[RankedEdit, ...]:
-        """The shipped diagrams of so many devices that have a response, the best first."""
+    def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
+        """The shipped diagrams of so many devices that have a response, the best first. tell : of every look, and the share."""
         looks: list[RankedEdit] = []
-        for name in (*textbook_names(), *published_names()):
+        for place, name in enumerate(names := shipped_names()):
+            tell(f"first look at {name}, {place + 1} of {len(names)}", place / len(names))
             diagram = textbook(name)
             number = len(device_parts(diagram, self.study.kinds))
             if number == devices and not self.study.examined(diagram, name).violations:

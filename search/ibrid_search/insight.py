@@ -12,7 +12,7 @@ from ibrid.measurement.inspect import inspect
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import published_names, textbook, textbook_names, textbook_text
+from ibrid.structure.library import shipped_names, textbook, textbook_text
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program, program_text
 from ibrid.study import Study
 from ibrid_search.diagnosis import Edited, RankedEdit
@@ -64,7 +64,7 @@ class Insight:
             Tool(
                 "read_diagram",
                 "The program of a published control, to start from.",
-                {"name": {"type": "string", "enum": [*textbook_names(), *published_names()]}},
+                {"name": {"type": "string", "enum": list(shipped_names())}},
                 self.read_diagram,
                 ("name",),
             ),
@@ -124,7 +124,7 @@ class Insight:
         with time_limit(PATIENCE):
             looks = rankings_of(self.study).textbooks
         ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
-        others = sorted({*textbook_names(), *published_names()} - {look.edit.part for look in looks})
+        others = sorted({*shipped_names()} - {look.edit.part for look in looks})
         return {"ranked": ranked, "without_a_look": others, "next": "read_diagram, then evaluate_program"}
 
     def read_diagram(self, name: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Structures that the data cannot tell from the answer, and the measurement that would."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import exp, inf, log
 from typing import Any
@@ -91,5 +91,5 @@ def _told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
             continue
         k = int(np.argmax(apart))
         if np.isfinite(apart[k]) and (best.differs is None or apart[k] > best.differs):
-            best = Rival(rival.step, rival.free, rival.odds, rival.note, op.name, float(frequency[k]), float(apart[k]))
+            best = replace(rival, op=op.name, hz=float(frequency[k]), differs=float(apart[k]))
     return best

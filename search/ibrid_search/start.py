@@ -15,15 +15,14 @@ from ibrid.fit.settings import FitSettings
 from ibrid.measurement.inspect import Inspection, inspect
 from ibrid.measurement.inspection_table import format_inspection
 from ibrid.measurement.sweep import Sweep
-from ibrid.parts.device import device_parts
 from ibrid.report.page import record_facts
 from ibrid.report.template import page
-from ibrid.structure.library import published_names, textbook, textbook_names
+from ibrid.structure.library import textbook
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid.writing import write_whole
 from ibrid_search.appraisal import sort_of_control
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit
+from ibrid_search.diagnosis import Looker, RankedEdit
 from ibrid_search.merit import Floor, criterion
 from ibrid_search.settings import SearchSettings
 
@@ -106,7 +105,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0) -> Start:
     inspection = inspect(sweep)
     study = Study(sweep, seed=seed)
     measure = criterion(study, SearchSettings())
-    looks = _looks(Looker(study, measure), tell)
+    looks = Looker(study, measure).textbooks(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
@@ -155,19 +154,6 @@ def _family(sort: str) -> str:
     follows, _, loop = sort.partition(", ")
     names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
     return " and ".join(names) + (f", with a {loop}" if loop else "")
-
-
-def _looks(looker: Looker, tell: Tell) -> list[RankedEdit]:
-    """First looks at the shipped diagrams of one device, the best first."""
-    names = [*textbook_names(), *published_names()]
-    found = []
-    for number, name in enumerate(names):
-        tell(f"first look at {name}, {number + 1} of {len(names)}", 0.6 * number / len(names))
-        diagram = textbook(name)
-        study = looker.study
-        if len(device_parts(diagram, study.kinds)) == 1 and not study.examined(diagram, name).violations:
-            found.append(looker.fresh(Edited(diagram, f"the shipped diagram {name}", name, {})))
-    return sorted((one for one in found if one.error < float("inf")), key=lambda one: one.worth)
 
 
 def _fitted(look: RankedEdit, study: Study) -> Ranked:

@@ -519,9 +519,9 @@ def imported(path: Path) -> set[str]:
 BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
 #: Where a run takes its starts from, all shipped diagrams, when none is given; and where an agent may look them up.
 STARTS = {
-    "diagnosis.py": ("textbook", "textbook_names", "published_names", "published_values"),
-    "insight.py": ("textbook", "textbook_names", "textbook_text", "published_names"),
-    "start.py": ("textbook", "textbook_names", "published_names"),
+    "diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
+    "insight.py": ("textbook", "textbook_text", "shipped_names"),
+    "start.py": ("textbook",),
 }
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))
