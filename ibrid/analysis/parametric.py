@@ -50,11 +50,13 @@ class ParametricModel:
         """(P,) the record's values."""
         return self.coordinates.to_x(self._theta)
 
-    def admittance(self, frequency: np.ndarray) -> np.ndarray:
-        """(K, 2, 2) complex at frequencies in Hz, as `Record.response`: per unit, current out, delays exact."""
+    def admittance(self, frequency: np.ndarray, x: np.ndarray | None = None) -> np.ndarray:
+        """(K, 2, 2) complex at frequencies in Hz, as `Record.response`: per unit, current out, delays exact; at the record's
+        values, or at x (P,)."""
         model, omega = self._model, 2 * np.pi * np.asarray(frequency, dtype=float)
-        values = np.array(model.values_only(self._theta, [self.op.p, self.op.q, self.op.v])).ravel()
-        return respond(values, model.rows, model.columns, model.delays(self._theta[None])[0], omega, model.size)
+        theta = self._theta if x is None else self.coordinates.to_theta(x)
+        values = np.array(model.values_only(theta, [self.op.p, self.op.q, self.op.v])).ravel()
+        return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
     def slopes(self, frequency: np.ndarray) -> np.ndarray:
         """dY/dx at the record's values and frequencies in Hz: (K, 2, 2, P) complex, delays exact."""
@@ -121,12 +123,13 @@ class Uncertainty:
     """x = x_hat + root z + hidden h with independent standard normal z, h.
 
     `root` (P, R) : one standard deviation along what the data see. `hidden` (P, H) : along what they do not, by the boxes.
-    `names` (P,) : of the parameters.
+    `names` (P,) : of the parameters. `others` : x (P,) of other minima within the noise, each with its relative likelihood.
     """
 
     names: tuple[str, ...]
     root: np.ndarray
     hidden: np.ndarray
+    others: tuple[tuple[np.ndarray, float], ...] = ()
 
     @property
     def directions(self) -> np.ndarray:
@@ -165,7 +168,11 @@ def uncertainty(record: Record, model: ParametricModel) -> Uncertainty | None:
     values, vectors = np.linalg.eigh(beside @ (seen + seen.T) @ beside / 2.0)
     kept = values > 0
     root = vectors[:, kept] * np.sqrt(values[kept] / (1.0 + values[kept]))
-    return Uncertainty(model.names, box[:, None] * root, box[:, None] * blind)
+    others = tuple(
+        (np.array(other["x"], dtype=float)[order], float(np.exp(-other["chi2_above"] / 2.0)))
+        for other in record.covariance.get("other_minima", ())
+    )
+    return Uncertainty(model.names, box[:, None] * root, box[:, None] * blind, others)
 
 
 def _invisible(record: Record, model: ParametricModel) -> np.ndarray:

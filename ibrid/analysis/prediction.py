@@ -122,7 +122,8 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
     frequency : (K,) Hz, positive, ascending.
 
     Bands: the delta method, dY/dx by the model's exact derivatives, on `uncertainty`: the covariance of the fit, and the
-    boxes along what the data cannot see. They hold for the structure of the diagram; a wrong structure is not in them.
+    boxes along what the data cannot see; and the answers of other minima within the noise, by their likelihood. They hold
+    for the structure of the diagram; a wrong structure is not in them.
 
     Raises IbridError for a record that cannot predict, OperatingPointError for a point that does not exist.
     """
@@ -140,7 +141,8 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         deviation, slopes = None, None
         if sure is not None:
             moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)
-            deviation = np.sqrt(np.stack([(part**2).sum(axis=0) for part in (np.real(moved), np.imag(moved))]))
+            spread = np.concatenate([moved, _other_minima(sure, parametric, frequency, angle)])
+            deviation = np.sqrt(np.stack([(part**2).sum(axis=0) for part in (np.real(spread), np.imag(spread))]))
             slopes = parametric.matrix_slopes(sure.directions, lambda matrices: matrices[0])
             warnings += _from_the_boxes(sure, moved, parametric.admittance(frequency))
         else:
@@ -179,6 +181,14 @@ def _turned(admittance: np.ndarray, angle: float) -> np.ndarray:
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [-s, c]])
     return turn @ admittance @ turn.T
+
+
+def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarray, angle: float) -> np.ndarray:
+    """(M, K, 2, 2) what the answers of other minima add to the spread: their distance times the root of their likelihood."""
+    here = model.admittance(frequency)
+    away = [np.sqrt(likelihood) * (model.admittance(frequency, x) - here) for x, likelihood in sure.others]
+    answers = [_turned(one, angle) for one in away if np.isfinite(one).all()]
+    return np.array(answers, dtype=complex).reshape(-1, *here.shape)
 
 
 def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> list[str]:

@@ -13,7 +13,8 @@ from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.outcome import Outcome, reward
 from ibrid.evaluation.record import Record, pade_orders
-from ibrid.fit.identifiability import Visibility, visibility
+from ibrid.fit.identifiability import Visibility, noise_of, visibility
+from ibrid.fit.minima import Minimum, other_minima
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
@@ -83,6 +84,9 @@ class _Description:
         self.wiring, self.study, self.fitted = wiring, study, fitted
         self.table = parameter_table(wire(diagram, study.kinds), study.equilibrium)  # names in the program's order
         self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
+        self.others = [
+            other_minima(one.problem, one.solution, noise_of(one.problem, one.solution.x)[0]) for one in fitted
+        ]
         self.values = {
             name: self._ordered(one.problem.values_at(one.solution.x, index))
             for one in fitted
@@ -229,10 +233,11 @@ class _Description:
 
     def _sentences(self) -> tuple[str, ...]:
         sentences: list[str] = []
-        for one, answer in zip(self.fitted, self.seen, strict=True):
+        for one, answer, others in zip(self.fitted, self.seen, self.others, strict=True):
             where = "" if len(self.fitted) == 1 else f"at {one.names[0]}: "
             sentences += [where + sentence for sentence in answer.sentences]
             sentences += [where + _twin_sentence(one, twin) for twin in one.solution.twins]
+            sentences += [where + _others_sentence(one, answer, others)] if others else []
             if one.solution.waves:
                 sentences.append(where + _support_sentence(one.solution, answer))
         return tuple(sentences)
@@ -280,6 +285,7 @@ class _Description:
             "of": "search coordinates (logarithms of positive parameters)",
             "names": self.fitted[0].labels,
             "matrix": self.seen[0].covariance.tolist(),
+            "other_minima": [{"chi2_above": other.above, "x": other.x.tolist()} for other in self.others[0]],
         }
 
 
@@ -307,6 +313,26 @@ def _twin_sentence(one: BestFit, twin: np.ndarray) -> str:
         if abs(after - before) > 1e-3 * abs(before)
     ]
     return f"a twin fits as well: {', '.join(moved)}; the one with the smaller R_F is reported"
+
+
+def _others_sentence(one: BestFit, answer: Visibility, others: Sequence[Minimum]) -> str:
+    """Other minima within the noise, and what has another value at the likeliest of them."""
+    coordinates = one.problem.coordinates
+    here, there = coordinates.to_theta(one.solution.x), coordinates.to_theta(others[0].x)
+    outside = [
+        f"{label} {after:.3g} instead of {before:.3g}"
+        for label, before, after in zip(one.labels, here, there, strict=True)
+        if (interval := answer.intervals.get(label)) and not interval[0] <= after <= interval[1]
+    ]
+    number = "1 other minimum" if len(others) == 1 else f"{len(others)} other minima"
+    more = f", {len(outside) - 3} more" if len(outside) > 3 else ""
+    return (
+        f"the noise does not exclude {number} (chi2 higher by {others[0].above:.1f}"
+        + (f" to {others[-1].above:.1f}" if len(others) > 1 else "")
+        + ")"
+        + (f", at the likeliest {', '.join(outside[:3])}{more}" if outside else "")
+        + "; intervals are those of the reported one, bands of predictions include all"
+    )
 
 
 def _support_sentence(solution: Solution, answer: Visibility) -> str:

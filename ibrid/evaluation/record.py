@@ -206,9 +206,11 @@ def _broken_link(data: Mapping[str, Any]) -> str | None:
     for name in (*values, *settings["fitted_points"]):
         if name not in points or name not in values:
             return f"lacks the parameters, or p, q and v, of the operating point {name[:40]}"
-    covariance = {"names": [], "matrix": []} | data.get("covariance", {})
+    covariance = {"names": [], "matrix": [], "other_minima": []} | data.get("covariance", {})
     size = len(covariance["names"])
-    if [len(row) for row in covariance["matrix"]] != [size] * size:
+    if [len(row) for row in covariance["matrix"]] != [size] * size or any(
+        len(other["x"]) != size for other in covariance["other_minima"]
+    ):
         return "has a covariance that does not fit its names"
     return None
 

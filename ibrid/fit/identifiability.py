@@ -47,7 +47,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     objective : that x minimises; None: one that weighs the data by their noise.
     """
     size = problem.size
-    deviations, source = _noise(problem, x)
+    deviations, source = noise_of(problem, x)
     nothing = Visibility(source, {}, {}, (), np.zeros((size, size)), ())
     if not size:
         return nothing
@@ -100,7 +100,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     return Visibility(source, intervals, errors, named, covariance, tuple(sentences))
 
 
-def _noise(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
+def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
     """Standard deviation of each real number, and where it comes from."""
     if all(point.sigma is not None for point in problem.points):
         floors = [MODEL_FLOOR * _frobenius(point)[:, None, None] for point in problem.points]
