@@ -16,6 +16,8 @@ Response = Callable[[np.ndarray], np.ndarray]  # frequencies (K,) Hz -> (K, 2, 2
 TURN = 0.3
 #: Rounds of halving at most; then neighbours are as near as rounding allows.
 ROUNDS = 48
+#: Frequencies at most: where the numbers are too large for their rounding, every turn is wide and halving would not end.
+MOST = 100_000
 #: Distance of both ends of the locus from the real axis, rad, up to which the count is certain.
 REAL = 0.15
 
@@ -25,8 +27,8 @@ class Nyquist:
     """Answer of `nyquist`.
 
     `frequency` (K,) Hz, positive; those below zero are the mirror image. `loci` (K, 2) complex eigenvalues of L, each
-    column continuous. `turns` : W. `open_loop_unstable` : P. `certain` : det(I + L) ends near the real axis at both ends of
-    the frequencies, so that the count is a whole number by itself. `vector_margin` : smallest distance of a locus from -1,
+    column continuous. `turns` : W. `open_loop_unstable` : P. `certain` : det(I + L) turns in small steps, and ends near the
+    real axis at both ends of the frequencies, so that the count is a whole number by itself. `vector_margin` : smallest distance of a locus from -1,
     reached at `vector_margin_hz`. `gain_margin` : factor on the impedance that makes a locus pass -1, the nearest above 1;
     None when no larger one does. `phase_margin` : smallest angle in degrees between a locus of size 1 and -1; None without.
     """
@@ -63,7 +65,7 @@ def nyquist(
     open_loop_unstable : unstable poles of the admittance. growth : power of s with which det(I + L) grows at high
         frequency: the rank of the inverter's direct term on an inductive grid.
     """
-    frequency, loop = _refined(admittance, impedance, frequency, growth)
+    frequency, loop, smooth = _refined(admittance, impedance, frequency, growth)
     loci = _continuous(np.linalg.eigvals(loop))
     phase = np.unwrap(np.angle(_determinant(loop, frequency, growth)))
     ends = np.round(phase[[0, -1]] / np.pi)
@@ -75,7 +77,7 @@ def nyquist(
         loci=loci,
         turns=turns,
         open_loop_unstable=open_loop_unstable,
-        certain=bool(np.abs(phase[[0, -1]] - np.pi * ends).max() < REAL),
+        certain=smooth and bool(np.abs(phase[[0, -1]] - np.pi * ends).max() < REAL),
         vector_margin=float(distance[nearest]),
         vector_margin_hz=float(frequency[nearest]),
         gain_margin=_gain_margin(loci),
@@ -97,23 +99,23 @@ def start_frequencies(poles: np.ndarray) -> np.ndarray:
 
 def _refined(
     admittance: Response, impedance: Response, frequency: np.ndarray, growth: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies at which det(I + L) turns in small steps, and L there."""
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Frequencies at which det(I + L) turns in small steps, L there, and whether it does: not with more than `MOST`."""
 
     def loop(at: np.ndarray) -> np.ndarray:
         return -impedance(at) @ admittance(at)
 
-    values = loop(frequency)
+    values, wide = loop(frequency), np.zeros(0, dtype=int)
     for _ in range(ROUNDS):
         determinant = _determinant(values, frequency, growth)
         wide = np.flatnonzero(np.abs(np.angle(determinant[1:] * np.conj(determinant[:-1]))) > TURN)
         wide = wide[frequency[wide + 1] > frequency[wide] * (1 + 1e-12)]
-        if not len(wide):
+        if not len(wide) or len(frequency) + len(wide) > MOST:
             break
         between = np.sqrt(frequency[wide] * frequency[wide + 1])
         frequency = np.insert(frequency, wide + 1, between)
         values = np.insert(values, wide + 1, loop(between), axis=0)
-    return frequency, values
+    return frequency, values, not len(wide)
 
 
 def _determinant(loop: np.ndarray, frequency: np.ndarray, growth: int) -> np.ndarray:

@@ -169,6 +169,19 @@ def test_a_growing_determinant_is_closed_at_infinity():
     assert found.certain
 
 
+def test_a_locus_of_rounding_alone_ends_within_bounds_and_is_not_certain():
+    rng = np.random.default_rng(0)
+
+    def noise(frequency: np.ndarray) -> np.ndarray:
+        return 1e200 * rng.standard_normal((len(frequency), 2, 2)) * (1 + 1j)
+
+    found = nyquist(
+        noise, lambda frequency: np.broadcast_to(np.eye(2), (len(frequency), 2, 2)), np.geomspace(1, 1e3, 50)
+    )
+    assert not found.certain
+    assert len(found.frequency) <= 100_000
+
+
 def test_a_narrow_resonance_is_not_stepped_over():
     """1 + L = 0 is s^2 + (1e-4 - k) s + 1 = 0: unstable for k above 1e-4, a circle within 2e-5 Hz."""
     poles = np.roots([1.0, 1e-4, 1.0])

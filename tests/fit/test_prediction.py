@@ -94,6 +94,19 @@ def test_the_band_of_one_uncertain_parameter_is_its_finite_difference():
     np.testing.assert_allclose(found.deviation[1], np.abs(half.imag), rtol=1e-3, atol=1e-12)
 
 
+def test_another_minimum_within_the_noise_widens_the_band_by_its_distance_and_likelihood():
+    record, above = only_uncertain(fitted(), "pll.kP_pll", 0.0), 1.5
+    model = ParametricModel(record, OperatingPoint(ELSEWHERE, 0.5, 0.0, 1.0))
+    x = model.x + 0.1 * (np.array(model.names) == "pll.kP_pll")
+    order = [model.names.index(name) for name in record.covariance["names"]]
+    other = {"chi2_above": above, "x": x[order].tolist()}
+    found = predict(replace(record, covariance={**record.covariance, "other_minima": [other]}), ELSEWHERE, GRID)
+    away = predict(with_value(record, "pll.kP_pll", np.exp(0.1)), ELSEWHERE, GRID).admittance - found.admittance
+    assert found.deviation is not None
+    np.testing.assert_allclose(found.deviation[0], np.exp(-above / 4) * np.abs(away.real), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found.deviation[1], np.exp(-above / 4) * np.abs(away.imag), rtol=1e-6, atol=1e-12)
+
+
 def test_the_deviation_of_a_pole_is_its_finite_difference():
     name, deviation = "power.kI", 1e-4
     found = predict(only_uncertain(fitted(), name, deviation), ELSEWHERE, GRID)
