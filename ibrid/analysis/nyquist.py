@@ -27,10 +27,11 @@ class Nyquist:
     """Answer of `nyquist`.
 
     `frequency` (K,) Hz, positive; those below zero are the mirror image. `loci` (K, 2) complex eigenvalues of L, each
-    column continuous. `turns` : W. `open_loop_unstable` : P. `certain` : det(I + L) turns in small steps, and ends near the
-    real axis at both ends of the frequencies, so that the count is a whole number by itself. `vector_margin` : smallest distance of a locus from -1,
-    reached at `vector_margin_hz`. `gain_margin` : factor on the impedance that makes a locus pass -1, the nearest above 1;
-    None when no larger one does. `phase_margin` : smallest angle in degrees between a locus of size 1 and -1; None without.
+    column continuous. `turns` : W. `open_loop_unstable` : P. `certain` : det(I + L) turns in small steps and ends near the
+    real axis at both ends of the frequencies, so that the count is a whole number by itself. `vector_margin` : smallest
+    distance of a locus from -1, reached at `vector_margin_hz`. `gain_margin` : factor on the impedance that makes a locus
+    pass -1, the nearest above 1; None when no larger one does. `phase_margin` : smallest angle in degrees between a locus of
+    size 1 and -1; None without.
     """
 
     frequency: np.ndarray
@@ -107,8 +108,8 @@ def _refined(
 
     values, wide = loop(frequency), np.zeros(0, dtype=int)
     for _ in range(ROUNDS):
-        determinant = _determinant(values, frequency, growth)
-        wide = np.flatnonzero(np.abs(np.angle(determinant[1:] * np.conj(determinant[:-1]))) > TURN)
+        turn = np.diff(np.angle(_determinant(values, frequency, growth)))
+        wide = np.flatnonzero(np.abs(np.angle(np.exp(1j * turn))) > TURN)
         wide = wide[frequency[wide + 1] > frequency[wide] * (1 + 1e-12)]
         if not len(wide) or len(frequency) + len(wide) > MOST:
             break

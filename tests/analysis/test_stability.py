@@ -173,7 +173,7 @@ def test_a_locus_of_rounding_alone_ends_within_bounds_and_is_not_certain():
     rng = np.random.default_rng(0)
 
     def noise(frequency: np.ndarray) -> np.ndarray:
-        return 1e200 * rng.standard_normal((len(frequency), 2, 2)) * (1 + 1j)
+        return 1e100 * rng.standard_normal((len(frequency), 2, 2)) * (1 + 1j)
 
     found = nyquist(
         noise, lambda frequency: np.broadcast_to(np.eye(2), (len(frequency), 2, 2)), np.geomspace(1, 1e3, 50)

@@ -96,7 +96,7 @@ def test_the_band_of_one_uncertain_parameter_is_its_finite_difference():
 
 def test_another_minimum_within_the_noise_widens_the_band_by_its_distance_and_likelihood():
     record, above = only_uncertain(fitted(), "pll.kP_pll", 0.0), 1.5
-    model = ParametricModel(record, OperatingPoint(ELSEWHERE, 0.5, 0.0, 1.0))
+    model = ParametricModel(record, benchmark().points[0].op)
     x = model.x + 0.1 * (np.array(model.names) == "pll.kP_pll")
     order = [model.names.index(name) for name in record.covariance["names"]]
     other = {"chi2_above": above, "x": x[order].tolist()}

@@ -494,6 +494,50 @@ def test_a_ray_of_ones_own_hears_no_ctrl_c_says_nothing_and_leaves_nothing(tmp_p
     assert not processes_that_mention(str(folder.parent))
 
 
+#: A search with a Ray of its own that says what Ray's node is.
+BEREFT = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import test_evaluators as cases
+from ibrid_search.evaluation.job import Job
+from ibrid_search.evaluation.ray_actors import RayEvaluator
+
+with RayEvaluator(cases.assessor(Path(sys.argv[2])), 1, lost=1) as evaluator:
+    evaluator.submit(Job(0, cases.NAIVE))
+    evaluator.collect(0)
+    node = evaluator._session.ray._private.worker._global_node
+    print([one.process.pid for one in node.all_processes["raylet"]][0], flush=True)
+    sys.stdin.read()
+    for number in range(1, 1000):  # Ray notices within seconds
+        evaluator.submit(Job(number, cases.NAIVE))
+        evaluator.collect(number)
+        time.sleep(0.1)
+"""
+
+
+def test_a_search_whose_ray_node_dies_ends_with_a_sentence_that_says_how_to_go_on(tmp_path: Path):
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    script = tmp_path / "bereft.py"
+    script.write_text(BEREFT, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(Path(__file__).parent), str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
+        cwd=tmp_path,
+    )
+    assert process.stdout is not None
+    os.kill(int(process.stdout.readline()), signal.SIGKILL)
+    _, told = process.communicate("", timeout=180)
+    assert process.returncode
+    assert "--resume" in told.splitlines()[-1]
+
+
 def processes_that_mention(text: str) -> list[str]:
     """Command lines with that text; on a system without /proc there is nothing to read."""
     found = []

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ibrid.errors import IbridError
+from ibrid_search.evaluation.last_words import LastWords
 
 #: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
 ANSWER = 20.0
@@ -44,6 +45,7 @@ class RaySession:
         self.ray, self._lock = ray, lock
         self.owned = owned
         self._folder = folder
+        self._last_words = LastWords()
 
     def close(self) -> None:
         """End what was started here: a local Ray, or the connection to a cluster. Again does nothing."""
@@ -52,6 +54,7 @@ class RaySession:
             self.ray.shutdown()
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
+        self._last_words.goodbye()
 
 
 def sweep_folders(place: Path) -> None:
