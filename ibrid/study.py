@@ -152,7 +152,9 @@ class Study:
 
     def described(self, fit: FitSettings) -> Mapping[str, Any]:
         """How a record was made, as its JSON says: `fit` is the effort, from `effort`."""
-        points = self.sweep.points
+        points, sweep = self.sweep.points, self.sweep
+        known = sweep.s_base_va is not None and sweep.v_base_v is not None
+        bases = {"bases": {"s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}} if known else {}
         return {
             "parameters": self.parameters,
             "equilibrium": self.equilibrium,
@@ -167,6 +169,7 @@ class Study:
             "data": self.sweep.source,
             "f0_hz": self.sweep.f0_hz,
             "power_node": self.sweep.power_node,
+            **bases,
             "operating_points": {
                 point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points
             },

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibrid.errors import IbridError, OperatingPointError, near
+from ibrid.errors import DiagramError, IbridError, OperatingPointError, near
 from ibrid.evaluation.record import Record
 from ibrid.plants.sweeping import operating_point
 
@@ -21,7 +21,9 @@ class LinearModel:
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ, per unit, current out, q leading.
 
     `states` : "instance.state". `op` : name of the operating point; `p`, `q`, `v` : per unit, measured at `power_node`.
-    `f0_hz` : nominal frequency. `parameters` : free name -> value. `pade_orders` : of the delays, instance -> order.
+    `v0`, `i0` : (D, Q) at rest at the PCC, from which A, B, C, D deviate. `f0_hz` : nominal frequency. `s_base_va`,
+    `v_base_v` : base of the per-unit values, None where the measurement did not say. `parameters` : free name -> value.
+    `pade_orders` : of the delays, instance -> order.
     """
 
     A: np.ndarray
@@ -40,6 +42,32 @@ class LinearModel:
     f0_hz: float
     parameters: Mapping[str, float]
     pade_orders: Mapping[str, int]
+    v0: tuple[float, float]
+    i0: tuple[float, float]
+    s_base_va: float | None
+    v_base_v: float | None
+
+    @property
+    def omega_0(self) -> float:
+        """Nominal angular frequency, rad/s."""
+        return 2 * np.pi * self.f0_hz
+
+    @property
+    def p_pcc(self) -> float:
+        """Active power that the inverter delivers at the PCC, v' i, per unit."""
+        return self.v0[0] * self.i0[0] + self.v0[1] * self.i0[1]
+
+    @property
+    def q_pcc(self) -> float:
+        """Reactive power there, v' J i, per unit."""
+        return self.v0[1] * self.i0[0] - self.v0[0] * self.i0[1]
+
+    def at_rest(self) -> dict[str, float]:
+        """The terminal operating point by name: per unit, rad/s, VA, V; what is not known is left out."""
+        (v_d, v_q), (i_d, i_q) = self.v0, self.i0
+        named = {"v0_D": v_d, "v0_Q": v_q, "i0_D": i_d, "i0_Q": i_q, "p_pcc": self.p_pcc, "q_pcc": self.q_pcc}
+        named |= {"omega_0": self.omega_0, "s_base_va": self.s_base_va, "v_base_v": self.v_base_v}
+        return {name: float(value) for name, value in named.items() if value is not None and np.isfinite(value)}
 
 
 def linear_model(record: Record, op: str | None = None) -> LinearModel:
@@ -70,7 +98,10 @@ def _linear_model(record: Record, name: str) -> LinearModel:
     if not np.isfinite(record.response(name, np.array([record.settings["f0_hz"]]))).all():
         raise OperatingPointError(f"the model has no real operating point at {name}; ask for less power")
     system = record.state_space(name)
-    point = record.settings["operating_points"][name]
+    settings = record.settings
+    point = settings["operating_points"][name]
+    v0, i0 = _terminal_point(record, name)
+    bases = settings.get("bases", {})
     return LinearModel(
         **{part: np.array(getattr(system, part), dtype=float) for part in "ABCD"},
         states=tuple(system.state_labels),
@@ -81,11 +112,23 @@ def _linear_model(record: Record, name: str) -> LinearModel:
         p=float(point["p"]),
         q=float(point["q"]),
         v=float(point["v"]),
-        power_node=record.settings["power_node"],
-        f0_hz=float(record.settings["f0_hz"]),
+        power_node=settings["power_node"],
+        f0_hz=float(settings["f0_hz"]),
         parameters=dict(record.parameters[name]),
-        pade_orders=dict(record.settings.get("pade_orders", {})),
+        pade_orders=dict(settings.get("pade_orders", {})),
+        v0=v0,
+        i0=i0,
+        s_base_va=bases.get("s_base_va"),
+        v_base_v=bases.get("v_base_v"),
     )
+
+
+def _terminal_point(record: Record, name: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """At rest, (D, Q); not numbers for a plant without a closed form, which only the paper's equilibrium admits."""
+    try:
+        return record.terminal_point(name)
+    except DiagramError:
+        return (float("nan"), float("nan")), (float("nan"), float("nan"))
 
 
 def with_point(record: Record, op: str | None) -> tuple[Record, str]:

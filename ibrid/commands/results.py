@@ -24,11 +24,16 @@ def declare(commands: Any) -> None:
     """Add the commands to the parser."""
     export = commands.add_parser("export", help="the state-space model at an operating point, for other tools")
     export.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate --json")
-    export.add_argument("--op", metavar="OP", help="an operating point of the record, or p=..,q=..[,v=..] elsewhere")
+    export.add_argument(
+        "--op",
+        metavar="OP",
+        help="a point of the record, p=..,q=..[,v=..] elsewhere, or all: mat, npz and control-json stack them on a last axis",
+    )
     export.add_argument("--format", required=True, help=" | ".join(FORMATS_HELP))
     export.add_argument(
         "--freq", metavar="A:B:N", help="of csv and touchstone: N frequencies from A to B Hz (5:5000:60)"
     )
+    export.add_argument("--name", metavar="NAME", help="of the C symbols, the FMU's modelName, the Modelica class")
     export.add_argument("--nonlinear", action="store_true", help="of modelica: the averaged model before linearisation")
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
     add_kinds_option(export)
@@ -58,10 +63,12 @@ def run_export(arguments: Namespace) -> int:
         arguments.out,
         arguments.format,
         arguments.op,
+        name=arguments.name,
         frequency=frequency,
         nonlinear=arguments.nonlinear,
     )
-    print(f"{arguments.out}: {len(model.states)} states at {model.op}{', nonlinear' if arguments.nonlinear else ''}")
+    where = "; ".join(record.parameters) if arguments.op == "all" else model.op
+    print(f"{arguments.out}: {len(model.states)} states at {where}{', nonlinear' if arguments.nonlinear else ''}")
     if arguments.nonlinear and record.diagram.outside.elements:
         complain(
             "the nonlinear model is the device behind its port; put the port's elements into the network around it"

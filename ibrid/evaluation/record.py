@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.symbolic import symbolic_model
+from ibrid.assembly.terminal_point import terminal_point
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
@@ -21,7 +22,7 @@ from ibrid.schemas import breach
 from ibrid.showing import brief, shown
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import Outside
-from ibrid.structure.parameters import parameter_table
+from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import Wiring, wire
 from ibrid.writing import write_whole
@@ -134,6 +135,20 @@ class Record:
         if omega.ndim != 1 or not np.isfinite(omega).all():
             raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+
+    def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""
+        self._require(op)
+        wiring, point = self._wiring, self.settings["operating_points"][op]
+        table = parameter_table(wiring, self.settings["equilibrium"])
+        self._require_values(op, table.names)
+        return terminal_point(
+            wiring,
+            parameters_at(wiring, table, self.parameters[op]),
+            (point["p"], point["q"], point["v"]),
+            self.settings["power_node"],
+            self._physics["omega_0"],
+        )
 
     def __repr__(self) -> str:
         error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"

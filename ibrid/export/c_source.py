@@ -1,5 +1,6 @@
 """C99: one source file with the matrices and an exact step, for real-time targets and programs of one's own."""
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from textwrap import wrap
@@ -12,29 +13,42 @@ from ibrid.export.names import C, written_in
 
 
 @written_in(C)
-def c_source(model: LinearModel) -> bytes:
+def c_source(model: LinearModel, name: str = "inverter") -> bytes:
     """The file's content: constant matrices with all their digits, and the functions of `sources/linear_model.c`.
 
     The step x(t + h) = exp(A h) x(t) + ... is exact for a voltage that is held or goes in a straight line; h is chosen
-    at run time.
+    at run time. name : of the type and in front of every symbol, so that several models go into one program; with NAME_HEADER
+    defined the file declares what it otherwise defines.
     """
     _, (scale, _) = matrix_balance(model.A, permute=False, separate=True)
+    big = name.upper()
+    first, functions = renamed(template("linear_model.c"), name).split("/* --- functions --- */\n")
     parts = [
-        _heading(model),
-        "#include <math.h>\n#include <string.h>\n",
-        f"enum {{ INVERTER_STATES = {len(model.states)} }};\n",
-        _names("inverter_states", model.states),
-        _names("inverter_inputs", model.inputs),
-        _names("inverter_outputs", model.outputs),
-        *(_matrix(f"INVERTER_{part}", getattr(model, part)) for part in "ABCD"),
-        "/* powers of two that balance A */\n"
-        f"static const double INVERTER_SCALE[INVERTER_STATES] = {{{_row(scale)}}};\n",
-        (files("ibrid.export") / "sources" / "linear_model.c").read_text(encoding="utf-8"),
+        _heading(model, name),
+        f"enum {{ {big}_STATES = {len(model.states)} }};\n",
+        first,
+        f"#ifndef {big}_HEADER\n#include <math.h>\n#include <string.h>\n",
+        *(_names(f"{name}_{part}", getattr(model, part)) for part in ("states", "inputs", "outputs")),
+        *(f"const double {name}_{one} = {value!r};" for one, value in model.at_rest().items()),
+        *(_matrix(f"{big}_{part}", getattr(model, part)) for part in "ABCD"),
+        f"/* powers of two that balance A */\nstatic const double {big}_SCALE[{big}_STATES] = {{{_row(scale)}}};\n",
+        functions,
+        "#endif\n",
     ]
     return "\n".join(parts).encode()
 
 
-def _heading(model: LinearModel) -> str:
+def template(file: str) -> str:
+    """One of `sources`."""
+    return (files("ibrid.export") / "sources" / file).read_text(encoding="utf-8")
+
+
+def renamed(source: str, name: str) -> str:
+    """The source with `name` and NAME in place of inverter and INVERTER wherever a symbol begins so."""
+    return re.sub(r"\binverter(?=\b|_)", name, re.sub(r"\bINVERTER(?=\b|_)", name.upper(), source))
+
+
+def _heading(model: LinearModel, name: str) -> str:
     lines = [
         f"{model.name}: a linear inverter model written by ibrid.",
         "",
@@ -44,10 +58,13 @@ def _heading(model: LinearModel) -> str:
         *_listed("Delays are Pade forms", {name: f"order {order}" for name, order in model.pade_orders.items()}),
         *_listed("Fitted parameters", {name: repr(value) for name, value in model.parameters.items()}),
         "",
-        "    static inverter model;                      all zero: at rest",
-        "    inverter_set_step(&model, 1e-4);            once; -1 if the step is not possible",
-        "    inverter_output(&model, v, i);              i[2] from v[2]: deviations from the operating point",
-        "    inverter_step(&model, v, v_next);           give v twice where it is held during the step",
+        f"    static {name} model;                      all zero: at rest",
+        f"    {name}_set_step(&model, 1e-4);            once; -1 if the step is not possible",
+        f"    {name}_output(&model, v, i);              i[2] from v[2]: deviations from the operating point",
+        f"    {name}_step(&model, v, v_next);           give v twice where it is held during the step",
+        "",
+        f"Elsewhere in the program this file declares all that after #define {name.upper()}_HEADER. At rest the terminals have "
+        f"{', '.join(f'{name}_{one}' for one in model.at_rest())}: per unit, rad/s, VA, V.",
     ]
     wrapped = [part for line in lines for part in wrap(line, 116, replace_whitespace=False) or [""]]
     return "/* " + "\n".join(f" * {line}".rstrip() for line in wrapped)[3:] + "\n */"

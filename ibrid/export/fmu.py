@@ -11,7 +11,6 @@ import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,30 +18,35 @@ import numpy as np
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.errors import IbridError
-from ibrid.export.c_source import c_source
+from ibrid.export.c_source import c_source, renamed, template
 from ibrid.export.names import XML, written_in
 
 #: The earliest date a zip can hold; with today's, equal models would differ.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _MAIN = "fmi2.c"
+IDENTIFIER = "inverter"
 
 
-def fmu(model: LinearModel) -> bytes:
-    """The file's content. Inputs v_D, v_Q and outputs i_D, i_Q are deviations; each state is a local variable.
+def fmu(model: LinearModel, name: str = IDENTIFIER) -> bytes:
+    """The file's content. Inputs v_D, v_Q and outputs i_D, i_Q are deviations; each state is a local variable. Constants say
+    the operating point from which they deviate. name : modelIdentifier, and modelName where another one was chosen.
 
     Co-simulation steps are exact for inputs that are held, or interpolated linearly; any communication step is allowed.
     Directional derivatives give A, B, C, D.
 
     Raises IbridError without a C compiler, or on a platform that FMI 2.0 has no name for.
     """
-    inverter = c_source(model)
-    wrapper = (files("ibrid.export") / "sources" / _MAIN).read_bytes()
+    inverter = c_source(model, name)
+    wrapper = renamed(template(_MAIN), name).encode()
     guid = str(uuid.UUID(bytes=hashlib.sha256(inverter + wrapper).digest()[:16]))
-    sources = {"inverter.c": inverter, _MAIN: f'#define INVERTER_GUID "{guid}"\n'.encode() + wrapper}
+    at_rest = ", ".join(map(repr, model.at_rest().values()))
+    big = name.upper()
+    known = f'#define {big}_GUID "{guid}"\n#define {big}_AT_REST {{{at_rest}}}\n'
+    sources = {f"{name}.c": inverter, _MAIN: known.encode() + wrapper}
     library = shared_library(sources, _MAIN)
     members = {
-        "modelDescription.xml": model_description(model, guid, (_MAIN,)),
-        f"binaries/{library.folder}/{IDENTIFIER}{library.suffix}": library.content,
+        "modelDescription.xml": model_description(model, guid, (_MAIN,), name),
+        f"binaries/{library.folder}/{name}{library.suffix}": library.content,
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     stream = io.BytesIO()
@@ -55,16 +59,13 @@ def fmu(model: LinearModel) -> bytes:
     return stream.getvalue()
 
 
-IDENTIFIER = "inverter"
-
-
 @written_in(XML)
-def model_description(model: LinearModel, guid: str, sources: Sequence[str]) -> bytes:
+def model_description(model: LinearModel, guid: str, sources: Sequence[str], name: str = IDENTIFIER) -> bytes:
     """The file's content; variables in the order of their value references (`sources/fmi2.c`)."""
     root = ElementTree.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
-        modelName=model.name,
+        modelName=model.name if name == IDENTIFIER else name,
         guid=guid,
         description=f"{UNITS}. Operating point {model.op}: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, "
         f"v = {model.v!r}; nominal frequency {model.f0_hz!r} Hz",
@@ -77,11 +78,11 @@ def model_description(model: LinearModel, guid: str, sources: Sequence[str]) -> 
         ("CoSimulation", ("canHandleVariableCommunicationStepSize", "canInterpolateInputs")),
     ):
         able = (*more, "canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative")
-        abilities = {"modelIdentifier": IDENTIFIER, **dict.fromkeys(able, "true")}
+        abilities = {"modelIdentifier": name, **dict.fromkeys(able, "true")}
         element = ElementTree.SubElement(root, way, abilities)
         listed = ElementTree.SubElement(element, "SourceFiles")
-        for name in sources:
-            ElementTree.SubElement(listed, "File", name=name)
+        for source in sources:
+            ElementTree.SubElement(listed, "File", name=source)
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="1e-4")
     _variables(ElementTree.SubElement(root, "ModelVariables"), model)
     _structure(ElementTree.SubElement(root, "ModelStructure"), model)
@@ -101,6 +102,9 @@ def _variables(parent: ElementTree.Element, model: LinearModel) -> None:
     for index, name in enumerate(model.states, first_state):
         rate = _real(parent, f"der({name})", "per second", causality="local", initial="calculated")
         rate.set("derivative", str(index))
+    for name, value in model.at_rest().items():
+        told = {"causality": "local", "variability": "constant", "initial": "exact"}
+        _real(parent, name, "at rest: per unit, rad/s, VA, V", **told).set("start", repr(value))
 
 
 def _real(parent: ElementTree.Element, name: str, description: str, **attributes: str) -> ElementTree.Element:

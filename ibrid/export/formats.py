@@ -1,31 +1,26 @@
 """The formats of `ibrid export`, each a function from a linear model to the content of a file, and how they are read back."""
 
-import io
-import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.io
 
-from ibrid.analysis.linear_model import UNITS, LinearModel, linear_model, whole_record, with_point
+from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.export.c_source import c_source
 from ibrid.export.fmu import fmu
+from ibrid.export.matrices import control_json, mat_file, npz_file
 from ibrid.export.modelica import modelica
+from ibrid.export.names import identifier
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
 from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.frd import MODEL_GRID
-from ibrid.measurement.state_space_file import SCHEMA, state_space_data
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.touchstone import write_touchstone
 from ibrid.writing import require_place, write_whole
-
-if TYPE_CHECKING:
-    import control
 
 
 def admittance(record: Record, op: str | None = None, frequency: np.ndarray | None = None) -> Sweep:
@@ -62,106 +57,15 @@ ADMITTANCE_FORMATS: Mapping[str, Callable[[Sweep, str | Path], None]] = MappingP
 )
 
 
-def control_json(model: LinearModel) -> bytes:
-    """The file's content; numbers carry all their digits."""
-    data = {
-        "schema": SCHEMA,
-        "name": model.name,
-        "units": UNITS,
-        "f0_hz": model.f0_hz,
-        "operating_point": {"name": model.op, "p": model.p, "q": model.q, "v": model.v, "power_node": model.power_node},
-        "states": model.states,
-        "inputs": model.inputs,
-        "outputs": model.outputs,
-        **{part: getattr(model, part).tolist() for part in "ABCD"},
-        "parameters": model.parameters,
-        "pade_orders": model.pade_orders,
-    }
-    return (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-
-
-def read_control_json(path: str | Path) -> "control.StateSpace":
-    """The system that `ibrid export --format control-json` wrote, with the names of its states, inputs and outputs.
-
-    Raises IbridError, one sentence, for anything else.
-    """
-    import control  # python-control is slow to import
-
-    data = state_space_data(Path(path))
-    try:
-        return control.StateSpace(
-            *(data[part] for part in "ABCD"),
-            states=data["states"],
-            inputs=data["inputs"],
-            outputs=data["outputs"],
-            name=data["name"],
-        )
-    except KeyError as error:
-        raise IbridError(f"{path}: lacks {error}; make it again with ibrid export") from None
-    except (TypeError, ValueError, control.ControlDimension) as error:
-        raise IbridError(f"{path}: the matrices and names do not fit together ({error}); export again") from None
-
-
-#: The format begins with 116 bytes of free text; scipy puts the date there, and equal models would differ.
-_TEXT = b"MATLAB 5.0 MAT-file, a linear inverter model written by ibrid".ljust(116)
-
-
-def mat_file(model: LinearModel) -> bytes:
-    """The file's content: A, B, C, D; cell arrays of names (columns); scalars f0_hz, p, q, v; texts op, units."""
-    content = {
-        **{part: getattr(model, part) for part in "ABCD"},
-        "state_names": _cells(model.states),
-        "input_names": _cells(model.inputs),
-        "output_names": _cells(model.outputs),
-        "parameter_names": _cells(tuple(model.parameters)),
-        "parameter_values": np.array([list(model.parameters.values())], dtype=float).reshape(-1, 1),
-        "name": model.name,
-        "op": model.op,
-        "p": model.p,
-        "q": model.q,
-        "v": model.v,
-        "power_node": model.power_node,
-        "f0_hz": model.f0_hz,
-        "units": UNITS,
-    }
-    stream = io.BytesIO()
-    scipy.io.savemat(stream, content, format="5")
-    return _TEXT + stream.getvalue()[len(_TEXT) :]
-
-
-def _cells(names: tuple[str, ...]) -> np.ndarray:
-    cells = np.empty((len(names), 1), dtype=object)
-    cells[:, 0] = names
-    return cells
-
-
-def npz_file(model: LinearModel) -> bytes:
-    """The file's content: A, B, C, D; arrays of names; scalars f0_hz, p, q, v; texts name, op, power_node, units."""
-    stream = io.BytesIO()
-    np.savez(
-        stream,
-        **{part: getattr(model, part) for part in "ABCD"},
-        state_names=np.array(model.states, dtype=str),
-        input_names=np.array(model.inputs, dtype=str),
-        output_names=np.array(model.outputs, dtype=str),
-        parameter_names=np.array(list(model.parameters), dtype=str),
-        parameter_values=np.array(list(model.parameters.values()), dtype=float),
-        name=np.array(model.name),
-        op=np.array(model.op),
-        p=np.array(model.p),
-        q=np.array(model.q),
-        v=np.array(model.v),
-        power_node=np.array(model.power_node),
-        f0_hz=np.array(model.f0_hz),
-        units=np.array(UNITS),
-    )
-    return stream.getvalue()
-
-
 #: Formats of the state space.
 FORMATS: Mapping[str, Callable[[LinearModel], bytes]] = MappingProxyType(
     {"control-json": control_json, "mat": mat_file, "npz": npz_file, "modelica": modelica, "fmu": fmu, "c": c_source}
 )
+#: Those that hold several operating points, and those in which a name is a word of the language.
+STACKED: Mapping[str, Callable[..., bytes]] = MappingProxyType(
+    {"control-json": control_json, "mat": mat_file, "npz": npz_file}
+)
+NAMED = ("modelica", "fmu", "c")
 #: All of them, in the order of the help.
 FORMAT_NAMES = (*FORMATS, *ADMITTANCE_FORMATS)
 
@@ -172,15 +76,19 @@ def export(
     format: str,
     op: str | None = None,
     *,
+    name: str | None = None,
     frequency: np.ndarray | None = None,
     nonlinear: bool = False,
 ) -> LinearModel:
     """Write the linear model of a record at an operating point (see `linear_model`) and return it.
 
-    format : one of `FORMAT_NAMES`. frequency : (K,) Hz, ascending, of csv and touchstone alone.
-    nonlinear : write the nonlinear averaged model that this one linearises; modelica alone (`nonlinear_model` in Python).
+    format : one of `FORMAT_NAMES`. op : "all" stacks all points of the record, in the formats `STACKED`; the first is returned.
+    name : of the model: the C symbols, the FMU's modelName, the Modelica class. frequency : (K,) Hz, ascending, of csv and
+    touchstone alone. nonlinear : write the nonlinear averaged model that this one linearises; modelica alone
+    (`nonlinear_model` in Python).
 
-    Raises IbridError for an unknown format or operating point, a record without a fit, or a place that is not writable.
+    Raises IbridError for an unknown format or operating point, a name that is none, a record without a fit, or a place that is
+    not writable.
     """
     if format not in FORMAT_NAMES:
         raise IbridError(f"there is no export format {format!r}; {near(format, FORMAT_NAMES)}")
@@ -191,14 +99,23 @@ def export(
         )
     if nonlinear and format != "modelica":
         raise IbridError(f"the nonlinear model is written as modelica, {format} holds a linear one; choose one of them")
+    if op == "all" and "all" not in record.parameters and (format not in STACKED or nonlinear):
+        raise IbridError(f"all operating points go into {', '.join(STACKED)}; {format} holds one, choose it with --op")
+    if name is not None and format in ADMITTANCE_FORMATS:
+        raise IbridError(f"a name is for models, {format} holds an admittance; leave it out")
+    titled = {} if name is None else {"name": identifier(name)}
     require_place(path)
     if nonlinear:
-        model, content = nonlinear_modelica(record, op)
+        model, content = nonlinear_modelica(record, op, **titled)
         write_whole(path, content)
         return model
-    model = linear_model(record, op)
+    if op == "all" and "all" not in record.parameters:
+        models = [replace(linear_model(record, one), **titled) for one in record.parameters]
+        write_whole(path, STACKED[format](*models))
+        return models[0]
+    model = replace(linear_model(record, op), **titled)
     if format in ADMITTANCE_FORMATS:
         ADMITTANCE_FORMATS[format](admittance(record, op, frequency), path)
     else:
-        write_whole(path, FORMATS[format](model))
+        write_whole(path, FORMATS[format](model, **(titled if format in NAMED else {})))
     return model

@@ -6,39 +6,31 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
-from ibrid.export.names import MODELICA, written_in
+from ibrid.export.names import MODELICA, MODELICA_WORDS, written_in
 
 INPUT, OUTPUT = "Modelica.Blocks.Interfaces.RealInput", "Modelica.Blocks.Interfaces.RealOutput"
 
-_KEYWORDS = frozenset(
-    """
-    algorithm and annotation block break class connect connector constant constrainedby der discrete each else elseif
-    elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if import
-    impure in initial inner input loop model not operator or outer output package parameter partial protected public
-    pure record redeclare replaceable return stream then true type when while within time
-    Real Integer Boolean String StateSelect
-    """.split()  # noqa: SIM905
-)
-
 
 @written_in(MODELICA)
-def modelica(model: LinearModel) -> bytes:
-    """The file's content: `block LinearInverter` with v_D, v_Q in, i_D, i_Q out, deviations from the operating point.
+def modelica(model: LinearModel, name: str = "LinearInverter") -> bytes:
+    """The file's content: a block with v_D, v_Q in, i_D, i_Q out, deviations from the operating point v0, i0.
 
-    State "pll.angle" is called pll_angle, starts at zero and has its own equation.
+    State "pll.angle" is called pll_angle, starts at zero and has its own equation. name : of the block.
     """
-    outer = (*model.inputs, *model.outputs)
+    rest = model.at_rest()
+    outer = (*model.inputs, *model.outputs, *rest)
     states = identifiers([*outer, *model.states])[len(outer) :]
     columns = (*states, *model.inputs)
     derivatives = [(f"der({state})", row) for state, row in zip(states, np.hstack([model.A, model.B]), strict=True)]
     currents = [(name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)]
     lines = [
-        f"block LinearInverter {quoted(f'{model.name} at {model.op}, written by ibrid')}",
+        f"block {name} {quoted(f'{model.name} at {model.op}, written by ibrid')}",
         *(f"  {INPUT} {name} {quoted('terminal voltage, deviation, per unit')};" for name in model.inputs),
         *(
             f"  {OUTPUT} {name} {quoted('terminal current out of the inverter, deviation, per unit')};"
             for name in model.outputs
         ),
+        *(f"  parameter Real {one} = {value!r};" for one, value in rest.items()),
         *(
             f"  Real {state}(start = 0, fixed = true) {quoted(f'{name}, deviation')};"
             for state, name in zip(states, model.states, strict=True)
@@ -46,7 +38,7 @@ def modelica(model: LinearModel) -> bytes:
         "equation",
         *(f"  {left} = {weighted(row, columns)};" for left, row in (*derivatives, *currents)),
         f"  annotation(Documentation(info = {documentation(model)}));",
-        "end LinearInverter;",
+        f"end {name};",
     ]
     return ("\n".join(lines) + "\n").encode()
 
@@ -56,7 +48,7 @@ def identifiers(names: Iterable[str]) -> tuple[str, ...]:
     found: list[str] = []
     for name in names:
         word = re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
-        while word in found or word in _KEYWORDS:
+        while word in found or word in MODELICA_WORDS:
             word += "_"
         found.append(word)
     return tuple(found)

@@ -4,12 +4,15 @@ A measurement file, a record or a kind of one's own may carry any name. Letters,
 pass, whether they end up in a comment, a string or an attribute; every other character becomes "_".
 """
 
+import keyword
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from ibrid.analysis.linear_model import LinearModel
+from ibrid.errors import IbridError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -49,6 +52,41 @@ C = Language(_PLAIN)
 MODELICA = Language(_PLAIN + "*/?@%${}")
 #: The library escapes what is markup; what is not text is no XML.
 XML = Language(_PLAIN + '*/?@%${}<>&"\\`')
+
+
+#: Words that mean something of their own in the languages that are written.
+MODELICA_WORDS = frozenset(
+    """
+    algorithm and annotation block break class connect connector constant constrainedby der discrete each else elseif
+    elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if import
+    impure in initial inner input loop model not operator or outer output package parameter partial protected public
+    pure record redeclare replaceable return stream then true type when while within time
+    Real Integer Boolean String StateSelect
+    """.split()  # noqa: SIM905
+)
+_C_WORDS = frozenset(
+    """
+    auto bool break case char const continue default do double else enum extern float for goto if inline int long main
+    register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+    abs acos asin atan calloc ceil cos div exp fabs floor fmax fmin fmod free index ldexp log main malloc memcpy memset pow
+    printf rand remove rename round signal sin size_t sqrt strcmp strcpy strlen system tan time
+    """.split()  # noqa: SIM905
+)
+
+
+def identifier(name: str) -> str:
+    """A name for a class, a module and its functions, the same in C, Modelica, Python and files.
+
+    Raises IbridError unless it is a letter and up to 31 letters, digits or underscores, and no word of these languages.
+    """
+    if re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,31}", name) is None:
+        raise IbridError(
+            f"a name must be a letter and at most 31 letters of a-z, digits or underscores, found {name[:60]!r}; for instance "
+            "east_park"
+        )
+    if name in MODELICA_WORDS | _C_WORDS or keyword.iskeyword(name):
+        raise IbridError(f"{name} means something in C, Modelica or Python; choose another name, for instance {name}_1")
+    return name
 
 
 def written_in(

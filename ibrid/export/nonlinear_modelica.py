@@ -27,8 +27,10 @@ _UNITS = (
 _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 
 
-def nonlinear_modelica(record: Record, op: str | None = None) -> tuple[LinearModel, bytes]:
-    """The linear model at the operating point, and the file: `package NonlinearInverter` with `block Inverter` in it.
+def nonlinear_modelica(
+    record: Record, op: str | None = None, name: str = "NonlinearInverter"
+) -> tuple[LinearModel, bytes]:
+    """The linear model at the operating point, and the file: a package of that name with `block Inverter` in it.
 
     v_D, v_Q in and i_D, i_Q out are absolute, per unit; vectors are (d, q). Parameters are those of the diagram;
     references (p*, q*) and what else keeps the inverter at its operating point are parameters called reference_.
@@ -37,21 +39,21 @@ def nonlinear_modelica(record: Record, op: str | None = None) -> tuple[LinearMod
     """
     model = linear_model(record, op)
     with whole_record():
-        whole, name = with_point(record, model.op)
-        wiring, at = rest_of_record(whole, name)
-        values = whole.parameters[name]
-    return model, _package(model, _Words(wiring, at), at, values)
+        whole, point = with_point(record, model.op)
+        wiring, at = rest_of_record(whole, point)
+        values = whole.parameters[point]
+    return model, _package(model, _Words(wiring, at), at, values, name)
 
 
 @written_in(MODELICA)
-def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str, float]) -> bytes:
+def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str, float], title: str) -> bytes:
     blocks = {words.blocks[module.name]: module for module in at.modules}
     lines = [
-        f"package NonlinearInverter {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
+        f"package {title} {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
         *(f"  {line}" for line in _inverter(words, at, values, model.op)),
         f"  annotation(Documentation(info = {documentation(model, _UNITS)}));",
-        "end NonlinearInverter;",
+        f"end {title};",
     ]
     return ("\n".join(lines) + "\n").encode()
 

@@ -108,7 +108,7 @@ def test_no_name_runs_in_an_fmu_and_its_description_stays_whole(model: LinearMod
             for library in (tmp_path / path.stem / "binaries").rglob("inverter.*"):
                 ctypes.CDLL(str(library))
         assert not (tmp_path / "RAN").exists(), names[number : number + 40]
-        assert len(tree.findall(".//ScalarVariable")) == 4 + 2 * len(model.states)
+        assert len(tree.findall(".//ScalarVariable")) == 4 + 2 * len(model.states) + len(model.at_rest())
         assert not tree.findall(".//script")
 
 

@@ -1,6 +1,7 @@
 /* FMI 2.0 for co-simulation and model exchange around the linear model in inverter.c; written by ibrid.
  *
- * Value references: 0, 1 the inputs v_D, v_Q; 2, 3 the outputs i_D, i_Q; then the states; then their derivatives.
+ * Value references: 0, 1 the inputs v_D, v_Q; 2, 3 the outputs i_D, i_Q; then the states; then their derivatives;
+ * then the constants of the operating point.
  * doStep is exact for a voltage that is held, or that goes in a straight line given by fmi2SetRealInputDerivatives.
  * The declarations below are the part of the FMI 2.0 standard that is needed, so that no header has to be found.
  * Compiled into a program of one's own, FMI2_FUNCTION_PREFIX goes in front of every name.
@@ -55,6 +56,7 @@ typedef struct {
 #endif
 
 enum { FIRST_OUTPUT = 2, FIRST_STATE = 4, FIRST_DERIVATIVE = 4 + INVERTER_STATES, REFERENCES = 4 + 2 * INVERTER_STATES };
+static const double AT_REST[] = INVERTER_AT_REST;
 
 typedef struct {
     inverter model;
@@ -183,6 +185,8 @@ EXPORTED fmi2Status FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference v
             value[k] = one->now.model.x[vr[k] - FIRST_STATE];
         else if (vr[k] < REFERENCES)
             value[k] = dx[vr[k] - FIRST_DERIVATIVE];
+        else if (vr[k] < REFERENCES + sizeof AT_REST / sizeof *AT_REST)
+            value[k] = AT_REST[vr[k] - REFERENCES];
         else
             return refuse(one, "fmi2GetReal: there is no real variable with that value reference");
     }

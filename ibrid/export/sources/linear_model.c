@@ -7,6 +7,12 @@ typedef struct {
     double ramp[INVERTER_STATES][2];                 /* of a voltage that rises by one during the step */
 } inverter;
 
+void inverter_reset(inverter *model);
+int inverter_set_step(inverter *model, double step);
+void inverter_output(const inverter *model, const double v[2], double i[2]);
+void inverter_step(inverter *model, const double before[2], const double after[2]);
+
+/* --- functions --- */
 enum { INVERTER_AUGMENTED = INVERTER_STATES + 4 };
 typedef double inverter_matrix[INVERTER_AUGMENTED][INVERTER_AUGMENTED];
 
