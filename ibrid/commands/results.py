@@ -14,7 +14,7 @@ from ibrid.writing import inside, require_place
 RECORD_NAMES = ("best.json", "model.json", "record.json")
 
 #: For the help, which must come before anything slow is imported; a test compares.
-FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "csv", "touchstone")
+FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "cigre", "csv", "touchstone")
 
 #: In the folder of a search.
 ARCHIVE = "archive.sqlite"
@@ -34,7 +34,14 @@ def declare(commands: Any) -> None:
         "--freq", metavar="A:B:N", help="of csv and touchstone: N frequencies from A to B Hz (5:5000:60)"
     )
     export.add_argument("--name", metavar="NAME", help="of the C symbols, the FMU's modelName, the Modelica class")
-    export.add_argument("--nonlinear", action="store_true", help="of modelica: the averaged model before linearisation")
+    export.add_argument(
+        "--nonlinear",
+        action="store_true",
+        help="of modelica, c, fmu: the averaged model before linearisation (cigre always)",
+    )
+    export.add_argument(
+        "--windows", action="store_true", help="of fmu and cigre: with a library for Windows (pip install ziglang)"
+    )
     export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
     add_kinds_option(export)
     export.set_defaults(run=run_export)
@@ -53,7 +60,7 @@ def run_export(arguments: Namespace) -> int:
     require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
 
     from ibrid.analysis.validity import doubts
-    from ibrid.export.formats import export
+    from ibrid.export.formats import ALWAYS_NONLINEAR, export
     from ibrid.plants.sweeping import frequency_grid
 
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
@@ -66,10 +73,12 @@ def run_export(arguments: Namespace) -> int:
         name=arguments.name,
         frequency=frequency,
         nonlinear=arguments.nonlinear,
+        windows=arguments.windows,
     )
+    nonlinear = arguments.nonlinear or arguments.format in ALWAYS_NONLINEAR
     where = "; ".join(record.parameters) if arguments.op == "all" else model.op
-    print(f"{arguments.out}: {len(model.states)} states at {where}{', nonlinear' if arguments.nonlinear else ''}")
-    if arguments.nonlinear and record.diagram.outside.elements:
+    print(f"{arguments.out}: {len(model.states)} states at {where}{', nonlinear' if nonlinear else ''}")
+    if nonlinear and record.diagram.outside.elements:
         complain(
             "the nonlinear model is the device behind its port; put the port's elements into the network around it"
         )

@@ -11,10 +11,13 @@ from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record,
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.export.c_source import c_source
+from ibrid.export.cigre import cigre
 from ibrid.export.fmu import fmu
 from ibrid.export.matrices import control_json, mat_file, npz_file
 from ibrid.export.modelica import modelica
 from ibrid.export.names import identifier
+from ibrid.export.nonlinear_c import nonlinear_c
+from ibrid.export.nonlinear_model import nonlinear_model
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
 from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.frd import MODEL_GRID
@@ -58,16 +61,18 @@ ADMITTANCE_FORMATS: Mapping[str, Callable[[Sweep, str | Path], None]] = MappingP
 
 
 #: Formats of the state space.
-FORMATS: Mapping[str, Callable[[LinearModel], bytes]] = MappingProxyType(
+FORMATS: Mapping[str, Callable[..., bytes]] = MappingProxyType(
     {"control-json": control_json, "mat": mat_file, "npz": npz_file, "modelica": modelica, "fmu": fmu, "c": c_source}
 )
 #: Those that hold several operating points, and those in which a name is a word of the language.
 STACKED: Mapping[str, Callable[..., bytes]] = MappingProxyType(
     {"control-json": control_json, "mat": mat_file, "npz": npz_file}
 )
-NAMED = ("modelica", "fmu", "c")
+NAMED = ("modelica", "fmu", "c", "cigre")
+#: Those of the nonlinear averaged model too, and those of it alone.
+NONLINEAR, ALWAYS_NONLINEAR = ("modelica", "fmu", "c", "cigre"), ("cigre",)
 #: All of them, in the order of the help.
-FORMAT_NAMES = (*FORMATS, *ADMITTANCE_FORMATS)
+FORMAT_NAMES = (*FORMATS, *ALWAYS_NONLINEAR, *ADMITTANCE_FORMATS)
 
 
 def export(
@@ -79,17 +84,20 @@ def export(
     name: str | None = None,
     frequency: np.ndarray | None = None,
     nonlinear: bool = False,
+    windows: bool = False,
 ) -> LinearModel:
     """Write the linear model of a record at an operating point (see `linear_model`) and return it.
 
     format : one of `FORMAT_NAMES`. op : "all" stacks all points of the record, in the formats `STACKED`; the first is returned.
     name : of the model: the C symbols, the FMU's modelName, the Modelica class. frequency : (K,) Hz, ascending, of csv and
-    touchstone alone. nonlinear : write the nonlinear averaged model that this one linearises; modelica alone
-    (`nonlinear_model` in Python).
+    touchstone alone. nonlinear : write the nonlinear averaged model that this one linearises, in the formats `NONLINEAR`
+    (`nonlinear_model` in Python); cigre is always that, and writes its C source and the library beside each other.
+    windows : of fmu and cigre, with a library for Windows, by the package ziglang.
 
     Raises IbridError for an unknown format or operating point, a name that is none, a record without a fit, or a place that is
     not writable.
     """
+    every = op == "all" and "all" not in record.parameters
     if format not in FORMAT_NAMES:
         raise IbridError(f"there is no export format {format!r}; {near(format, FORMAT_NAMES)}")
     if frequency is not None and format not in ADMITTANCE_FORMATS:
@@ -97,25 +105,53 @@ def export(
             f"frequencies are for the formats {' and '.join(ADMITTANCE_FORMATS)}, which hold an admittance; {format} "
             "holds a state space, leave them out"
         )
-    if nonlinear and format != "modelica":
-        raise IbridError(f"the nonlinear model is written as modelica, {format} holds a linear one; choose one of them")
-    if op == "all" and "all" not in record.parameters and (format not in STACKED or nonlinear):
+    if nonlinear and format not in NONLINEAR:
+        raise IbridError(f"the nonlinear model is written as {', '.join(NONLINEAR)}; {format} holds a linear one")
+    if windows and format not in ("fmu", "cigre"):
+        raise IbridError(f"a library for Windows is part of fmu and cigre; {format} holds none, leave --windows out")
+    if every and (format not in STACKED or nonlinear):
         raise IbridError(f"all operating points go into {', '.join(STACKED)}; {format} holds one, choose it with --op")
     if name is not None and format in ADMITTANCE_FORMATS:
         raise IbridError(f"a name is for models, {format} holds an admittance; leave it out")
     titled = {} if name is None else {"name": identifier(name)}
     require_place(path)
-    if nonlinear:
-        model, content = nonlinear_modelica(record, op, **titled)
-        write_whole(path, content)
-        return model
-    if op == "all" and "all" not in record.parameters:
+    if every:
         models = [replace(linear_model(record, one), **titled) for one in record.parameters]
         write_whole(path, STACKED[format](*models))
         return models[0]
     model = replace(linear_model(record, op), **titled)
-    if format in ADMITTANCE_FORMATS:
+    if nonlinear or format in ALWAYS_NONLINEAR:
+        _write_nonlinear(record, model, Path(path), format, windows, titled)
+    elif format in ADMITTANCE_FORMATS:
         ADMITTANCE_FORMATS[format](admittance(record, op, frequency), path)
     else:
-        write_whole(path, FORMATS[format](model, **(titled if format in NAMED else {})))
+        options = {**(titled if format in NAMED else {}), **({"windows": True} if windows else {})}
+        write_whole(path, FORMATS[format](model, **options))
     return model
+
+
+def _write_nonlinear(
+    record: Record, model: LinearModel, path: Path, format: str, windows: bool, titled: dict[str, str]
+) -> None:
+    if format == "modelica":
+        write_whole(path, nonlinear_modelica(record, model.op, **titled)[1])
+        return
+    moving = nonlinear_model(record, model.op)
+    if format == "c":
+        write_whole(path, nonlinear_c(model, moving, **titled))
+    elif format == "fmu":
+        write_whole(path, fmu(model, moving=moving, windows=windows, **titled))
+    else:
+        made = cigre(model, moving, windows=windows or path.suffix == ".dll", **titled)
+        source, library = files_of_cigre(path, made.library.suffix)
+        require_place(source)
+        write_whole(source, made.source)
+        write_whole(library, made.library.content)
+
+
+def files_of_cigre(path: Path, suffix: str) -> tuple[Path, Path]:
+    """Source and library, of which one is `path`; where its ending is neither's, the library is."""
+    if path.suffix == ".c":
+        return path, path.with_suffix(suffix)
+    known = path.suffix in (".so", ".dll", ".dylib")
+    return (path.with_suffix(".c") if known else Path(f"{path}.c")), path

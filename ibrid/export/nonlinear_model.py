@@ -19,6 +19,12 @@ from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import Wiring, split_port, wire
 
+#: What the numbers of every nonlinear export mean.
+ABSOLUTE = (
+    "Absolute quantities, per unit on the inverter's base, time in s, angles in rad; v and i are (D, Q) in a frame that turns at "
+    "omega_0, current out of the inverter, q axis leading d; averaged over a switching period"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class NonlinearModel:

@@ -11,7 +11,7 @@ from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
 from ibrid.export.module_motion import Module, by_port
 from ibrid.export.names import MODELICA, written_in
-from ibrid.export.nonlinear_model import channel_names, rest_of_record
+from ibrid.export.nonlinear_model import ABSOLUTE, channel_names, rest_of_record
 from ibrid.export.rest import Rest
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import is_linear
@@ -20,10 +20,6 @@ from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import Wiring, split_port
 
-_UNITS = (
-    "Absolute quantities, per unit on the inverter's base, time in s, angles in rad; current out of the inverter, q axis "
-    "leading d; averaged over a switching period"
-)
 _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 
 
@@ -52,7 +48,7 @@ def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str,
         f"package {title} {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
         *(f"  {line}" for line in _inverter(words, at, values, model.op)),
-        f"  annotation(Documentation(info = {documentation(model, _UNITS)}));",
+        f"  annotation(Documentation(info = {documentation(model, ABSOLUTE)}));",
         f"end {title};",
     ]
     return ("\n".join(lines) + "\n").encode()

@@ -18,7 +18,7 @@ from ibrid import cli
 from ibrid.commands import results
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.export import FORMAT_NAMES, FORMATS, export, linear_model, read_control_json
-from ibrid.export.fmu import COMPILERS
+from ibrid.export.compiling import COMPILERS
 
 OP = "p=1,q=0.3"
 FREQUENCY = np.geomspace(1.0, 5000.0, 40)

@@ -14,11 +14,11 @@ from scipy.linalg import expm
 from ibrid import cli
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.errors import IbridError
-from ibrid.export import fmu as fmu_export
+from ibrid.export import compiling
 from ibrid.export.fmu import fmu
 
 OP = "p=1,q=0.3"
-HAS_COMPILER = any(shutil.which(name) for name in fmu_export.COMPILERS)
+HAS_COMPILER = any(shutil.which(name) for name in compiling.COMPILERS)
 needs_compiler = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler (apt-get install gcc libc6-dev)")
 
 
@@ -159,7 +159,7 @@ def test_the_zip_carries_its_sources_and_no_date(model: LinearModel, path: Path)
 def test_the_sources_compile_without_a_warning_also_with_a_prefix(path: Path, tmp_path: Path):
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
-    compiler = next(filter(None, map(shutil.which, fmu_export.COMPILERS)))
+    compiler = next(filter(None, map(shutil.which, compiling.COMPILERS)))
     for more in ([], ["-DFMI2_FUNCTION_PREFIX=inverter_"]):
         command = [compiler, "-std=c99", "-Wall", "-Wextra", "-pedantic", *more, "-c", "fmi2.c", "-o", "fmi2.o"]
         done = subprocess.run(command, cwd=tmp_path / "sources", capture_output=True, text=True)
@@ -169,7 +169,7 @@ def test_the_sources_compile_without_a_warning_also_with_a_prefix(path: Path, tm
 def test_without_a_compiler_the_answer_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(fmu_export.shutil, "which", lambda name: None)
+    monkeypatch.setattr(compiling.shutil, "which", lambda name: None)
     evaluated("gfl_pll_filter_exact", restarts=0).write(tmp_path / "fit.json")
     words = ["export", str(tmp_path / "fit.json"), "--op", OP, "--format", "fmu", "--out", str(tmp_path / "m.fmu")]
     assert cli.main(words) == 2
@@ -180,11 +180,11 @@ def test_without_a_compiler_the_answer_is_one_sentence(
 @needs_compiler
 def test_sources_that_do_not_compile_are_one_sentence():
     with pytest.raises(IbridError, match="must compile the exported model; it says"):
-        fmu_export.shared_library({"main.c": b"int main(void) { return nothing; }"}, "main.c")
+        compiling.shared_library({"main.c": b"int main(void) { return nothing; }"}, "main.c")
 
 
 def test_a_platform_without_a_name_in_fmi_is_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(fmu_export.platform, "machine", lambda: "riscv64")
-    monkeypatch.setattr(fmu_export.sys, "platform", "linux")
+    monkeypatch.setattr(compiling.platform, "machine", lambda: "riscv64")
+    monkeypatch.setattr(compiling.sys, "platform", "linux")
     with pytest.raises(IbridError, match="linux on riscv64"):
-        fmu_export.fmi_platform()
+        compiling.fmi_platform()

@@ -1,8 +1,8 @@
-/* FMI 2.0 for co-simulation and model exchange around the linear model in inverter.c; written by ibrid.
+/* FMI 2.0 for co-simulation and model exchange around the model in inverter.c; written by ibrid.
  *
  * Value references: 0, 1 the inputs v_D, v_Q; 2, 3 the outputs i_D, i_Q; then the states; then their derivatives;
  * then the constants of the operating point.
- * doStep is exact for a voltage that is held, or that goes in a straight line given by fmi2SetRealInputDerivatives.
+ * doStep takes a voltage that is held, or that goes in a straight line given by fmi2SetRealInputDerivatives.
  * The declarations below are the part of the FMI 2.0 standard that is needed, so that no header has to be found.
  * Compiled into a program of one's own, FMI2_FUNCTION_PREFIX goes in front of every name.
  */
@@ -78,15 +78,12 @@ static fmi2Status refuse(const instance *one, const char *sentence)
     return fmi2Error;
 }
 
-/* dx/dt = A x + B v */
-static void rates(const double x[INVERTER_STATES], const double v[2], double dx[INVERTER_STATES])
+static void rest(deviation *now)
 {
-    int i, j;
-    for (i = 0; i < INVERTER_STATES; i++) {
-        dx[i] = INVERTER_B[i][0] * v[0] + INVERTER_B[i][1] * v[1];
-        for (j = 0; j < INVERTER_STATES; j++)
-            dx[i] += INVERTER_A[i][j] * x[j];
-    }
+    static const double v0[2] = INVERTER_V_START;
+    memset(now, 0, sizeof(deviation));
+    inverter_reset(&now->model);
+    memcpy(now->v, v0, sizeof v0);
 }
 
 EXPORTED const char *FMI(fmi2GetTypesPlatform)(void)
@@ -115,6 +112,7 @@ EXPORTED fmi2Component FMI(fmi2Instantiate)(fmi2String name, fmi2Type type, fmi2
     one = calloc(1, sizeof(instance));
     if (!one)
         return NULL;
+    rest(&one->now);
     one->callbacks = *callbacks;
     one->name = calloc(strlen(name) + 1, 1);
     if (one->name)
@@ -165,7 +163,7 @@ EXPORTED fmi2Status FMI(fmi2Terminate)(fmi2Component c)
 
 EXPORTED fmi2Status FMI(fmi2Reset)(fmi2Component c)
 {
-    memset(&((instance *)c)->now, 0, sizeof(deviation));
+    rest(&((instance *)c)->now);
     return fmi2OK;
 }
 
@@ -175,7 +173,7 @@ EXPORTED fmi2Status FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference v
     double i[2], dx[INVERTER_STATES];
     size_t k;
     inverter_output(&one->now.model, one->now.v, i);
-    rates(one->now.model.x, one->now.v, dx);
+    inverter_rates(&one->now.model, one->now.v, dx);
     for (k = 0; k < n; k++) {
         if (vr[k] < FIRST_OUTPUT)
             value[k] = one->now.v[vr[k]];
@@ -279,20 +277,18 @@ EXPORTED fmi2Status FMI(fmi2GetDirectionalDerivative)(fmi2Component c, const fmi
                                                       const fmi2ValueReference known[], size_t m, const fmi2Real dknown[],
                                                       fmi2Real dunknown[])
 {
-    deviation seed;
-    double i[2], dx[INVERTER_STATES];
+    const instance *one = c;
+    double i[2], dx[INVERTER_STATES], x_seed[INVERTER_STATES] = {0.0}, v_seed[2] = {0.0, 0.0};
     size_t k;
-    memset(&seed, 0, sizeof seed);
     for (k = 0; k < m; k++) {
         if (known[k] < FIRST_OUTPUT)
-            seed.v[known[k]] = dknown[k];
+            v_seed[known[k]] = dknown[k];
         else if (known[k] >= FIRST_STATE && known[k] < FIRST_DERIVATIVE)
-            seed.model.x[known[k] - FIRST_STATE] = dknown[k];
+            x_seed[known[k] - FIRST_STATE] = dknown[k];
         else
             return refuse(c, "fmi2GetDirectionalDerivative: known are v_D, v_Q and the states");
     }
-    inverter_output(&seed.model, seed.v, i);
-    rates(seed.model.x, seed.v, dx);
+    inverter_tangent(&one->now.model, one->now.v, x_seed, v_seed, dx, i);
     for (k = 0; k < n; k++) {
         if (unknown[k] >= FIRST_OUTPUT && unknown[k] < FIRST_STATE)
             dunknown[k] = i[unknown[k] - FIRST_OUTPUT];
@@ -434,7 +430,7 @@ EXPORTED fmi2Status FMI(fmi2GetDerivatives)(fmi2Component c, fmi2Real derivative
     const instance *one = c;
     if (n != INVERTER_STATES)
         return refuse(c, "fmi2GetDerivatives: the number of states is another");
-    rates(one->now.model.x, one->now.v, derivatives);
+    inverter_rates(&one->now.model, one->now.v, derivatives);
     return fmi2OK;
 }
 

@@ -11,6 +11,9 @@ void inverter_reset(inverter *model);
 int inverter_set_step(inverter *model, double step);
 void inverter_output(const inverter *model, const double v[2], double i[2]);
 void inverter_step(inverter *model, const double before[2], const double after[2]);
+void inverter_rates(const inverter *model, const double v[2], double dx[]);
+void inverter_tangent(const inverter *model, const double v[2], const double x_seed[], const double v_seed[2], double dx[],
+                      double di[2]);
 
 /* --- functions --- */
 enum { INVERTER_AUGMENTED = INVERTER_STATES + 4 };
@@ -107,6 +110,28 @@ void inverter_output(const inverter *model, const double v[2], double i[2])
         for (k = 0; k < INVERTER_STATES; k++)
             i[row] += INVERTER_C[row][k] * model->x[k];
     }
+}
+
+/* dx/dt = A x + B v */
+void inverter_rates(const inverter *model, const double v[2], double dx[])
+{
+    int i, j;
+    for (i = 0; i < INVERTER_STATES; i++) {
+        dx[i] = INVERTER_B[i][0] * v[0] + INVERTER_B[i][1] * v[1];
+        for (j = 0; j < INVERTER_STATES; j++)
+            dx[i] += INVERTER_A[i][j] * model->x[j];
+    }
+}
+
+/* What changes of the states and of v do to the rates and to i: the same everywhere. */
+void inverter_tangent(const inverter *model, const double v[2], const double x_seed[], const double v_seed[2], double dx[],
+                      double di[2])
+{
+    inverter seed;
+    (void)model, (void)v;
+    memcpy(seed.x, x_seed, sizeof seed.x);
+    inverter_rates(&seed, v_seed, dx);
+    inverter_output(&seed, v_seed, di);
 }
 
 /* One step, exact for a voltage that goes in a straight line from `before` to `after`; for one that is held give it twice. */
