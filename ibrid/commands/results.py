@@ -14,7 +14,7 @@ from ibrid.writing import inside, require_place
 RECORD_NAMES = ("best.json", "model.json", "record.json")
 
 #: For the help, which must come before anything slow is imported; a test compares.
-FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "cigre", "csv", "touchstone")
+FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "andes", "cigre", "csv", "touchstone")
 
 #: In the folder of a search.
 ARCHIVE = "archive.sqlite"

@@ -10,6 +10,7 @@ import numpy as np
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.export.andes import andes
 from ibrid.export.c_source import c_source
 from ibrid.export.cigre import cigre
 from ibrid.export.fmu import fmu
@@ -62,13 +63,21 @@ ADMITTANCE_FORMATS: Mapping[str, Callable[[Sweep, str | Path], None]] = MappingP
 
 #: Formats of the state space.
 FORMATS: Mapping[str, Callable[..., bytes]] = MappingProxyType(
-    {"control-json": control_json, "mat": mat_file, "npz": npz_file, "modelica": modelica, "fmu": fmu, "c": c_source}
+    {
+        "control-json": control_json,
+        "mat": mat_file,
+        "npz": npz_file,
+        "modelica": modelica,
+        "fmu": fmu,
+        "c": c_source,
+        "andes": andes,
+    }
 )
 #: Those that hold several operating points, and those in which a name is a word of the language.
 STACKED: Mapping[str, Callable[..., bytes]] = MappingProxyType(
     {"control-json": control_json, "mat": mat_file, "npz": npz_file}
 )
-NAMED = ("modelica", "fmu", "c", "cigre")
+NAMED = ("modelica", "fmu", "c", "andes", "cigre")
 #: Those of the nonlinear averaged model too, and those of it alone.
 NONLINEAR, ALWAYS_NONLINEAR = ("modelica", "fmu", "c", "cigre"), ("cigre",)
 #: All of them, in the order of the help.

@@ -50,6 +50,8 @@ _PLAIN = " _-+=.,:;()[]|#~^!'"
 C = Language(_PLAIN)
 #: A string, also one that is read as HTML: neither quotes and escapes nor markup.
 MODELICA = Language(_PLAIN + "*/?@%${}")
+#: A text in three quotes, and names within strings.
+PYTHON = Language(_PLAIN.replace("'", "") + "*/@%")
 #: The library escapes what is markup; what is not text is no XML.
 XML = Language(_PLAIN + '*/?@%${}<>&"\\`')
 
