@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compares them
     from ibrid_search.running import search
 
+    from ibrid.analysis.power_jacobian import power_jacobian
     from ibrid.analysis.prediction import predict
     from ibrid.analysis.stability import stability
     from ibrid.errors import IbridError
@@ -46,8 +47,8 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
 __all__ = [
     "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
     "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "export", "find_gap",
-    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "predict", "program_text",
-    "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
+    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian", "predict",
+    "program_text", "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
     "textbook_names", "violations", "write_report", "write_sweep",
 ]  # fmt: skip
 
@@ -75,6 +76,7 @@ _HOME = {
     "inspect": "ibrid.measurement.inspect",
     "nonlinear_model": "ibrid.export.nonlinear_model",
     "parse_program": "ibrid.structure.program",
+    "power_jacobian": "ibrid.analysis.power_jacobian",
     "predict": "ibrid.analysis.prediction",
     "program_text": "ibrid.structure.program",
     "read_program": "ibrid.structure.program",

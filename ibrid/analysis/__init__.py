@@ -2,6 +2,7 @@
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.analysis.modes import Mode, Participation, modes, participation
+from ibrid.analysis.power_jacobian import PowerJacobian, power_jacobian
 from ibrid.analysis.prediction import Prediction, predict
 from ibrid.analysis.stability import Stability, stability
 
@@ -9,11 +10,13 @@ __all__ = [
     "LinearModel",
     "Mode",
     "Participation",
+    "PowerJacobian",
     "Prediction",
     "Stability",
     "linear_model",
     "modes",
     "participation",
+    "power_jacobian",
     "predict",
     "stability",
 ]

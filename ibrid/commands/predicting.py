@@ -1,4 +1,4 @@
-"""`ibrid predict RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
+"""`ibrid predict RECORD`, `ibrid nfp RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
 
 import shlex
 from argparse import Namespace
@@ -36,6 +36,16 @@ def declare(commands: Any) -> None:
     add_kinds_option(predict)
     add_json_option(predict)
     predict.set_defaults(run=run_predict)
+    nfp = commands.add_parser("nfp", help="power over angle and magnitude of the grid's voltage: Jacobian and NFP")
+    nfp.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
+    nfp.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)")
+    nfp.add_argument(
+        "--freq", default="0.1:1000:60", metavar="A:B:N", help="N frequencies from A to B Hz (0.1:1000:60)"
+    )
+    nfp.add_argument("--out", metavar="FILE", help="a csv file: op, freq_hz, then real and imaginary parts")
+    add_kinds_option(nfp)
+    add_json_option(nfp)
+    nfp.set_defaults(run=run_nfp)
     stability = commands.add_parser(
         "stability", help="poles, Nyquist, passivity and critical SCR of the model in a grid"
     )
@@ -79,6 +89,24 @@ def run_predict(arguments: Namespace) -> int:
     if not give_json(content, arguments.json):
         print(format_predictions(found))
         print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(sweep.names)}")
+    return 0
+
+
+def run_nfp(arguments: Namespace) -> int:
+    """Write the files, print a table."""
+    _require_places(arguments, {"--out": arguments.out})
+
+    from ibrid.analysis.power_jacobian import power_jacobian
+    from ibrid.plants.sweeping import frequency_grid
+    from ibrid.report.jacobian_text import format_jacobian, jacobian_csv
+
+    frequency = frequency_grid(arguments.freq)
+    record = inputs.record(arguments.record, arguments.kinds)
+    found = [power_jacobian(record, op, frequency) for op in arguments.op or record.parameters or [None]]
+    if arguments.out is not None:
+        write_whole(arguments.out, jacobian_csv(found))
+    if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in found]}, arguments.json):
+        print("\n".join(map(format_jacobian, found)))
     return 0
 
 

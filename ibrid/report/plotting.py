@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from ibrid.analysis.modes import QUANTILE
+from ibrid.analysis.power_jacobian import PowerJacobian
 from ibrid.analysis.prediction import Prediction
 from ibrid.analysis.stability import Stability
 from ibrid.errors import IbridError
@@ -33,6 +35,27 @@ def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any
     """The line and its 95 % band."""
     half_width = None if point.sigma is None else QUANTILE * point.sigma
     return _bode([Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)], ax, entry)
+
+
+def jacobian_plot(found: PowerJacobian, ax: Any = None) -> Any:
+    """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
+    figure = None if ax is not None else Figure(figsize=(11, 6), layout="constrained")
+    with rc_context({"axes.grid": True, "font.size": 9}):
+        parts = None if figure is None else figure.subplots(2, 2, sharex=True)
+        pair = list(getattr(ax, "flat", ax)) if parts is None else [parts[0, 1], parts[1, 1]]
+        pair[0].semilogx(found.frequency, 20 * np.log10(np.abs(found.nfp)))
+        pair[0].set(title="NFP: dp over df", ylabel="dB")
+        pair[1].semilogx(found.frequency, np.degrees(np.unwrap(np.angle(found.nfp))))
+        pair[1].set(ylabel="degrees", xlabel="Hz")
+        for column, cause in enumerate(("angle", "voltage")) if parts is not None else ():
+            for row, power in enumerate("pq"):
+                size = 20 * np.log10(np.abs(found.matrix[:, row, column]))
+                parts[column, 0].semilogx(found.frequency, size, label=f"d{power}")
+            parts[column, 0].set(title=f"Jacobian: over {cause}", ylabel="dB")
+            parts[column, 0].legend()
+        for one in pair if figure is None else [figure]:
+            on_white(one)
+    return ax if figure is None else figure
 
 
 def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> Any:
