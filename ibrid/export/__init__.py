@@ -5,9 +5,10 @@ from types import ModuleType
 from typing import Any
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.formats import FORMAT_NAMES, FORMATS, admittance, export
 from ibrid.export.matrices import read_control_json
-from ibrid.export.nonlinear_model import NonlinearModel, nonlinear_model
+from ibrid.export.nonlinear_model import nonlinear_model
 
 __all__ = [
     "FORMATS",

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from math import sqrt
 
 from ibrid.analysis.linear_model import LinearModel
+from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.c_source import renamed, template
 from ibrid.export.compiling import WINDOWS, SharedLibrary, shared_library
 from ibrid.export.modelica import identifiers
 from ibrid.export.names import C, written_in
 from ibrid.export.nonlinear_c import nonlinear_c
-from ibrid.export.nonlinear_model import NonlinearModel
 
 #: Seconds between two calls.
 SAMPLE = 10e-6

@@ -10,11 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.c_source import c_source, renamed, template
 from ibrid.export.compiling import WINDOWS, shared_library
 from ibrid.export.names import XML, written_in
 from ibrid.export.nonlinear_c import nonlinear_c
-from ibrid.export.nonlinear_model import ABSOLUTE, NonlinearModel
+from ibrid.export.nonlinear_model import ABSOLUTE
 
 #: The earliest date a zip can hold; with today's, equal models would differ.
 _DATE = (1980, 1, 1, 0, 0, 0)

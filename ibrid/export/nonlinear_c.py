@@ -7,10 +7,11 @@ import casadi as ca
 import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel
+from ibrid.assembly.averaged import NonlinearModel
 from ibrid.errors import IbridError
 from ibrid.export.c_source import c_comment, names_of, numbers_of, renamed, template
 from ibrid.export.names import C, written_in
-from ibrid.export.nonlinear_model import ABSOLUTE, NonlinearModel
+from ibrid.export.nonlinear_model import ABSOLUTE
 
 #: Step times the fastest mode. Runge-Kutta of order 4 is stable to 2.7; here its phase errs by 2e-6 of the way.
 _SHARE = 0.125

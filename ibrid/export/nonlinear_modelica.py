@@ -4,15 +4,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
+from ibrid.assembly.averaged import channel_names
+from ibrid.assembly.module_motion import Module, by_port
+from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
-from ibrid.export.module_motion import Module, by_port
 from ibrid.export.names import MODELICA, written_in
-from ibrid.export.nonlinear_model import ABSOLUTE, channel_names, rest_of_record
-from ibrid.export.rest import Rest
+from ibrid.export.nonlinear_model import ABSOLUTE, rest_of_record
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import is_linear
 from ibrid.signals import Signal

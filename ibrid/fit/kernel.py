@@ -26,7 +26,8 @@ def _can_keep_compiled() -> bool:
     return True
 
 
-_OPTIONS = {
+#: Of `njit`, for every compiled loop.
+OPTIONS = {
     "cache": _can_keep_compiled(),
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc", "nsz"},
@@ -34,7 +35,7 @@ _OPTIONS = {
 }
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _factorise(k, pivots, size):
     """LU with partial pivoting in place; False when singular."""
     for column in range(size):
@@ -61,7 +62,7 @@ def _factorise(k, pivots, size):
     return True
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _solve_right(k, pivots, size, right):
     """right (size, 2) <- K^-1 right."""
     for i in range(size):
@@ -85,7 +86,7 @@ def _solve_right(k, pivots, size, right):
                 right[row, 1] -= factor * right[i, 1]
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _solve_left(k, pivots, size, left):
     """left (2, size) <- left K^-1, from the factors of K."""
     for i in range(size):
@@ -109,7 +110,7 @@ def _solve_left(k, pivots, size, left):
                 left[c, i], left[c, pivot] = left[c, pivot], left[c, i]
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, left, right, y):
     """Y at one frequency into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False when singular."""
     k[:, :] = 0.0
@@ -149,7 +150,7 @@ def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, 
     return True
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def respond(values, rows, columns, delays, omega, size):
     """Admittance of one model.
 
@@ -169,7 +170,7 @@ def respond(values, rows, columns, delays, omega, size):
     return result
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _differentiate(
     left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, outer, dy
 ):
@@ -192,7 +193,7 @@ def _differentiate(
                     dy[delay_parameter[i], 2 * a + b] += turn * left[a, i] * right[i, b]
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def respond_with_derivatives(
     values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, parameters
 ):
@@ -221,7 +222,7 @@ def respond_with_derivatives(
     return response, slope
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def normal_equations(
     values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays,
     omega, data, weight, logarithmic, size, parameters, with_gradient,

@@ -17,14 +17,14 @@ from sharing import shared
 
 import ibrid
 from ibrid.analysis.linear_model import linear_model
+from ibrid.assembly.averaged import assembled
+from ibrid.assembly.rest import rest
 from ibrid.assembly.symbolic import symbolic_matrices
 from ibrid.errors import DiagramError, IbridError, ModuleError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.export import NonlinearModel, export, nonlinear_model
 from ibrid.export.formula import Formula, formula
 from ibrid.export.modelica import INPUT, OUTPUT
-from ibrid.export.nonlinear_model import assembled
-from ibrid.export.rest import rest
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import LargeSignal, is_linear
 from ibrid.modules.vocabulary import VOCABULARY, find_kind

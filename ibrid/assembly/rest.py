@@ -12,11 +12,11 @@ from math import atan2
 import numpy as np
 
 from ibrid.assembly.equilibrium import Frame, Pair, device_points, equilibria, to_frame
+from ibrid.assembly.module_motion import Module, asked, by_port, module_at
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.assembly.terminals import behind_terminals
 from ibrid.errors import IbridError
-from ibrid.export.module_motion import Module, asked, by_port, module_at
 from ibrid.modules.kind import EQUILIBRIUM
 from ibrid.modules.large_signal import require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE

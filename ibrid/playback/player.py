@@ -1,0 +1,235 @@
+"""A diagram with its limits, played: from parameter values and a record's voltage to the current that it would deliver."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ibrid.assembly.averaged import equations
+from ibrid.assembly.rest import Rest, rest
+from ibrid.assembly.signals_at_rest import sources_of
+from ibrid.errors import IbridError
+from ibrid.measurement.events import EventRecord
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.playback.limits import NEVER, ORDER, Limit, Limited
+from ibrid.playback.places import Places, places_of
+from ibrid.playback.steps import simulate
+from ibrid.playback.tape import Tape, tape_of
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import Parameter, parameter_table
+from ibrid.structure.wiring import wire
+
+#: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows.
+PHASE, HIGHEST = 1e-6, 2000.0
+#: Step times the fastest mode: of an answer, and of a fit, where it need not be better than any noise.
+FINE, COARSE = 0.7, 1.5
+#: Steps between two samples at most.
+MOST_PARTS = 400
+#: Values of the orders of delays for which the laws are kept.
+_Orders = tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """`current` : (N, 2) terminal current, d and q, NaN from where the simulation left. `left` : s, None if it did not."""
+
+    current: np.ndarray
+    left: float | None
+
+
+class Player:
+    """Plays one diagram with its limits; the laws are joined once."""
+
+    def __init__(
+        self, diagram: Diagram, kinds: Vocabulary, limits: Sequence[Limit] = (), omega_0: float = 120 * np.pi
+    ) -> None:
+        if diagram.outside:
+            raise IbridError("events are not played through a port or doubted labels yet; leave --port out")
+        self.wiring, self.omega_0 = wire(diagram, kinds), omega_0
+        self.table = parameter_table(self.wiring, "exact")
+        self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
+        self.places = places_of(diagram, kinds) if self.limits else None
+        self._laws: dict[_Orders, _Laws] = {}
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Free numbers of the diagram, then of its limits."""
+        own = [
+            Parameter(f"{one.id}.{name}", box.low, box.high, box.typical, box.unit, box.meaning, ())
+            for one in self.limits
+            for name, box in one.parameters.items()
+        ]
+        return (*self.table.free, *own)
+
+    def play(self, record: EventRecord, values: Sequence[Mapping[str, float]], *, step: float = FINE) -> list[Played]:
+        """The answer to a record's voltage at each of several parameter sets, which take the same steps.
+
+        Raises OperatingPointError, IbridError or DiagramError where the first set has no rest; another one without a rest is NaN.
+        """
+        orders = self._orders(values[0])
+        rests = [self._rest(values[0], record, orders)]
+        for one in values[1:]:
+            try:
+                rests.append(self._rest(one, record, orders))
+            except IbridError:
+                rests.append(None)
+        laws = self._laws_at(orders, rests[0])
+        kept = [k for k, one in enumerate(rests) if one is not None]
+        current, left = laws.run(record, [(rests[k], values[k]) for k in kept], step)
+        found = [Played(np.full((len(record.time), 2), np.nan), float(record.time[0]))] * len(values)
+        for lane, k in enumerate(kept):
+            found[k] = Played(current[:, :, lane], None if np.isnan(left[lane]) else float(left[lane]))
+        return found
+
+    def _orders(self, values: Mapping[str, float]) -> _Orders:
+        return tuple(
+            (name, rational_order(float(self.table.value(name, kind.delay, values))))
+            for name, kind in self.wiring.kinds.items()
+            if kind.delay is not None
+        )
+
+    def _rest(self, values: Mapping[str, float], record: EventRecord, orders: _Orders) -> Rest:
+        op = record.rest
+        own = {one.name: values[one.name] for one in self.table.free}
+        return rest(
+            self.wiring,
+            self.table,
+            own,
+            (op.p, op.q, op.v),
+            power_node="pcc",
+            omega_0=self.omega_0,
+            pade_orders=dict(orders),
+        )
+
+    def _laws_at(self, orders: _Orders, at: Rest) -> "_Laws":
+        if orders not in self._laws:
+            self._laws[orders] = _Laws(self, at)
+        return self._laws[orders]
+
+
+def rational_order(delay: float) -> int:
+    """Smallest order of a Pade form whose phase error at `HIGHEST` is below `PHASE`.
+
+    Law: the error is (omega T)^(2n+1) (n!)^2 / ((2n)! (2n+1)!) to first order.
+    """
+    angle = 2 * np.pi * HIGHEST * delay
+    for order in range(1, 12):
+        error = angle ** (2 * order + 1) * factorial(order) ** 2 / (factorial(2 * order) * factorial(2 * order + 1))
+        if error < PHASE:
+            return order
+    return 12
+
+
+class _Laws:
+    """The joined laws as a tape; all numbers of the modules are its constants."""
+
+    def __init__(self, player: Player, at: Rest) -> None:
+        self.player, self.names = player, [module.name for module in at.modules]
+        self.references = list(at.references)
+        symbols, self._pairs = {}, {}
+        constants: list[ca.SX] = []
+        for module in at.modules:
+            own = {}
+            for name, value in module.arguments.items():
+                width = 2 if isinstance(value, tuple) else 1
+                symbol = ca.SX.sym(f"{module.name}.{name}", width)
+                constants.append(symbol)
+                own[name] = (symbol[0], symbol[1]) if width == 2 else symbol
+            symbols[module.name] = own
+        x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
+        v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(self.references))
+        since = ca.SX.sym("since")
+        numbers = {f"{one.id}.{name}": ca.SX.sym(name) for one in player.limits for name in one.parameters}
+        lacking_r, lacking_u, e_rest = ca.SX.sym("lacking_r", 2), ca.SX.sym("lacking_u", 2), ca.SX.sym("e_rest")
+        memory = ca.SX.sym("memory", self._memory_size)
+        shaping = None
+        if player.limits and player.places is not None:
+            shaping = Limited(player.limits, player.places, numbers, lacking_r, lacking_u, e_rest, memory, since)
+        joined = equations(
+            player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(self.references)}, symbols, shaping
+        )
+        states = ca.vertcat(*x.values())
+        results = [joined.rates, joined.current]
+        results += [
+            joined.resolved(shaping.next if shaping else []),
+            joined.resolved(shaping.switches if shaping else []),
+        ]
+        if joined.loops:
+            results = [ca.substitute(one, joined.unknown, _solved(joined.residual, joined.unknown)) for one in results]
+        constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest)
+        self.tape: Tape = tape_of([states, memory, ca.vertcat(v, since), constant], results, constant=[3])
+        arguments = [states, v, memory, since, constant]
+        rates = ca.Function("rates", arguments, [ca.densify(ca.jacobian(results[0], states))])
+        self._jacobian = rates
+
+    @property
+    def _memory_size(self) -> int:
+        ids = {one.id for one in self.player.limits}
+        return ("reference_ramp" in ids) + 2 * ("momentary_cessation" in ids)
+
+    def run(
+        self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Current (N, 2, S) and the time (S,) at which each left."""
+        numbers = [self._numbers(at, values, record) for at, values in lanes]
+        x, memory, constants = (np.ascontiguousarray(np.array(one).T) for one in zip(*numbers, strict=True))
+        tape, time = self.tape, record.time
+        fastest = self._fastest(x[:, 0], memory[:, 0], constants[:, 0], record)
+        parts = np.clip(np.ceil(np.diff(time) * fastest / step), 1, MOST_PARTS).astype(np.int64)
+        spline = np.ascontiguousarray(record.voltage.c)
+        code = (tape.code, tape.before, tape.inputs[0], tape.inputs[1], tape.inputs[2], *tape.outputs)
+        return simulate(
+            code, tape.size, *tape.constants, tape.inputs[3], constants, x, memory, spline, time, parts, x.copy()
+        )
+
+    def _fastest(self, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, record: EventRecord) -> float:
+        """Largest magnitude of a mode at rest, 1/s."""
+        jacobian = np.array(self._jacobian(x, [record.rest.v, 0.0], memory, 0.0, constants))
+        return float(np.abs(np.linalg.eigvals(np.nan_to_num(jacobian))).max(initial=1.0))
+
+    def _numbers(self, at: Rest, values: Mapping[str, float], record: EventRecord) -> tuple[list, list, list]:
+        """States, memory and constants at rest."""
+        constants: list[float] = []
+        for module in at.modules:
+            for value in module.arguments.values():
+                constants += [float(one) for one in value] if isinstance(value, tuple) else [float(value)]
+        constants += [float(at.references.get(one, 0.0)) for one in self.references]
+        constants += [float(values[f"{one.id}.{name}"]) for one in self.player.limits for name in one.parameters]
+        lacking_r, lacking_u, e, r = self._at_rest(at)
+        constants += [*lacking_r, *lacking_u, e]
+        ids = {one.id for one in self.player.limits}
+        memory = [r[0]] * ("reference_ramp" in ids) + [NEVER, e] * ("momentary_cessation" in ids)
+        return [value for name in self.names for value in at.states[name]], memory, constants
+
+    def _at_rest(self, at: Rest) -> tuple[list[float], list[float], float, list[float]]:
+        """What the sums of r and of u lack to be absolute, |e| and r at rest."""
+        places: Places | None = self.player.places
+        if places is None:
+            return [0.0, 0.0], [0.0, 0.0], 1.0, [0.0, 0.0]
+
+        def arrives(port: str, axis: int) -> float:
+            sources = sources_of(self.player.wiring, (port, axis))
+            return sum(at.outputs[one] for one in sources) + at.references.get((port, axis), 0.0)
+
+        e = float(np.hypot(*(at.outputs[places.voltage, axis] for axis in (0, 1))))
+        plant = f"{self.player.wiring.plant}.u_r"
+        lacking_u = [arrives(plant, axis) - arrives(places.command, axis) for axis in (0, 1)]
+        if places.reference is None:
+            return [0.0, 0.0], lacking_u, e, [0.0, 0.0]
+        lacking_r = [-arrives(places.reference, axis) for axis in (0, 1)]
+        r = [-at.outputs[places.measured, axis] for axis in (0, 1)]
+        return lacking_r, lacking_u, e, r
+
+
+def _solved(residual: ca.SX, unknown: ca.SX) -> ca.SX:
+    """The signals of loops of direct terms by Newton's method: exact after one step where they enter linearly."""
+    found: Any = ca.SX.zeros(unknown.numel())
+    slope = ca.jacobian(residual, unknown)
+    for _ in range(3 if ca.depends_on(slope, unknown) else 1):
+        at = [ca.substitute(one, unknown, found) for one in (slope, residual)]
+        found = found - ca.solve(*at)
+    return found

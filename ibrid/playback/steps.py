@@ -1,0 +1,236 @@
+"""The compiled simulation: Runge-Kutta steps of many parameter sets at once along one measured voltage.
+
+Steps of order eight, as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline. Where a limit sets in or lets go within a step,
+that step is taken again in `REFINED` parts: the law has a kink or a jump there, and the error is of the order of the part.
+All parameter sets take the same steps, so that differences between them are smooth.
+"""
+
+import numpy as np
+from numba import njit
+from scipy.integrate import DOP853
+
+from ibrid.fit.kernel import OPTIONS
+from ibrid.playback.tape import OPERATIONS
+
+#: Dormand and Prince's formula of order eight.
+_INNER, _OUTER, _NODES = (np.ascontiguousarray(one, dtype=float) for one in (DOP853.A, DOP853.B, DOP853.C))
+#: Parts of a step in which something switches.
+REFINED = 32
+#: Terminal current, per unit, beyond which a simulation has left what any inverter does.
+LEFT = 100.0
+
+(_ASSIGN, _NEG, _TWICE, _SQ, _SQRT, _INV, _SIN, _COS, _EXP, _LOG, _NOT, _FABS, _SIGN, _TANH, _ATAN,
+ _ADD, _SUB, _MUL, _DIV, _POW, _CONSTPOW, _LT, _LE, _EQ, _NE, _AND, _OR, _FMIN, _FMAX, _IF, _ATAN2, _HYPOT
+) = OPERATIONS.values()  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _run(code, first, last, w):
+    """Operations on the columns of w (places, S)."""
+    lanes = w.shape[1]
+    for k in range(first, last):
+        operation, o, i, j = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if operation == _MUL:
+            for s in range(lanes):
+                w[o, s] = w[i, s] * w[j, s]
+        elif operation == _ADD:
+            for s in range(lanes):
+                w[o, s] = w[i, s] + w[j, s]
+        elif operation == _SUB:
+            for s in range(lanes):
+                w[o, s] = w[i, s] - w[j, s]
+        elif operation == _DIV:
+            for s in range(lanes):
+                w[o, s] = w[i, s] / w[j, s]
+        elif operation == _NEG:
+            for s in range(lanes):
+                w[o, s] = -w[i, s]
+        elif operation == _SQ:
+            for s in range(lanes):
+                w[o, s] = w[i, s] * w[i, s]
+        elif operation == _SQRT:
+            for s in range(lanes):
+                w[o, s] = np.sqrt(w[i, s])
+        elif operation == _INV:
+            for s in range(lanes):
+                w[o, s] = 1.0 / w[i, s]
+        elif operation == _SIN:
+            for s in range(lanes):
+                w[o, s] = np.sin(w[i, s])
+        elif operation == _COS:
+            for s in range(lanes):
+                w[o, s] = np.cos(w[i, s])
+        elif operation == _LT:
+            for s in range(lanes):
+                w[o, s] = 1.0 if w[i, s] < w[j, s] else 0.0
+        elif operation == _LE:
+            for s in range(lanes):
+                w[o, s] = 1.0 if w[i, s] <= w[j, s] else 0.0
+        elif operation == _IF:
+            for s in range(lanes):
+                w[o, s] = w[j, s] if w[i, s] != 0.0 else 0.0
+        elif operation == _FMIN:
+            for s in range(lanes):
+                w[o, s] = min(w[i, s], w[j, s])
+        elif operation == _FMAX:
+            for s in range(lanes):
+                w[o, s] = max(w[i, s], w[j, s])
+        elif operation == _NOT:
+            for s in range(lanes):
+                w[o, s] = 1.0 if w[i, s] == 0.0 else 0.0
+        elif operation == _AND:
+            for s in range(lanes):
+                w[o, s] = 1.0 if w[i, s] != 0.0 and w[j, s] != 0.0 else 0.0
+        elif operation == _OR:
+            for s in range(lanes):
+                w[o, s] = 1.0 if w[i, s] != 0.0 or w[j, s] != 0.0 else 0.0
+        else:
+            for s in range(lanes):
+                w[o, s] = _seldom(operation, w[i, s], w[j, s])
+
+
+@njit(**OPTIONS)
+def _seldom(operation, a, b):
+    if operation == _ASSIGN:
+        return a
+    if operation == _TWICE:
+        return 2.0 * a
+    if operation == _EXP:
+        return np.exp(a)
+    if operation == _LOG:
+        return np.log(a)
+    if operation in (_POW, _CONSTPOW):
+        return a**b
+    if operation == _EQ:
+        return 1.0 if a == b else 0.0
+    if operation == _NE:
+        return 1.0 if a != b else 0.0
+    if operation == _FABS:
+        return abs(a)
+    if operation == _SIGN:
+        return np.sign(a)
+    if operation == _ATAN2:
+        return np.arctan2(a, b)
+    if operation == _HYPOT:
+        return np.hypot(a, b)
+    if operation == _TANH:
+        return np.tanh(a)
+    return np.arctan(a)
+
+
+@njit(**OPTIONS)
+def _fill(w, places, values):
+    for row in range(places.size):
+        if places[row] >= 0:
+            for s in range(w.shape[1]):
+                w[places[row], s] = values[row, s]
+
+
+@njit(**OPTIONS)
+def _take(w, places, values):
+    for row in range(places.size):
+        for s in range(w.shape[1]):
+            values[row, s] = w[places[row], s]
+
+
+@njit(**OPTIONS)
+def _sum(x, h, weights, stages, k, y):
+    """y = x + h sum of weights times the first of the rates k (stages, n, S)."""
+    y[:] = x
+    for stage in range(stages):
+        weight = h * weights[stage]
+        if weight != 0.0:
+            for row in range(x.shape[0]):
+                for s in range(x.shape[1]):
+                    y[row, s] += weight * k[stage, row, s]
+
+
+@njit(**OPTIONS)
+def _at(tape, w, y, m, since, t, spline, piece):
+    """Everything at states y and memory m, `since` s after that was kept, t s after the last sample."""
+    code, before, x_at, m_at, outside_at = tape[0], tape[1], tape[2], tape[3], tape[4]
+    _fill(w, x_at, y)
+    _fill(w, m_at, m)
+    for axis in range(2):
+        value = ((spline[0, piece, axis] * t + spline[1, piece, axis]) * t + spline[2, piece, axis]) * t
+        for s in range(w.shape[1]):
+            if outside_at[axis] >= 0:
+                w[outside_at[axis], s] = value + spline[3, piece, axis]
+    if outside_at[2] >= 0:
+        for s in range(w.shape[1]):
+            w[outside_at[2], s] = since
+    _run(code, before, code.shape[0], w)
+
+
+@njit(**OPTIONS)
+def _step(tape, w, x, m, k, t, h, spline, piece, y):
+    """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step."""
+    rates_at, next_at = tape[5], tape[7]
+    for stage in range(1, _NODES.size):
+        _sum(x, h, _INNER[stage], stage, k, y)
+        at = _NODES[stage] * h
+        _at(tape, w, y, m, at, t + at, spline, piece)
+        _take(w, rates_at, k[stage])
+    _sum(x, h, _OUTER, _NODES.size, k, y)
+    x[:] = y
+    if next_at.size:
+        _at(tape, w, x, m, h, t + h, spline, piece)
+        _take(w, next_at, m)
+    _at(tape, w, x, m, 0.0, t + h, spline, piece)
+    _take(w, rates_at, k[0])
+
+
+@njit(**OPTIONS)
+def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, reset):
+    """Terminal current (N, 2, S) at samples `time` (N,), and the time (S,) at which each simulation left, NaN if it did not.
+
+    tape : (code, before, places of x, of m, of (v_D, v_Q, time since), of rates, of the current, of the next m, of switches).
+    constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, 2), of the voltage.
+    parts : (N - 1,) steps between samples. reset : (n, S) where a simulation that left stays.
+    """
+    code, before, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
+    lanes, number = constants.shape[1], time.size
+    w = np.zeros((size, lanes))
+    for row in range(literal_at.size):
+        w[literal_at[row], :] = literal[row]
+    _fill(w, constants_at, constants)
+    _run(code, 0, before, w)
+    rates = np.zeros((_NODES.size, x.shape[0], lanes))
+    y, rates_old, x_old, m_old = np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(m)
+    now = np.zeros((switch_at.size, lanes))
+    old = np.zeros((switch_at.size, lanes))
+    found = np.full((number, 2, lanes), np.nan)
+    left = np.full(lanes, np.nan)
+    _at(tape, w, x, m, 0.0, 0.0, spline, 0)
+    _take(w, rates_at, rates[0])
+    for k in range(number):
+        for s in range(lanes):
+            if np.isnan(left[s]):
+                d, q = w[current_at[0], s], w[current_at[1], s]
+                if d * d + q * q < LEFT * LEFT:
+                    found[k, 0, s] = d
+                    found[k, 1, s] = q
+                else:
+                    left[s] = time[k]
+            if not np.isnan(left[s]):
+                for row in range(x.shape[0]):
+                    x[row, s] = reset[row, s]
+        if k == number - 1:
+            break
+        h = (time[k + 1] - time[k]) / parts[k]
+        for part in range(parts[k]):
+            if switch_at.size:
+                _take(w, switch_at, old)
+                x_old[:], m_old[:], rates_old[:] = x, m, rates[0]
+            _step(tape, w, x, m, rates, part * h, h, spline, k, y)
+            if switch_at.size:
+                _take(w, switch_at, now)
+                switched = False
+                for row in range(switch_at.size):
+                    for s in range(lanes):
+                        switched |= now[row, s] != old[row, s]
+                if switched:
+                    x[:], m[:], rates[0] = x_old, m_old, rates_old
+                    for fine in range(REFINED):
+                        _step(tape, w, x, m, rates, part * h + fine * h / REFINED, h / REFINED, spline, k, y)
+    return found, left
