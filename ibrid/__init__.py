@@ -24,10 +24,13 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
     from ibrid.fit.settings import FitSettings
     from ibrid.gap.workflow import find_gap
     from ibrid.measurement.csv_file import write_sweep
+    from ibrid.measurement.event_csv import write_events
+    from ibrid.measurement.events import Events
     from ibrid.measurement.frd import from_frd, from_system
     from ibrid.measurement.inspect import inspect
     from ibrid.measurement.noise import add_noise
     from ibrid.measurement.read import read_sweep
+    from ibrid.measurement.read_events import read_events
     from ibrid.measurement.sweep import Sweep
     from ibrid.modules.kind import ModuleKind, Range
     from ibrid.modules.large_signal import LargeSignal
@@ -45,15 +48,16 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
     from ibrid.study import Study
 
 __all__ = [
-    "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
+    "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "Events", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
     "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "export", "find_gap",
-    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian", "predict",
-    "program_text", "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
-    "textbook_names", "violations", "write_report", "write_sweep",
+    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian", "predict", "program_text",
+    "read_events", "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
+    "textbook_names", "violations", "write_events", "write_report", "write_sweep",
 ]  # fmt: skip
 
 _HOME = {
     "Diagram": "ibrid.structure.diagram",
+    "Events": "ibrid.measurement.events",
     "FitSettings": "ibrid.fit.settings",
     "IbridError": "ibrid.errors",
     "LargeSignal": "ibrid.modules.large_signal",
@@ -79,6 +83,7 @@ _HOME = {
     "power_jacobian": "ibrid.analysis.power_jacobian",
     "predict": "ibrid.analysis.prediction",
     "program_text": "ibrid.structure.program",
+    "read_events": "ibrid.measurement.read_events",
     "read_program": "ibrid.structure.program",
     "read_record": "ibrid.evaluation.record",
     "read_sweep": "ibrid.measurement.read",
@@ -89,6 +94,7 @@ _HOME = {
     "textbook": "ibrid.structure.library",
     "textbook_names": "ibrid.structure.library",
     "violations": "ibrid.structure.check",
+    "write_events": "ibrid.measurement.event_csv",
     "write_report": "ibrid.report.page",
     "write_sweep": "ibrid.measurement.csv_file",
 }

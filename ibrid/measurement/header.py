@@ -47,12 +47,16 @@ class Header:
 
 
 def read_keys(
-    comments: Iterable[tuple[int, str]], where: str, known: Iterable[str] = HEADER_KEYS
+    comments: Iterable[tuple[int, str]],
+    where: str,
+    known: Iterable[str] = HEADER_KEYS,
+    choices: Mapping[str, tuple[str, ...]] = CHOICES,
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """The keys and the notes of comment lines.
 
     comments : (line number, text without its comment mark).
     where : the file's name, for errors.
+    choices : what keys with words may say.
 
     Raises SweepError, with the line, for a key that resembles a known one without being it, a key given twice and a
     value out of range.
@@ -70,7 +74,7 @@ def read_keys(
         if key in names:
             if key in keys and keys[key] != value:
                 raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")
-            header_of({key: value}, f"{where} line {line}")
+            values_of({key: value}, f"{where} line {line}", choices)
             keys[key] = value
         elif _mistyped(key, names):
             raise SweepError(
@@ -84,21 +88,28 @@ def read_keys(
 
 def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = ()) -> Header:
     """The header that these keys make; other keys are left alone. SweepError when a value is out of range."""
+    return Header(**values_of(keys, where), notes=notes)
+
+
+def values_of(
+    keys: Mapping[str, object], where: str, choices: Mapping[str, tuple[str, ...]] = CHOICES
+) -> dict[str, Any]:
+    """Words and numbers of the keys that are given; other keys are left alone. SweepError when a value is out of range."""
     values: dict[str, Any] = {}
-    for key in HEADER_KEYS:
+    for key in (*choices, *POSITIVE):
         value = keys.get(key)
         if value is None:
             continue
-        if key in CHOICES:
-            if value not in CHOICES[key]:
-                raise SweepError(f"{where}: {key} must be {' or '.join(CHOICES[key])}; found {value}.")
+        if key in choices:
+            if value not in choices[key]:
+                raise SweepError(f"{where}: {key} must be {' or '.join(choices[key])}; found {value}.")
             values[key] = value
         else:
             number = number_of(value, f"{where}: {key}")
             if number <= 0:
                 raise SweepError(f"{where}: {key} must be positive; found {value}.")
             values[key] = number
-    return Header(**values, notes=notes)
+    return values
 
 
 def point_of(keys: Mapping[str, object], where: str, default_name: str) -> OperatingPoint:

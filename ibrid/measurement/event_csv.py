@@ -1,0 +1,173 @@
+"""The events file of this project: CSV with `# key: value` lines first; dq or phases, read in any convention, written in ours."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.csv_table import fields_of
+from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.files import read_lines, write_atomically
+from ibrid.measurement.header import number_of, read_keys, values_of
+
+COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")}
+
+
+def read_event_csv(path: str | Path, **keys: object) -> Events:
+    """Read records of voltage and current in time.
+
+    Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz) or v_a,v_b,v_c,i_a,i_b,i_c (frame: abc); optional
+    sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
+    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), s_base_va, v_base_v say how they are meant.
+
+    keys : keys that the file lacks or has wrong; they win over the file.
+
+    Raises SweepError naming file and line, or the record (event_rest, event_samples).
+    """
+    return parse_event_csv(read_lines(Path(path)), str(path), keys)
+
+
+def is_event_csv(lines: Sequence[str]) -> bool:
+    """Whether the line of column names, the first that is no comment, is that of an events file."""
+    head = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
+    names = [name.strip() for name in head.split(",")]
+    return "t" in names and ("record" in names or any(set(columns) <= set(names) for columns in COLUMNS.values()))
+
+
+def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]) -> Events:
+    """The same from the lines of a file; where : for errors, and the source of the events."""
+    marked = [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
+    comments = [(number, lines[number - 1].lstrip()[1:]) for number in marked]
+    found, notes = read_keys(comments, where, KEYS, CHOICES)
+    for key in keys:
+        if key not in KEYS:
+            raise SweepError(f"{key} is not something to say about events; {near(key, KEYS)}")
+    told = {**found, **{key: value for key, value in keys.items() if value is not None}}
+    header = values_of(told, where, CHOICES)
+    hidden = set(marked)
+    body = [number for number, line in enumerate(lines, 1) if number not in hidden and line and not line.isspace()]
+    if not body:
+        raise SweepError(f"{where} must hold a line of column names and rows of numbers; found only comments.")
+    head, *numbers = body
+    names = fields_of(head, lines[head - 1], Path(where))
+    frame = _frame(names, header.get("frame"), f"{where} line {head}")
+    if not numbers:
+        raise SweepError(f"{where} must hold rows of numbers; found only the column names in line {head}.")
+    rows = _rows(names, numbers, [lines[number - 1] for number in numbers], where)
+    return events_of(_samples(rows, np.array(numbers), frame, where), {**header, "frame": frame}, where, notes)
+
+
+def write_events(events: Events, path: str | Path, *, header: Sequence[str] = ()) -> None:
+    """Write events as CSV: frame dq, per unit, current out, q leads, all digits; the file appears whole or not at all.
+
+    header : further comment lines, without "#", put first; the notes of the events follow.
+    """
+    write_atomically(Path(path), event_csv(events, header=header))
+
+
+def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
+    """The text that `write_events` writes."""
+    lines = [f"# note - {line}".rstrip() for text in (*header, *events.notes) for line in str(text).splitlines()]
+    keys = {"f0_hz": events.f0_hz, "s_base_va": events.s_base_va, "v_base_v": events.v_base_v}
+    lines += [f"# {key}: {value!r}" for key, value in keys.items() if value is not None]
+    lines += [f"# power_node: {events.power_node}"]
+    with_sigma = any(record.sigma is not None for record in events.records)
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])])
+    for record in events.records:
+        writer.writerows(_written(record, with_sigma))
+    return "\n".join(lines) + "\n" + table.getvalue()
+
+
+def _written(record: EventRecord, with_sigma: bool) -> list[list[str]]:
+    columns = [record.time, *record.v.T, *record.i.T]
+    rows = [[record.name, *map(repr, row)] for row in np.column_stack(columns).tolist()]
+    if with_sigma:
+        sigma = [""] * len(rows) if record.sigma is None else [repr(value) for value in record.sigma.tolist()]
+        rows = [[*row, value] for row, value in zip(rows, sigma, strict=True)]
+    return rows
+
+
+def _frame(names: list[str], said: object, where: str) -> str:
+    """Whether columns are dq or phases; SweepError for missing, unknown or contradicting ones."""
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise SweepError(f"{where}: column {twice[0]!r} must be there once; found it twice, remove one.")
+    frame = str(said) if said else max(COLUMNS, key=lambda one: len(set(COLUMNS[one]) & set(names)))
+    needed = ("record", "t", *COLUMNS[frame])
+    missing = [name for name in needed if name not in names]
+    wrong = [name for name in names if name not in (*needed, "sigma")]
+    if missing:
+        raise SweepError(
+            f"{where}: column {missing[0]} is missing; events have the columns {','.join(needed)}"
+            f"{f', found {wrong[0][:40]!r}' if wrong else ''} (frame: {frame})."
+        )
+    if wrong:
+        raise SweepError(
+            f"{where}: column {wrong[0][:40]!r} is not known, {near(wrong[0], (*needed, 'sigma'))}; rename or remove it."
+        )
+    return frame
+
+
+def _rows(names: list[str], numbers: Sequence[int], lines: Sequence[str], where: str) -> dict[str, np.ndarray]:
+    """Columns by name; NaN where a cell of sigma is empty."""
+    kinds = np.dtype([(name, "U200" if name == "record" else float) for name in names])
+    try:
+        rows = np.loadtxt(lines, kinds, comments=None, delimiter=",", ndmin=1, quotechar='"', encoding=None)
+        columns = {name: rows[name] for name in names}
+    except ValueError:
+        cells = [
+            _row(names, fields_of(number, line, Path(where)), f"{where} line {number}")
+            for number, line in zip(numbers, lines, strict=True)
+        ]
+        columns = {name: np.array([row[k] for row in cells]) for k, name in enumerate(names)}
+    columns["record"] = np.char.strip(columns["record"].astype(str))
+    for name in names:
+        if name not in ("record", "sigma") and not np.isfinite(columns[name]).all():
+            bad = int(np.argmin(np.isfinite(columns[name])))
+            raise SweepError(
+                f"{where} line {numbers[bad]}: {name} must be a finite number; found {columns[name][bad]}, is a channel cut off?"
+            )
+    return columns
+
+
+def _row(names: list[str], fields: list[str], where: str) -> list[str | float]:
+    if len(fields) != len(names):
+        hint = "decimal commas?" if len(fields) > len(names) else "is the line cut off?"
+        raise SweepError(f"{where} must have {len(names)} values, one per column; found {len(fields)}, {hint}")
+    return [
+        field
+        if name == "record"
+        else float("nan")
+        if name == "sigma" and not field
+        else number_of(field, f"{where}: {name}")
+        for name, field in zip(names, fields, strict=True)
+    ]
+
+
+def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where: str) -> list[Samples]:
+    result = []
+    for name in dict.fromkeys(rows["record"].tolist()):
+        chosen = rows["record"] == name
+        time = rows["t"][chosen]
+        back = np.flatnonzero(np.diff(time) <= 0)
+        if len(back):
+            raise SweepError(
+                f"{where} line {numbers[chosen][back[0] + 1]}: the time of record {name} must increase; found "
+                f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s, give another record a name of its own."
+            )
+        sigma = rows["sigma"][chosen] if "sigma" in rows else np.full(len(time), np.nan)
+        if np.isfinite(sigma).any() and not (sigma > 0).all():
+            raise SweepError(
+                f"{where} line {numbers[chosen][np.argmin(sigma > 0)]}: sigma of record {name} must be positive, in all its "
+                "rows or in none."
+            )
+        values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
+        half = len(values) // 2
+        result.append(Samples(name, time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None))
+    return result

@@ -1,0 +1,84 @@
+"""From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.event_rest import record_from_rest
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
+
+CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
+KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
+_THIRD = np.exp(2j * np.pi / 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit."""
+
+    name: str
+    time: np.ndarray
+    v: np.ndarray
+    i: np.ndarray
+    sigma: np.ndarray | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str, notes: Sequence[str] = ()) -> Events:
+    """The events that samples make, in our convention.
+
+    header : values of KEYS that are known; frame is needed. In SI, voltages are phase to neutral, peak; the bases of the
+    columns are v_base_v sqrt(2/3) and s_base_va / v_base_v sqrt(2/3).
+
+    Raises SweepError: bases are missing, or what event_rest refuses.
+    """
+    f0_hz = float(header.get("f0_hz", 60.0))
+    bases = _bases(header, where)
+    try:
+        records = tuple(_record(one, header, bases, f0_hz) for one in samples)
+    except SweepError as reason:
+        raise SweepError(f"{where}: {reason}") from reason
+    return Events(
+        records,
+        f0_hz=f0_hz,
+        power_node=header.get("power_node", "capacitor"),
+        s_base_va=header.get("s_base_va"),
+        v_base_v=header.get("v_base_v"),
+        notes=tuple(notes),
+        source=where,
+    )
+
+
+def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
+    """Peak phase voltage and current that are one per unit."""
+    if header.get("unit", "pu") == "pu":
+        return 1.0, 1.0
+    missing = [key for key in ("s_base_va", "v_base_v") if header.get(key) is None]
+    if missing:
+        raise SweepError(f"{where}: unit: si must come with s_base_va and v_base_v; {missing[0]} is missing.")
+    voltage = header["v_base_v"] * np.sqrt(2 / 3)
+    return voltage, 2 / 3 * header["s_base_va"] / voltage
+
+
+def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, float], f0_hz: float) -> EventRecord:
+    v, i, sigma, zero = samples.v / bases[0], samples.i / bases[1], samples.sigma, None
+    if header.get("current") == "in":
+        i = -i
+    if header["frame"] == "abc":
+        zero = float(np.abs(v.mean(axis=0)).max())
+        v, i = (_park(one, samples.time, f0_hz) for one in (v, i))
+        sigma = None if sigma is None else sigma * np.sqrt(2 / 3)  # of d and of q, from three equal independent phases
+    else:
+        side = -1j if header.get("q_axis") == "lags" else 1j
+        v, i = (one[0] + side * one[1] for one in (v, i))
+    return record_from_rest(samples.name, samples.time, v, i, f0_hz, sigma, zero, samples.remarks)
+
+
+def _park(phases: np.ndarray, time: np.ndarray, f0_hz: float) -> np.ndarray:
+    """(2/3) (a + b e^{j 120} + c e^{-j 120}) e^{-j 2 pi f0 t}, amplitude-invariant: the positive sequence is constant."""
+    vector = 2 / 3 * (phases[0] + _THIRD * phases[1] + np.conj(_THIRD) * phases[2])
+    return vector * np.exp(-2j * np.pi * f0_hz * time)

@@ -1,0 +1,138 @@
+"""What a recorder saw: terminal voltage and current in time, in a frame in which the voltage at rest is [v, 0].
+
+Everything is per unit on the inverter's base, amplitude-invariant, current out of the inverter, q leading d (readers convert);
+v and i are those of the PCC, and so is the operating point at rest.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isfinite, pi
+from typing import get_args
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.showing import brief
+
+
+@dataclass(frozen=True, eq=False)
+class EventRecord:
+    """One piece of time. Arrays are copied and read-only.
+
+    rest : operating point at the PCC before the event, under the name of the record: p = v i_d, q = -v i_q there.
+    time : (n,) s, increasing, also unevenly.
+    v, i : (n, 2) d and q, per unit; the frame turns at 2 pi (f0 + offset_hz).
+    rest_end : s, up to here it is at rest.
+    sigma : (n,) standard deviation of each of i_d and i_q; None: unknown.
+    offset_hz : frequency at rest less the nominal one.
+    negative, zero : magnitudes of the negative sequence of v at rest, and of its zero sequence (None: not recorded), per unit.
+    remarks : what was done to the samples on reading, sentences.
+
+    Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
+    """
+
+    rest: OperatingPoint
+    time: np.ndarray
+    v: np.ndarray
+    i: np.ndarray
+    rest_end: float
+    sigma: np.ndarray | None = None
+    offset_hz: float = 0.0
+    negative: float = 0.0
+    zero: float | None = None
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = np.size(self.time)
+        for name, shape in {"time": (count,), "v": (count, 2), "i": (count, 2), "sigma": (count,)}.items():
+            if getattr(self, name) is None:
+                continue
+            value = np.array(getattr(self, name), dtype=float, order="C")
+            if value.shape != shape or not np.isfinite(value).all():
+                raise SweepError(
+                    f"{name} of record {self.name} must be finite numbers of shape {shape}; found shape {value.shape}"
+                    f"{'' if np.isfinite(value).all() else ' and NaN or infinity'}."
+                )
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        if count < 4 or (np.diff(self.time) <= 0).any():
+            raise SweepError(f"record {self.name} must have at least four samples at increasing times; found {count}.")
+        if self.sigma is not None and not (self.sigma > 0).all():
+            raise SweepError(f"sigma of record {self.name} must be positive; leave it out where the noise is unknown.")
+
+    @property
+    def name(self) -> str:
+        return self.rest.name
+
+    @property
+    def i_rest(self) -> np.ndarray:
+        """(2,) current at rest."""
+        return np.array([self.rest.p, -self.rest.q]) / self.rest.v
+
+    @cached_property
+    def voltage(self) -> CubicSpline:
+        """v between the samples: the cubic spline through them, t -> (..., 2)."""
+        return CubicSpline(self.time, self.v)
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The records of one inverter.
+
+    records : with different names; `events["a"]` is the one of that name.
+    f0_hz : nominal frequency, Hz.
+    power_node : where the p and q that somebody states for a record are counted; `rest` is at the PCC whatever it says.
+    s_base_va, v_base_v : per-unit base, if known; v_base_v is line to line, rms.
+    notes : comments of the file. source : path or description.
+
+    Raises SweepError when there is no record, two share a name or a number is out of range.
+    """
+
+    records: tuple[EventRecord, ...]
+    f0_hz: float = 60.0
+    power_node: PowerNode = "capacitor"
+    s_base_va: float | None = None
+    v_base_v: float | None = None
+    notes: tuple[str, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "records", tuple(self.records))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        if not self.records:
+            raise SweepError("events must have at least one record; found none.")
+        twice = [name for k, name in enumerate(self.names) if name in self.names[:k]]
+        if twice:
+            raise SweepError(f"records must have different names; {twice[0]} is there twice.")
+        for name in ("f0_hz", "s_base_va", "v_base_v"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and value > 0):
+                raise SweepError(f"{name} must be a positive number; found {value}.")
+        if self.power_node not in get_args(PowerNode):
+            raise SweepError(f"power_node must be capacitor or pcc; found {self.power_node}.")
+
+    @property
+    def omega_0(self) -> float:
+        """Nominal angular frequency, rad/s."""
+        return 2 * pi * self.f0_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(record.name for record in self.records)
+
+    def __getitem__(self, name: str) -> EventRecord:
+        """The record of that name; OperatingPointError, with the near names, if there is none."""
+        for record in self.records:
+            if record.name == name:
+                return record
+        raise OperatingPointError(f"record {name} is not among the events; {near(name, self.names)}")
+
+    def only(self, *names: str) -> "Events":
+        """The events with these records alone, in the given order."""
+        return replace(self, records=tuple(self[name] for name in names))
+
+    def __repr__(self) -> str:
+        samples = sum(len(record.time) for record in self.records)
+        return brief(f"<Events: {len(self.records)} records ({'; '.join(self.names)})", f", {samples} samples>")
