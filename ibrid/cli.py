@@ -18,6 +18,7 @@ from typing import NoReturn
 from ibrid import __version__
 from ibrid.commands import (
     diagrams,
+    events,
     fitting,
     gap,
     importing,
@@ -78,6 +79,7 @@ def parser() -> argparse.ArgumentParser:
         diagrams,
         importing,
         sweeps,
+        events,
         fitting,
         gap,
         searching,

@@ -110,7 +110,7 @@ def _answer(
         "seconds": arguments.seconds,
         "so_far": partial(write_partial, folder=arguments.out),
     }
-    if _is_record(arguments.model):
+    if inputs.is_record(arguments.model):
         return find_gap(inputs.record(arguments.model), sweep, values, **options)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
@@ -145,11 +145,6 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
     chosen = Proposers(arguments.suggest, models=arguments.models).weighted()
     number = FEW if arguments.models else MANY
     return (low_order_blocks, *(suggestions_of(one, number, arguments.seed) for one, _ in chosen))
-
-
-def _is_record(text: str) -> bool:
-    path = Path(text)
-    return path.is_file() and path.suffix.lower() == ".json" and '"ibrid.record/' in path.read_text("utf-8", "replace")
 
 
 def _is_sweep(text: str) -> bool:

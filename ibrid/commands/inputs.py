@@ -91,6 +91,12 @@ def record(path: str | Path, files: Sequence[str] = ()) -> "Record":
     return read_record(path, vocabulary(files=files))
 
 
+def is_record(text: str) -> bool:
+    """True for a file that holds a record."""
+    path = Path(text)
+    return path.is_file() and path.suffix.lower() == ".json" and '"ibrid.record/' in path.read_text("utf-8", "replace")
+
+
 def positive(text: str) -> float:
     """A positive finite number, for argparse."""
     try:

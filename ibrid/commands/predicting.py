@@ -26,7 +26,10 @@ def declare(commands: Any) -> None:
         "predict", help="the admittance at an operating point that nobody measured, with bands"
     )
     predict.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    predict.add_argument("--op", metavar="OP", action="append", required=True, help=OP_HELP)
+    predict.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP)
+    predict.add_argument(
+        "--events", metavar="EVENTS", help="instead: records whose voltage is played; their current is written"
+    )
     predict.add_argument(
         "--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)"
     )
@@ -70,8 +73,12 @@ def declare(commands: Any) -> None:
 
 
 def run_predict(arguments: Namespace) -> int:
-    """Write the sweep and print what is predicted."""
+    """Write the sweep and print what is predicted; or the current in time."""
     _require_places(arguments, {"--out": arguments.out})
+    if bool(arguments.op) == (arguments.events is not None):
+        raise IbridError("predict takes --op p=..,q=.. or --events EVENTS, one of them; found neither or both")
+    if arguments.events is not None:
+        return _predict_events(arguments)
 
     from ibrid.analysis.prediction import predict, predicted_sweep
     from ibrid.measurement.csv_file import write_sweep
@@ -107,6 +114,22 @@ def run_nfp(arguments: Namespace) -> int:
         write_whole(arguments.out, jacobian_csv(found))
     if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in found]}, arguments.json):
         print("\n".join(map(format_jacobian, found)))
+    return 0
+
+
+def _predict_events(arguments: Namespace) -> int:
+    from ibrid.measurement.event_csv import write_events
+    from ibrid.measurement.read_events import read_events
+    from ibrid.playback.compare import answered, model_of_record, play
+    from ibrid.report.playback_text import playback_text
+
+    require_distinct({"--out": arguments.out}, {"--events": arguments.events})
+    events = read_events(arguments.events)
+    found = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
+    command = shlex.join(["ibrid", "predict", arguments.record, "--events", arguments.events])
+    write_events(answered(events, found), arguments.out, header=(f"the current is predicted, not measured: {command}",))
+    if not give_json(found.plain(), arguments.json):
+        print(playback_text(found))
     return 0
 
 

@@ -156,9 +156,12 @@ class Limited:
     def _reference(self, chosen: Mapping[str, Limit], r: list[Any], e: Any, arriving: Any, stands: Any) -> list[Any]:
         if "voltage_support" in chosen:
             r = [r[0], r[1] + self._support(e) - self._support(self.e_rest)]
+            dead = self.numbers["voltage_support.dead"]
+            self.switches += [e < 1 - dead, e > 1 + dead]
         kept = 0
         if "reference_ramp" in chosen:
             reach = self.numbers["reference_ramp.ramp"] * self.since
+            self.switches += [r[0] - self.memory[0] > reach, self.memory[0] - r[0] > reach]
             r = [self.memory[0] + ca.fmax(-reach, ca.fmin(reach, r[0] - self.memory[0])), r[1]]
             self.next.append(r[0])
             kept = 1
@@ -187,6 +190,7 @@ class Limited:
 
     def _standing(self, r: list[Any], limited: list[Any], windup: bool, arriving: Any, stands: Any) -> list[Any]:
         """r as limited; integrators whose error pushes further into what is cut away stand."""
+        self.switches += [r[axis] != limited[axis] for axis in (0, 1)]
         for one in () if windup else self.places.outer:
             for axis in (0, 1) if one.axis is None else (one.axis,):
                 key = (one.name, axis if one.axis is None else 0)

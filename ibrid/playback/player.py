@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
+from math import factorial, hypot
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.rest import Rest, rest
@@ -71,17 +72,18 @@ class Player:
         Raises OperatingPointError, IbridError or DiagramError where the first set has no rest; another one without a rest is NaN.
         """
         orders = self._orders(values[0])
-        rests = [self._rest(values[0], record, orders)]
+        first = self._rest(values[0], record, orders)
+        rests: list[Rest | None] = [first]
         for one in values[1:]:
             try:
                 rests.append(self._rest(one, record, orders))
             except IbridError:
                 rests.append(None)
-        laws = self._laws_at(orders, rests[0])
-        kept = [k for k, one in enumerate(rests) if one is not None]
-        current, left = laws.run(record, [(rests[k], values[k]) for k in kept], step)
+        laws = self._laws_at(orders, first)
+        kept = [(k, one) for k, one in enumerate(rests) if one is not None]
+        current, left = laws.run(record, [(at, values[k]) for k, at in kept], step)
         found = [Played(np.full((len(record.time), 2), np.nan), float(record.time[0]))] * len(values)
-        for lane, k in enumerate(kept):
+        for lane, (k, _) in enumerate(kept):
             found[k] = Played(current[:, :, lane], None if np.isnan(left[lane]) else float(left[lane]))
         return found
 
@@ -124,6 +126,28 @@ def rational_order(delay: float) -> int:
     return 12
 
 
+def run(
+    tape: Tape, voltage: CubicSpline, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Current (N, 2, S) along a spline of the voltage (t -> (2,)), and the time (S,) at which each left, NaN if not.
+
+    tape : rates, current, next memory and switches of (states, memory, (v_D, v_Q, time since), constants). x (n, S),
+    memory (k, S), constants (q, S), contiguous. rate : steps per second at least.
+    """
+    time = voltage.x
+    parts = np.clip(np.ceil(np.diff(time) * rate), 1, MOST_PARTS).astype(np.int64)
+    spline = np.ascontiguousarray(voltage.c)
+    code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
+    return simulate(
+        code, tape.size, *tape.constants, tape.inputs[3], constants, x.copy(), memory.copy(), spline, time, parts, x
+    )
+
+
+def fastest(jacobian: Any) -> float:
+    """Largest magnitude of an eigenvalue of a state matrix, 1/s."""
+    return float(np.abs(np.linalg.eigvals(np.nan_to_num(np.array(jacobian)))).max(initial=1.0))
+
+
 class _Laws:
     """The joined laws as a tape; all numbers of the modules are its constants."""
 
@@ -161,10 +185,9 @@ class _Laws:
         if joined.loops:
             results = [ca.substitute(one, joined.unknown, _solved(joined.residual, joined.unknown)) for one in results]
         constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest)
-        self.tape: Tape = tape_of([states, memory, ca.vertcat(v, since), constant], results, constant=[3])
-        arguments = [states, v, memory, since, constant]
-        rates = ca.Function("rates", arguments, [ca.densify(ca.jacobian(results[0], states))])
-        self._jacobian = rates
+        outside = ca.vertcat(v, since)
+        self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
+        self._jacobian = ca.Function("modes", [states, outside, memory, constant], [ca.jacobian(results[0], states)])
 
     @property
     def _memory_size(self) -> int:
@@ -175,23 +198,14 @@ class _Laws:
         self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Current (N, 2, S) and the time (S,) at which each left."""
-        numbers = [self._numbers(at, values, record) for at, values in lanes]
-        x, memory, constants = (np.ascontiguousarray(np.array(one).T) for one in zip(*numbers, strict=True))
-        tape, time = self.tape, record.time
-        fastest = self._fastest(x[:, 0], memory[:, 0], constants[:, 0], record)
-        parts = np.clip(np.ceil(np.diff(time) * fastest / step), 1, MOST_PARTS).astype(np.int64)
-        spline = np.ascontiguousarray(record.voltage.c)
-        code = (tape.code, tape.before, tape.inputs[0], tape.inputs[1], tape.inputs[2], *tape.outputs)
-        return simulate(
-            code, tape.size, *tape.constants, tape.inputs[3], constants, x, memory, spline, time, parts, x.copy()
+        numbers = [self._numbers(at, values) for at, values in lanes]
+        x, memory, constants = (
+            np.ascontiguousarray(np.array(one, dtype=float).T) for one in zip(*numbers, strict=True)
         )
+        at_rest = (x[:, 0], [*record.v[0], 0.0], memory[:, 0], constants[:, 0])
+        return run(self.tape, record.voltage, x, memory, constants, fastest(self._jacobian(*at_rest)) / step)
 
-    def _fastest(self, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, record: EventRecord) -> float:
-        """Largest magnitude of a mode at rest, 1/s."""
-        jacobian = np.array(self._jacobian(x, [record.rest.v, 0.0], memory, 0.0, constants))
-        return float(np.abs(np.linalg.eigvals(np.nan_to_num(jacobian))).max(initial=1.0))
-
-    def _numbers(self, at: Rest, values: Mapping[str, float], record: EventRecord) -> tuple[list, list, list]:
+    def _numbers(self, at: Rest, values: Mapping[str, float]) -> tuple[list, list, list]:
         """States, memory and constants at rest."""
         constants: list[float] = []
         for module in at.modules:
@@ -215,7 +229,7 @@ class _Laws:
             sources = sources_of(self.player.wiring, (port, axis))
             return sum(at.outputs[one] for one in sources) + at.references.get((port, axis), 0.0)
 
-        e = float(np.hypot(*(at.outputs[places.voltage, axis] for axis in (0, 1))))
+        e = hypot(*(at.outputs[places.voltage, axis] for axis in (0, 1)))
         plant = f"{self.player.wiring.plant}.u_r"
         lacking_u = [arrives(plant, axis) - arrives(places.command, axis) for axis in (0, 1)]
         if places.reference is None:

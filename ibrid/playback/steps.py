@@ -1,8 +1,8 @@
 """The compiled simulation: Runge-Kutta steps of many parameter sets at once along one measured voltage.
 
-Steps of order eight, as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline. Where a limit sets in or lets go within a step,
-that step is taken again in `REFINED` parts: the law has a kink or a jump there, and the error is of the order of the part.
-All parameter sets take the same steps, so that differences between them are smooth.
+Steps of order eight, as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline.
+Where a limit sets in or lets go within a step, that step is taken again in parts, and so are these: the law has a kink or a
+jump there, and the error is of the order of the part. All parameter sets take the same steps, so that differences are smooth.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from ibrid.playback.tape import OPERATIONS
 
 #: Dormand and Prince's formula of order eight.
 _INNER, _OUTER, _NODES = (np.ascontiguousarray(one, dtype=float) for one in (DOP853.A, DOP853.B, DOP853.C))
-#: Parts of a step in which something switches.
-REFINED = 32
+#: Into so many parts a step is divided in which something switches, and so often.
+DIVIDED, DEEPEST = 4, 5
 #: Terminal current, per unit, beyond which a simulation has left what any inverter does.
 LEFT = 100.0
 
@@ -163,14 +163,22 @@ def _at(tape, w, y, m, since, t, spline, piece):
 
 
 @njit(**OPTIONS)
-def _step(tape, w, x, m, k, t, h, spline, piece, y):
-    """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step."""
-    rates_at, next_at = tape[5], tape[7]
+def _step(tape, w, x, m, k, t, h, spline, piece, y, before, now):
+    """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
+
+    before, now : switches at the end of the last step, and of this one. True where any differs in between.
+    """
+    rates_at, next_at, switch_at = tape[5], tape[7], tape[8]
+    switched = False
     for stage in range(1, _NODES.size):
         _sum(x, h, _INNER[stage], stage, k, y)
         at = _NODES[stage] * h
         _at(tape, w, y, m, at, t + at, spline, piece)
         _take(w, rates_at, k[stage])
+        _take(w, switch_at, now)
+        for row in range(switch_at.size):
+            for s in range(w.shape[1]):
+                switched |= now[row, s] != before[row, s]
     _sum(x, h, _OUTER, _NODES.size, k, y)
     x[:] = y
     if next_at.size:
@@ -178,6 +186,7 @@ def _step(tape, w, x, m, k, t, h, spline, piece, y):
         _take(w, next_at, m)
     _at(tape, w, x, m, 0.0, t + h, spline, piece)
     _take(w, rates_at, k[0])
+    return switched
 
 
 @njit(**OPTIONS)
@@ -188,21 +197,22 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
     constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, 2), of the voltage.
     parts : (N - 1,) steps between samples. reset : (n, S) where a simulation that left stays.
     """
-    code, before, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
+    code, constant, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
     lanes, number = constants.shape[1], time.size
     w = np.zeros((size, lanes))
     for row in range(literal_at.size):
         w[literal_at[row], :] = literal[row]
     _fill(w, constants_at, constants)
-    _run(code, 0, before, w)
+    _run(code, 0, constant, w)
     rates = np.zeros((_NODES.size, x.shape[0], lanes))
     y, rates_old, x_old, m_old = np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(m)
-    now = np.zeros((switch_at.size, lanes))
-    old = np.zeros((switch_at.size, lanes))
+    now, before = np.zeros((switch_at.size, lanes)), np.zeros((switch_at.size, lanes))
     found = np.full((number, 2, lanes), np.nan)
     left = np.full(lanes, np.nan)
     _at(tape, w, x, m, 0.0, 0.0, spline, 0)
     _take(w, rates_at, rates[0])
+    _take(w, switch_at, before)
+    whole = DIVIDED**DEEPEST
     for k in range(number):
         for s in range(lanes):
             if np.isnan(left[s]):
@@ -219,18 +229,17 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
             break
         h = (time[k + 1] - time[k]) / parts[k]
         for part in range(parts[k]):
-            if switch_at.size:
-                _take(w, switch_at, old)
+            done, length = 0, whole
+            while done < whole:
                 x_old[:], m_old[:], rates_old[:] = x, m, rates[0]
-            _step(tape, w, x, m, rates, part * h, h, spline, k, y)
-            if switch_at.size:
-                _take(w, switch_at, now)
-                switched = False
-                for row in range(switch_at.size):
-                    for s in range(lanes):
-                        switched |= now[row, s] != old[row, s]
-                if switched:
+                begin = (part + done / whole) * h
+                switched = _step(tape, w, x, m, rates, begin, h * length / whole, spline, k, y, before, now)
+                if switched and length > 1:
                     x[:], m[:], rates[0] = x_old, m_old, rates_old
-                    for fine in range(REFINED):
-                        _step(tape, w, x, m, rates, part * h + fine * h / REFINED, h / REFINED, spline, k, y)
+                    length //= DIVIDED
+                    continue
+                before[:] = now
+                done += length
+                while length < whole and done % (length * DIVIDED) == 0:
+                    length *= DIVIDED
     return found, left

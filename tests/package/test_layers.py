@@ -20,6 +20,7 @@ LAYERS = (
     ("study",),
     ("evaluation",),
     ("plants",),
+    ("playback",),
     ("gap",),
     ("plugins",),
     ("analysis",),

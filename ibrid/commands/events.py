@@ -1,0 +1,136 @@
+"""`ibrid record PLANT` and `ibrid playback MODEL EVENTS`: faults and steps of our own inverters, and models beside records."""
+
+import json
+import shlex
+from argparse import Namespace
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.errors import IbridError
+from ibrid.writing import inside, require_folder, require_place, write_whole
+
+if TYPE_CHECKING:
+    from ibrid.playback.compare import EventModel
+
+EVENTS_HELP = "records of events (CSV with record,t,v_d,v_q,i_d,i_q or phases, COMTRADE)"
+JSON, PAGE = "playback.json", "report.html"
+
+
+def declare(commands: Any) -> None:
+    """Add the commands to the parser."""
+    record = commands.add_parser(
+        "record", help="disturb a reference inverter: voltage and current in time, as an events file"
+    )
+    record.add_argument("plant", metavar="PLANT", help="name of a reference inverter such as paper_like")
+    record.add_argument("--op", action="append", metavar="p=..,q=..[,v=..]", help="operating point, repeatable")
+    record.add_argument(
+        "--event",
+        action="append",
+        required=True,
+        metavar="KIND:VALUE[,at=..][,for=..]",
+        help="dip:REMAINING, swell:LEVEL, step:DV, phase:DEGREES, frequency:HZ[,ramp=HZ_PER_S]; repeatable, a record each",
+    )
+    record.add_argument("--rate", type=inputs.positive, default=5000.0, metavar="HZ", help="samples per second (5000)")
+    record.add_argument(
+        "--length", type=inputs.positive, metavar="S", help="of a record (0.4 s, or what the event needs)"
+    )
+    record.add_argument("--angle", type=inputs.finite, default=0.0, metavar="DEG", help="of the recorder's frame (0)")
+    record.add_argument(
+        "--noise-db", type=inputs.finite, metavar="DB", help="signal to noise of the current (default: clean)"
+    )
+    record.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the noise (0)")
+    record.add_argument("--set", action="append", default=[], metavar="name=value", help="another value, repeatable")
+    record.add_argument("--out", required=True, metavar="EVENTS", help="the CSV file to write")
+    record.set_defaults(run=run_record)
+    playback = commands.add_parser("playback", help="play records of events into a model and compare its current")
+    playback.add_argument("model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record")
+    playback.add_argument("events", metavar="EVENTS", help=EVENTS_HELP)
+    playback.add_argument(
+        "--values", metavar="FILE", help="values of a program's parameters (JSON), also of limits: current_limit.i_max"
+    )
+    playback.add_argument("--out", metavar="DIR", required=True, help=f"folder for {JSON} and {PAGE}")
+    add_kinds_option(playback)
+    playback.set_defaults(run=run_playback)
+
+
+def run_record(arguments: Namespace) -> int:
+    """Simulate and write the file."""
+    require_place(arguments.out)
+
+    from ibrid.measurement.event_csv import write_events
+    from ibrid.plants.sweeping import operating_point, plant_named
+    from ibrid.playback.recording import event_of, record_events
+
+    plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
+    points = [operating_point(text) for text in arguments.op] if arguments.op else plant.operating_points
+    events = record_events(
+        plant,
+        points,
+        [event_of(text) for text in arguments.event],
+        rate=arguments.rate,
+        length=arguments.length,
+        angle=radians(arguments.angle),
+        noise_db=arguments.noise_db,
+        seed=arguments.seed,
+    )
+    values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
+    header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
+    write_events(events, arguments.out, header=header)
+    print(f"{arguments.out}: {len(events.records)} records: {'; '.join(events.names)}")
+    return 0
+
+
+def run_playback(arguments: Namespace) -> int:
+    """Play, write the files, print the errors."""
+    from ibrid.measurement.read_events import read_events
+    from ibrid.playback.compare import play
+    from ibrid.report.playback_page import playback_page
+    from ibrid.report.playback_text import playback_text
+
+    folder = Path(arguments.out)
+    require_folder(folder)
+    places = {f"the {name} of --out": inside(folder, name) for name in (JSON, PAGE)}
+    require_distinct(places, {"MODEL": arguments.model, "EVENTS": arguments.events, "--values": arguments.values})
+    model = event_model(arguments.model, arguments.values, arguments.kinds)
+    if model.assumed:
+        complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
+    found = play(model, read_events(arguments.events))
+    page = playback_page(found, Path(arguments.model).name)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(places[f"the {JSON} of --out"], json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")
+    write_whole(places[f"the {PAGE} of --out"], page)
+    print(playback_text(found))
+    return 0
+
+
+def event_model(text: str, values: str | None, kinds: list[str]) -> "EventModel":
+    """What a program at values, or a record, stands for when it is played."""
+    from ibrid.gap.prior import read_values
+    from ibrid.playback.compare import model_of_program, model_of_record
+
+    if inputs.is_record(text):
+        if values is not None:
+            raise IbridError("--values belongs to a program; a record brings its own")
+        return model_of_record(inputs.record(text, kinds))
+    from ibrid.modules.vocabulary import choose_vocabulary
+    from ibrid.structure.check import require_legal
+
+    known = choose_vocabulary(inputs.vocabulary(files=kinds))
+    diagram = inputs.program(text)
+    require_legal(diagram, known, equilibrium="exact")
+    return model_of_program(diagram, {} if values is None else read_values(values), known)
+
+
+def _command(arguments: Namespace) -> str:
+    """The command line that makes the same numbers again."""
+    words = ["ibrid", "record", arguments.plant]
+    for option, values in (("--op", arguments.op), ("--event", arguments.event), ("--set", arguments.set)):
+        words += [word for value in values or () for word in (option, value)]
+    words += ["--rate", f"{arguments.rate:g}", "--angle", f"{arguments.angle:g}", "--seed", str(arguments.seed)]
+    for option, value in (("--length", arguments.length), ("--noise-db", arguments.noise_db)):
+        words += [] if value is None else [option, f"{value:g}"]
+    return shlex.join(words)

@@ -1,0 +1,217 @@
+"""Playback: what a model answers to records of events, and how far that is from what was measured."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.playback.limits import LIMITS, Limit, applicable, limit_named
+from ibrid.playback.places import places_of
+from ibrid.playback.player import Player
+from ibrid.playback.windows import windows_of
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
+
+SCHEMA = "ibrid.playback/1"
+
+
+@dataclass(frozen=True, eq=False)
+class EventModel:
+    """What is played: a diagram, the limits beside it, and values of all free numbers, "instance.parameter", "limit.parameter".
+
+    `assumed` : free numbers that nobody gave, at their typical values."""
+
+    diagram: Diagram
+    values: Mapping[str, float]
+    limits: tuple[Limit, ...] = ()
+    kinds: Vocabulary = field(default=VOCABULARY, repr=False)
+    assumed: tuple[str, ...] = ()
+
+    def player(self, f0_hz: float) -> Player:
+        """Ready to play at a nominal frequency."""
+        return Player(self.diagram, self.kinds, self.limits, 2 * pi * f0_hz)
+
+
+def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabulary = VOCABULARY) -> EventModel:
+    """A program at values, name -> number or {"value": number}; what they lack is typical.
+
+    A name of a limit, such as "current_limit.i_max", puts that limit beside the program; "current_limit.mode" (magnitude, d
+    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names, and for a limit
+    that the diagram has no place for.
+    """
+    limits, rest = limits_told(values)
+    for limit in limits:
+        if not applicable(limit, places_of(diagram, kinds)):
+            raise IbridError(
+                f"{limit.id} needs a current controller or PLL in the program, which has none; leave it out"
+            )
+    table = parameter_table(wire(diagram, kinds), "exact")
+    known = [*table.names, *(f"{one.id}.{name}" for one in limits for name in one.parameters)]
+    members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
+    given = {members.get(name, name): one["value"] if isinstance(one, Mapping) else one for name, one in rest.items()}
+    fixed = {f"{module}.{key}" for (module, key), bound in table.bound.items() if not isinstance(bound, str)}
+    for name, value in given.items():
+        if name not in known and name not in fixed:
+            raise IbridError(f"the values name {name!r}, which the program lacks; {near(name, known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise IbridError(f"the value of {name} must be a number, found {value!r}")
+    typical = {one.name: one.typical for one in table.free}
+    typical |= {f"{one.id}.{name}": box.typical for one in limits for name, box in one.parameters.items()}
+    found = {name: float(given.get(name, typical[name])) for name in known}
+    return EventModel(diagram, found, limits, kinds, tuple(name for name in known if name not in given))
+
+
+def model_of_record(record: Record) -> EventModel:
+    """A record with the limits that stand beside its program. Raises IbridError where it has no one set of values."""
+    if record.outcome != "ok" or not record.parameters:
+        raise IbridError(f"the record has no fit (outcome {record.outcome}); evaluate again")
+    if (record.settings["parameters"], record.settings["equilibrium"]) != ("shared", "exact"):
+        raise IbridError(
+            "events are played by a record with shared parameters and the exact equilibrium; "
+            "evaluate with --parameters shared --equilibrium exact"
+        )
+    values, limits = dict(next(iter(record.parameters.values()))), []
+    for one in record.settings.get("large_signal", ()):
+        limits.append(limit_named(one["id"], one["mode"], one["windup"]))
+        values |= {f"{one['id']}.{name}": float(value) for name, value in one["parameters"].items()}
+    return EventModel(record.diagram, values, tuple(limits), record.vocabulary)
+
+
+def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str, Any]]:
+    """The limits that values by name mean, and the values without the words about their form."""
+    ids = dict.fromkeys(one.id for one in LIMITS)
+    told = [id for id in ids if any(name.split(".")[0] == id for name in values)]
+    words = {
+        name: value
+        for name, value in values.items()
+        if name.endswith((".mode", ".windup")) and name.split(".")[0] in told
+    }
+    limits = []
+    for id in told:
+        mode, windup = words.get(f"{id}.mode", ""), words.get(f"{id}.windup", False)
+        forms = [one for one in LIMITS if one.id == id]
+        if mode not in ("", *(one.mode for one in forms)) or windup not in {one.windup for one in forms}:
+            modes = ", ".join(dict.fromkeys(one.mode for one in forms if one.mode)) or "none"
+            raise IbridError(f"{id} has the modes {modes} and windup true or false; found {mode!r} and {windup!r}")
+        limits.append(limit_named(id, mode, bool(windup)))
+    return tuple(limits), {name: value for name, value in values.items() if name not in words}
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedRecord:
+    """A record and the model's answer. `current` : (N, 2), NaN from `left` (s) on, None where the simulation stayed.
+
+    `nrmse` : |i_model - i| / |i - i_rest| over all samples, None where it left; `by_window` : rms of the difference there over
+    that of i - i_rest in the whole record. `windows` : name -> (from, to), s."""
+
+    record: EventRecord
+    current: np.ndarray
+    left: float | None
+    nrmse: float | None
+    by_window: Mapping[str, float]
+    windows: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """Of all records. `model` : what was played."""
+
+    model: EventModel
+    records: tuple[PlayedRecord, ...]
+    source: str = ""
+
+    @property
+    def nrmse(self) -> float | None:
+        """Mean over the records; None where a simulation left."""
+        errors = [one.nrmse for one in self.records]
+        return None if None in errors else float(np.mean([one for one in errors if one is not None]))
+
+    @property
+    def by_window(self) -> dict[str, float]:
+        """Mean over the records that have the window."""
+        names = dict.fromkeys(name for one in self.records for name in one.by_window)
+        return {
+            name: float(np.mean([one.by_window[name] for one in self.records if name in one.by_window]))
+            for name in names
+        }
+
+    def plain(self) -> dict[str, Any]:
+        """For playback.json."""
+        return {
+            "schema": SCHEMA,
+            "nrmse": self.nrmse,
+            "nrmse_by_record": {one.record.name: one.nrmse for one in self.records},
+            "nrmse_by_window": self.by_window,
+            "records": {
+                one.record.name: {
+                    "nrmse_by_window": dict(one.by_window),
+                    "windows": {name: list(edge) for name, edge in one.windows.items()},
+                    "left_at": one.left,
+                    "rest": {key: float(getattr(one.record.rest, key)) for key in "pqv"},
+                }
+                for one in self.records
+            },
+            "limits": [one.plain() for one in self.model.limits],
+            "values": dict(self.model.values),
+            "assumed": list(self.model.assumed),
+            "events": self.source,
+        }
+
+
+def play(model: EventModel, events: Events) -> Playback:
+    """Play every record. Raises OperatingPointError where the model has no rest at a record's p, q, v."""
+    player = model.player(events.f0_hz)
+    return Playback(
+        model, tuple(_played(player, model.values, one, events.f0_hz) for one in events.records), events.source
+    )
+
+
+def answered(events: Events, playback: Playback) -> Events:
+    """The events with the model's current in place of the measured one, up to where a simulation left."""
+    records = []
+    for one in playback.records:
+        stayed = np.isfinite(one.current).all(axis=1)
+        if stayed.sum() < 4:
+            raise IbridError(f"the simulation of {one.record.name} leaves at once; the model does not hold at its rest")
+        cut = replace(
+            one.record, time=one.record.time[stayed], v=one.record.v[stayed], i=one.current[stayed], sigma=None
+        )
+        records.append(cut)
+    return replace(events, records=tuple(records))
+
+
+def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0_hz: float) -> PlayedRecord:
+    (found,) = player.play(record, [values])
+    windows = windows_of(record, f0_hz)
+    return PlayedRecord(
+        record,
+        found.current,
+        found.left,
+        nrmse(found.current, record),
+        _by_window(found.current, record, windows),
+        windows,
+    )
+
+
+def nrmse(current: np.ndarray, record: EventRecord) -> float | None:
+    """|i_model - i| / |i - i_rest|; None where the model left, or nothing happens in the record."""
+    whole = float(np.linalg.norm(record.i - record.i_rest))
+    error = float(np.linalg.norm(current - record.i))
+    return error / whole if np.isfinite(error) and whole > 0 else None
+
+
+def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    whole, found = float(np.sqrt(np.mean((record.i - record.i_rest) ** 2))), {}
+    for name, (begin, end) in windows.items():
+        inside = (record.time >= begin) & (record.time <= end)
+        error = float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
+        if np.isfinite(error) and whole > 0:
+            found[name] = error / whole
+    return found

@@ -1,0 +1,181 @@
+"""Records of our own inverters: events on the voltage of the grid, answered by the nonlinear reference models."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, radians
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ibrid.errors import IbridError, near
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.plants.reference import ReferenceInverter
+from ibrid.playback.player import FINE, fastest, run
+from ibrid.playback.tape import tape_of
+
+#: kind -> what its number means, and how long it lasts by default, s (None: to the end).
+KINDS: Mapping[str, tuple[str, float | None]] = {
+    "dip": ("the voltage that remains, of that at rest", 0.15),
+    "swell": ("the voltage, of that at rest", 0.15),
+    "step": ("the change of the voltage, per unit", None),
+    "phase": ("the jump of the angle, degrees", None),
+    "frequency": ("the change of the frequency, Hz", None),
+}
+#: Beginning, s; how long an edge takes, s (a raised cosine); Hz/s; samples per s; shortest record, and what follows, s.
+AT, RISE, RAMP, RATE, LENGTH, AFTER = 0.1, 1e-3, 1.0, 5000.0, 0.4, 0.15
+_FORM = "an event is written dip:0.6,at=0.1,for=0.15"
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event. `kind`, `value` : as in `KINDS`. `at`, `lasts`, `rise` : s; `ramp` : Hz per s, of a frequency."""
+
+    kind: str
+    value: float
+    at: float = AT
+    lasts: float | None = None
+    rise: float = RISE
+    ramp: float = RAMP
+
+    @property
+    def name(self) -> str:
+        """Of the record."""
+        return f"{self.kind}:{self.value:g}"
+
+    @property
+    def over(self) -> float:
+        """When it is over, s; its beginning where it lasts."""
+        return self.at + (self.lasts or 0.0)
+
+    def voltage(self, time: np.ndarray, v: float) -> np.ndarray:
+        """(n,) complex, d + j q in the frame that turns at the nominal frequency; v at rest."""
+        if self.kind == "frequency":
+            slope = np.copysign(self.ramp, self.value)
+            return v * np.exp(2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, self._back)))
+        shape = _edge((time - self.at) / self.rise)
+        if self.lasts is not None:
+            shape = shape - _edge((time - self.at - self.lasts) / self.rise)
+        if self.kind == "phase":
+            return v * np.exp(1j * radians(self.value) * shape)
+        return (v + self.value * shape if self.kind == "step" else v * (1 + (self.value - 1) * shape)).astype(complex)
+
+    @property
+    def _back(self) -> float:
+        return np.inf if self.lasts is None else self.at + self.lasts
+
+    def _angle(self, time: np.ndarray, slope: float, begin: float) -> np.ndarray:
+        """Turns of a frequency that rises from `begin` at a slope (Hz/s) to the value."""
+        since, whole = np.clip(time - begin, 0.0, None), self.value / slope
+        rising = np.minimum(since, whole)
+        return slope * rising**2 / 2 + self.value * (since - rising)
+
+
+def event_of(text: str) -> Event:
+    """An event from "dip:0.6,at=0.1,for=0.15"; also rise=s and, of a frequency, ramp=Hz/s. IbridError for another form."""
+    head, *rest = text.split(",")
+    kind, mark, value = (part.strip() for part in head.partition(":"))
+    if kind not in KINDS or not mark:
+        raise IbridError(f"{_FORM}, with {', '.join(KINDS)}; found {text!r}, {near(kind, KINDS)}")
+    found = {"value": _number(value, text), "lasts": KINDS[kind][1]}
+    names = {"at": "at", "for": "lasts", "rise": "rise"} | ({"ramp": "ramp"} if kind == "frequency" else {})
+    for part in rest:
+        name, mark, value = (piece.strip() for piece in part.partition("="))
+        if not mark or name not in names:
+            raise IbridError(f"{_FORM}, with {', '.join(names)}; found {part.strip()!r}, {near(name, names)}")
+        found[names[name]] = _number(value, text)
+        if found[names[name]] <= 0:
+            raise IbridError(f"{name} of an event must be positive, s; found {value} in {text!r}")
+    if kind in ("dip", "swell") and found["value"] < 0:
+        raise IbridError(f"{kind} takes {KINDS[kind][0]}, zero or more; found {text!r}")
+    return Event(kind, **found)
+
+
+def record_events(
+    plant: ReferenceInverter,
+    operating_points: Sequence[OperatingPoint],
+    events: Sequence[Event],
+    *,
+    rate: float = RATE,
+    length: float | None = None,
+    angle: float = 0.0,
+    noise_db: float | None = None,
+    seed: int = 0,
+) -> Events:
+    """What a recorder at the PCC sees: one record for each operating point and event.
+
+    rate : samples per s. length : s; None: what the event needs. angle : rad, of the recorder's frame. noise_db : of each
+    sample of the current, below the rms of its departure from rest; None: clean.
+
+    Raises OperatingPointError where the inverter has no rest, IbridError for an event outside the record and for an inverter
+    that does not ride through without a fault of the simulation.
+    """
+    rng, records = np.random.default_rng(seed), []
+    for op in operating_points:
+        for event in events:
+            whole = length or max(LENGTH, event.over + AFTER)
+            if event.over + event.rise >= whole or event.at < 2 / plant.f0_hz:
+                raise IbridError(
+                    f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a record of {whole:g} s "
+                    f"that begins with two cycles at rest ({2 / plant.f0_hz:.3g} s); move it or say --length"
+                )
+            time = np.arange(round(whole * rate) + 1) / rate
+            name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
+            record = _answer(plant, op, time, event.voltage(time, op.v), name)
+            records.append(_seen(record, angle, noise_db, rng))
+    return Events(
+        tuple(records),
+        f0_hz=plant.f0_hz,
+        power_node=plant.power_node,
+        s_base_va=plant.s_base_va,
+        v_base_v=plant.v_base_v,
+        source=f"reference inverter {plant.name}",
+    )
+
+
+def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: np.ndarray, name: str) -> EventRecord:
+    dynamics, rest = plant.dynamics, plant.at_rest(op)
+    voltage = np.stack([np.real(v), np.imag(v)], axis=1)
+    symbols = [ca.SX.sym("x", len(rest.x)), ca.SX.sym("none", 0), ca.SX.sym("v", 3), ca.SX.sym("r", len(rest.r))]
+    x, none, outside, r = symbols
+    results = [dynamics.f(x, outside[:2], r), dynamics.g(x, outside[:2]), none, none]
+    start = np.ascontiguousarray(rest.x[:, None])
+    rate = fastest(dynamics.jacobian(rest.x, voltage[0], rest.r)[0]) / FINE
+    tape = tape_of(symbols, results, constant=[3])
+    current, left = run(
+        tape, CubicSpline(time, voltage), start, np.zeros((0, 1)), np.ascontiguousarray(rest.r[:, None]), rate
+    )
+    if np.isfinite(left[0]):
+        raise IbridError(
+            f"{plant.name} at {op.name} does not hold out in {name}: its current leaves at {left[0]:.4g} s; "
+            "choose a milder event or another operating point"
+        )
+    i = current[:, :, 0]
+    return EventRecord(OperatingPoint(name, op.v * i[0, 0], -op.v * i[0, 1], op.v), time, voltage, i, float(time[0]))
+
+
+def _seen(record: EventRecord, angle: float, noise_db: float | None, rng: np.random.Generator) -> EventRecord:
+    """The same in the frame of a recorder, with its noise."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    v, i, sigma = record.v @ turn, record.i @ turn, None
+    if noise_db is not None:
+        spread = float(np.sqrt(np.mean((i - i[0]) ** 2))) * 10 ** (-noise_db / 20)
+        sigma = np.full(len(i), max(spread, 1e-12))
+        i = i + spread * rng.standard_normal(i.shape)
+    return EventRecord(record.rest, record.time, v, i, record.rest_end, sigma)
+
+
+def _edge(s: np.ndarray) -> np.ndarray:
+    """0 before, 1 behind s = 0 to 1, a raised cosine between."""
+    return (1 - np.cos(np.pi * np.clip(s, 0.0, 1.0))) / 2
+
+
+def _number(text: str, whole: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise IbridError(f"{_FORM}; {text!r} in {whole!r} is not a number")
+    return value

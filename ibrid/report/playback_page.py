@@ -1,0 +1,78 @@
+"""The page of a playback: for each record v, i_d, i_q, p and q, measured and modelled, the window of the event shaded."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ibrid.measurement.events import EventRecord
+from ibrid.playback.compare import Playback, PlayedRecord
+from ibrid.playback.windows import WINDOWS
+from ibrid.report.figure import inline_svg
+from ibrid.report.style import INK, MUTED, series
+from ibrid.report.template import page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Records that get figures.
+DRAWN = 8
+#: Windows that are shaded: while the voltage is away.
+SHADED = ("first cycle", "during")
+
+
+def playback_page(playback: Playback, title: str) -> str:
+    """The page as text; title : what was played."""
+    rows = [(one, [one.by_window.get(name) for name in WINDOWS]) for one in playback.records]
+    figures = [
+        (one.record.name, record_svg(f"record-{k}", one, {"model": one.current}))
+        for k, one in enumerate(playback.records[:DRAWN])
+    ]
+    facts = {"playback": playback, "above": title, "rows": rows, "windows": WINDOWS, "figures": figures}
+    return page("playback.html", facts)
+
+
+def record_svg(name: str, one: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:
+    """Five curves of a record over time. lines : what each current (N, 2) is called. limit : magnitude of a current limit."""
+    record = one.record
+    return inline_svg(
+        lambda axes: _draw(axes, record, one.windows, lines, limit),
+        name=name,
+        label=f"Record {record.name}: |v|, i_d, i_q, p and q over time, measured and {', '.join(lines)}; errors in the table.",
+        size=(7.4, 8.2),
+        rows=5,
+        zoom=True,
+    )
+
+
+def _draw(
+    axes: Sequence["Axes"],
+    record: EventRecord,
+    windows: Mapping[str, tuple[float, float]],
+    lines: Mapping[str, np.ndarray],
+    limit: float | None,
+) -> None:
+    measured = _quantities(record, record.i)
+    for number, plane in enumerate(axes):
+        for window in SHADED:
+            if window in windows:
+                plane.axvspan(*windows[window], color=MUTED, alpha=0.12, linewidth=0)
+        plane.plot(record.time, measured[number][1], color=INK, linewidth=1.6, label="measured")
+        if number:
+            for index, (label, current) in enumerate(lines.items()):
+                colour, _, dashes = series(index)
+                plane.plot(
+                    record.time, _quantities(record, current)[number][1], color=colour, linestyle=dashes, label=label
+                )
+        if limit is not None and number in (1, 2):
+            for side in (-limit, limit):
+                plane.axhline(side, color=MUTED, linewidth=0.8, linestyle=":")
+        plane.set_ylabel(measured[number][0])
+    axes[1].legend(loc="best")
+    axes[-1].set_xlabel("time  (s)")
+
+
+def _quantities(record: EventRecord, i: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
+    v = record.v
+    p, q = (v * i).sum(axis=1), v[:, 1] * i[:, 0] - v[:, 0] * i[:, 1]
+    return ("|v|", np.hypot(*v.T)), ("i_d", i[:, 0]), ("i_q", i[:, 1]), ("p", p), ("q", q)

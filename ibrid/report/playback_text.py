@@ -1,0 +1,23 @@
+"""What `ibrid playback` prints: errors by record and window."""
+
+from ibrid.playback.compare import Playback
+from ibrid.playback.windows import WINDOWS
+from ibrid.report.numbers import number
+from ibrid.report.text import table
+
+
+def playback_text(playback: Playback) -> str:
+    """A table, and what left."""
+    rows = [
+        [
+            one.record.name,
+            "left" if one.nrmse is None else number(one.nrmse, 3),
+            *(number(one.by_window[name], 3) if name in one.by_window else "-" for name in WINDOWS),
+        ]
+        for one in playback.records
+    ]
+    lines = table(["record", "NRMSE", *WINDOWS], rows)
+    for one in playback.records:
+        if one.left is not None:
+            lines.append(f"{one.record.name}: the simulation left at {one.left:.4g} s, beyond 100 per unit of current")
+    return "\n".join(lines)

@@ -1,0 +1,210 @@
+"""Playback: our own nonlinear inverters are answered to rounding, limits by an integration that knows the laws alone."""
+
+import json
+
+import numpy as np
+import pytest
+from ibrid_bench.events.device import Device, simulate
+
+from ibrid.cli import main
+from ibrid.errors import IbridError
+from ibrid.measurement.event_csv import write_events
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.read_events import read_events
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants.published import PLANTS
+from ibrid.plants.sweeping import plant_named
+from ibrid.playback.compare import model_of_program, nrmse, play
+from ibrid.playback.limits import LIMITS, limit_named
+from ibrid.playback.player import Player, rational_order
+from ibrid.playback.recording import event_of, record_events
+from ibrid.structure.library import textbook
+from ibrid.structure.program import parse_program
+
+POINT = OperatingPoint("p=0.8,q=0.1", 0.8, 0.1)
+#: A textbook inverter, as the independent device and as values of `gfl_pll_filter_exact`.
+NUMBERS = {
+    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.15, "R_g": 0.01, "kP_pll": 60.0, "kI_pll": 1400.0, "w_pll": 3000.0,
+    "kP": 0.02, "kI": 20.0, "kP_c": 0.5, "kI_c": 15.0, "feedforward": 1.0, "decoupling": 0.15,
+}  # fmt: skip
+VALUES = {
+    "plant.L_F": 0.15, "plant.R_F": 0.005, "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01, "pll.kP_pll": 60.0,
+    "pll.kI_pll": 1400.0, "pll_filter.omega_c": 3000.0, "power.kP": 0.02, "power.kI": 20.0, "current.kP": 0.5,
+    "current.kI": 15.0, "decoupling.L": 0.15,
+}  # fmt: skip
+LIMITED = [
+    ("current_limit", "magnitude", False, {"i_max": 1.0}, "dip:0.45,at=0.04,for=0.09"),
+    ("current_limit", "d", True, {"i_max": 1.0}, "dip:0.45,at=0.04,for=0.09"),
+    ("current_limit", "q", False, {"i_max": 1.0}, "dip:0.45,at=0.04,for=0.09"),
+    ("command_limit", "", False, {"u_max": 1.2}, "swell:1.25,at=0.04,for=0.06"),
+    ("pll_freeze", "", False, {"v_freeze": 0.8}, "dip:0.5,at=0.04,for=0.06"),
+    ("momentary_cessation", "", False, {"v_block": 0.7, "t_hold": 0.01, "ramp": 20.0}, "dip:0.5,at=0.04,for=0.04"),
+    ("voltage_support", "", False, {"k": 2.0, "dead": 0.1}, "dip:0.45,at=0.04,for=0.09"),
+    ("reference_ramp", "", False, {"ramp": 4.0}, "dip:0.45,at=0.04,for=0.09"),
+]
+
+
+def record_of(i: np.ndarray, time: np.ndarray, v: np.ndarray) -> EventRecord:
+    return EventRecord(OperatingPoint("it", float(i[0, 0]), float(-i[0, 1]), 1.0), time, v, i, 0.04)
+
+
+@pytest.mark.parametrize("name", ["paper_like", *[name for name in PLANTS if name != "paper_like"]])
+def test_the_diagram_of_a_reference_inverter_answers_its_record(name: str):
+    plant = plant_named(name)
+    try:
+        events = record_events(
+            plant, plant.operating_points[:1], [event_of("dip:0.8"), event_of("phase:10")], length=0.3
+        )
+    except IbridError as refused:  # some have no rest at their first point, or do not ride through
+        pytest.skip(str(refused))
+    diagram = parse_program(plant.program)
+    values = dict(plant.diagram_values.items())
+    found = play(model_of_program(diagram, values), events)
+    # the same equations written twice, the same steps: rounding; Pade forms of delays are exact to 1e-6 rad
+    assert found.nrmse is not None
+    assert found.nrmse < 1e-6
+
+
+@pytest.mark.parametrize(("id", "mode", "windup", "parameters", "event"), LIMITED)
+def test_a_limit_does_what_its_law_says(id: str, mode: str, windup: bool, parameters: dict, event: str):
+    time = np.arange(850) / 5000
+    shape = event_of(event).voltage(time, 1.0) * np.exp(
+        1j * np.radians(15) * (event_of(event).voltage(time, 1.0).real != 1)
+    )
+    v = np.stack([shape.real, shape.imag], axis=1)
+    i = simulate(
+        Device(NUMBERS, {id: {**parameters, "mode": mode or "magnitude", "windup": windup}}), (0.8, 0.1, 1.0), time, v
+    )
+    record, limit = record_of(i, time, v), limit_named(id, mode, windup)
+    player = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [limit])
+    values = VALUES | {f"{id}.{name}": value for name, value in parameters.items()}
+    (found,) = player.play(record, [values])
+    without = play(model_of_program(textbook("gfl_pll_filter_exact"), VALUES), Events((record,)))
+    error = nrmse(found.current, record)
+    # the independent device follows jumps within its steps of 1e-5 s, and a ramp with a lag of 5e-6 s
+    assert error is not None
+    assert error < 1e-4
+    assert (without.nrmse or 0.0) > 30 * error, "the record must reach the limit"
+
+
+def test_without_a_limit_an_adaptive_integration_gives_the_same_current():
+    time = np.arange(500) / 5000
+    shape = event_of("dip:0.6,at=0.04,for=0.03").voltage(time, 1.0)
+    v = np.stack([shape.real, shape.imag], axis=1)
+    i = simulate(Device(NUMBERS), (0.8, 0.1, 1.0), time, v)
+    found = play(model_of_program(textbook("gfl_pll_filter_exact"), VALUES), Events((record_of(i, time, v),)))
+    assert found.nrmse is not None
+    assert found.nrmse < 1e-6
+
+
+def test_several_parameter_sets_at_once_answer_as_each_alone():
+    events = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6")], length=0.3)
+    player = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [limit_named("current_limit")])
+    sets = [VALUES | {"current_limit.i_max": i_max} for i_max in (1.0, 5.0)]
+    together = player.play(events.records[0], sets)
+    for one, values in zip(together, sets, strict=True):
+        (alone,) = player.play(events.records[0], [values])
+        np.testing.assert_allclose(one.current, alone.current, atol=1e-5)  # their steps differ where the other switches
+
+
+def test_a_simulation_that_diverges_says_when_it_left():
+    plant = plant_named("paper_like")
+    events = record_events(plant, [POINT], [event_of("phase:5")], length=0.3)
+    found = play(model_of_program(parse_program(plant.program), dict(plant.diagram_values) | {"power.kI": 5e4}), events)
+    (only,) = found.records
+    assert found.nrmse is None
+    assert only.nrmse is None
+    assert only.left is not None
+    assert 0.0 <= only.left < 0.3
+    assert np.isfinite(only.current[only.record.time < only.left]).all()
+    json.dumps(found.plain(), allow_nan=False)
+
+
+def test_the_order_of_a_delay_keeps_its_phase_below_a_millionth():
+    for delay in (1e-6, 1e-4, 5e-4):
+        order, s = rational_order(delay), 1j * 2 * np.pi * 2000 * delay
+        from ibrid.modules.delay import _unit_delay
+
+        a, b, c, d = _unit_delay(order)
+        response = c @ np.linalg.solve(s * np.eye(order) - a, b) + d
+        assert abs(np.angle(response * np.exp(s))) < 2e-6
+
+
+def test_every_form_of_a_limit_leaves_a_mild_record_alone():
+    events = record_events(plant_named("paper_like"), [POINT], [event_of("step:0.01")], length=0.25)
+    values = VALUES | {"pll_filter.omega_c": 2 * np.pi * 500, "current.kI": 0.04 * 120 * np.pi}
+    plain = play(model_of_program(textbook("gfl_pll_filter_exact"), values), events).records[0].current
+    far = {
+        "i_max": 9.0,
+        "u_max": 9.0,
+        "v_freeze": 0.1,
+        "v_block": 0.1,
+        "t_hold": 0.1,
+        "ramp": 1e3,
+        "k": 2.0,
+        "dead": 0.5,
+    }
+    for limit in LIMITS:
+        told = {f"{limit.id}.{name}": far[name] for name in limit.parameters}
+        player = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [limit])
+        (found,) = player.play(events.records[0], [values | told])
+        np.testing.assert_allclose(found.current, plain, atol=1e-9)
+
+
+def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
+    plant, events = plant_named("paper_like"), tmp_path / "events.csv"
+    words = ["record", "paper_like", "--op", "p=0.8,q=0.1", "--event", "dip:0.6,at=0.05,for=0.1", "--length", "0.3"]
+    assert main([*words, "--angle", "30", "--noise-db", "60", "--out", str(events)]) == 0
+    program, values = tmp_path / "model.py", tmp_path / "values.json"
+    program.write_text(plant.program)
+    values.write_text(json.dumps(dict(plant.diagram_values)))
+    out = tmp_path / "out"
+    assert main(["playback", str(program), str(events), "--values", str(values), "--out", str(out)]) == 0
+    found = json.loads((out / "playback.json").read_text())
+    assert found["nrmse_by_record"]["dip:0.6"] == pytest.approx(1e-3, rel=0.1)  # the noise of 60 dB
+    assert set(found["nrmse_by_window"]) == {"pre", "first cycle", "during", "recovery", "after"}
+    assert "dip:0.6" in (out / "report.html").read_text()
+    values.write_text(json.dumps(dict(plant.diagram_values) | {"current_limit.i_max": 1.0, "current_limit.mode": "d"}))
+    assert main(["playback", str(program), str(events), "--values", str(values), "--out", str(out)]) == 0
+    limited = json.loads((out / "playback.json").read_text())
+    assert limited["nrmse"] > 0.1
+    assert limited["limits"] == [{"id": "current_limit", "mode": "d", "windup": False}]
+
+
+def test_predict_writes_the_current_that_a_record_answers(tmp_path):
+    events, sweep, record = (str(tmp_path / name) for name in ("events.csv", "sweep.csv", "record.json"))
+    measured = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6,at=0.05,for=0.1")], length=0.3)
+    write_events(measured, events)
+    assert main(["sweep", "paper_like", "--op", "p=1,q=0.3", "--op", "p=1,q=-0.3", "--out", sweep]) == 0
+    assert main(["evaluate", "gfl_pll_filter_exact", sweep, "--json", record]) == 0
+    assert main(["predict", record, "--events", events, "--out", str(tmp_path / "answer.csv")]) == 0
+    answer = read_events(tmp_path / "answer.csv")
+    error = np.linalg.norm(answer.records[0].i - measured.records[0].i)
+    assert error < 1e-4 * np.linalg.norm(measured.records[0].i - measured.records[0].i_rest)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--event", "dive:0.6"], "dip"),
+        (["--event", "dip"], "dip:0.6,at=0.1,for=0.15"),
+        (["--event", "dip:0.6,til=3"], "at, for, rise"),
+        (["--event", "dip:0.6,at=0.01"], "two cycles"),
+        (["--event", "dip:much"], "not a number"),
+    ],
+)
+def test_a_badly_written_event_is_answered_with_the_form(words, told, tmp_path, capsys):
+    assert main(["record", "paper_like", *words, "--out", str(tmp_path / "e.csv")]) == 2
+    complaint = capsys.readouterr().err
+    assert told in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_values_that_the_program_lacks_are_named(tmp_path):
+    with pytest.raises(IbridError, match=r"pll\.kP_pll"):
+        model_of_program(textbook("gfl"), {"pll.kP_pl": 3.0})
+    with pytest.raises(IbridError, match="modes magnitude, d, q"):
+        model_of_program(textbook("gfl"), {"current_limit.i_max": 1.0, "current_limit.mode": "both"})
+    with pytest.raises(IbridError, match="current controller"):
+        model_of_program(textbook("naive"), {"current_limit.i_max": 1.0})
