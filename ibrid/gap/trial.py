@@ -167,12 +167,12 @@ class Workshop:
         quick : from these values alone, without further draws.
         """
         changed = replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
-        starts = _starts(insertion, quick or (model.refit.values, {}))
+        starts = strengths(insertion, quick or (model.refit.values, {}))
         return self.refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
         """A model with an edit, after a few steps from its own and from nominal values; what a refit finds is no worse."""
-        starts = _starts(insertion, (model.refit.values, {}) if nominal else (model.refit.values,))
+        starts = strengths(insertion, (model.refit.values, {}) if nominal else (model.refit.values,))
         refit = self.refitter(model.convention).glance(insertion.diagram, starts)
         if refit is None:
             return None
@@ -255,7 +255,7 @@ def usual_first(label: str, value: float) -> Iterator[tuple[float, int]]:
     yield value, UNUSUAL if LABELS[label].low > 0 else 1
 
 
-def _starts(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
+def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
     """Values of a model with each of the finite strengths of an effect."""
     length = max((len(bank) for bank in insertion.parameters.values()), default=1)
     banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)]

@@ -26,7 +26,7 @@ _RATE = Range(1e-2, 1e4, 5.0, "pu/s", "largest rate")
 _VOLTAGE = Range(1e-2, 3.0, 0.7, "pu", "magnitude of the voltage below which it acts")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limit:
     """One effect of large signals in one form.
 
@@ -71,13 +71,13 @@ def _forms() -> Iterator[Limit]:
         "momentary_cessation",
         "while |e| < v_block and for t_hold after it |r| <= 0, then |r| <= ramp x (time since)",
         {"v_block": _VOLTAGE, "t_hold": Range(0.0, 1.0, 0.02, "s", "hold"), "ramp": _RATE},
-        {"v_block": (0.3, 0.5, 0.7, 0.9), "t_hold": (0.02,), "ramp": (10.0,)},
+        {"v_block": (0.3, 0.5, 0.7, 0.9), "t_hold": (0.003, 0.02, 0.06), "ramp": (2.0, 10.0, 60.0)},
     )
     yield Limit(
         "voltage_support",
         "r_q -= k (1 - dead - |e|) while |e| < 1 - dead, r_q += k (|e| - 1 - dead) while |e| > 1 + dead",
         {"k": Range(1e-2, 100.0, 2.0, "1", "gain"), "dead": Range(0.0, 0.9, 0.1, "pu", "dead band")},
-        {"k": (2.0, 1.0, 4.0), "dead": (0.1, 0.05, 0.2)},
+        {"k": (1.0, 2.0, 4.0), "dead": (0.03, 0.1, 0.2)},
     )
     yield Limit(
         "reference_ramp",

@@ -1,0 +1,57 @@
+"""What noise records of events are judged by: the stated one, or that of the current at rest before the event."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ibrid.gap.noise import LEAST_UNKNOWN, Noise
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import Sweep
+
+#: Samples at rest from which a noise can be told.
+ENOUGH = 40
+
+
+@dataclass(frozen=True, eq=False)
+class EventNoise(Noise):
+    """`sigma` : record -> (N,) standard deviation of each of i_d and i_q. `told_by` : degrees of freedom of the estimate
+    it comes from; infinite where it is stated, or so small that the least that any model deserves counts."""
+
+    events: Events = field(kw_only=True)
+    sigma: dict[str, np.ndarray] = field(kw_only=True)
+    told_by: float = field(kw_only=True)
+
+    def times(self, factor: float) -> "EventNoise":
+        """The same: a record tells its noise."""
+        return self
+
+
+def event_noise(events: Events, sweep: Sweep) -> EventNoise:
+    """Sigma as given, else the rms of the current at rest about a constant, a slope and ripple of the frequency; to both
+    is added `LEAST_UNKNOWN` of the rms of what happens."""
+    sigma, freedom, stated = {}, np.inf, True
+    for record in events.records:
+        floor = LEAST_UNKNOWN * float(np.sqrt(np.mean((record.i - record.i_rest) ** 2)))
+        own = record.sigma
+        if own is None:
+            level, count = _at_rest(record, events.f0_hz)
+            own, stated = np.full(len(record.time), level), False
+            if level > floor:
+                freedom = min(freedom, count)
+        sigma[record.name] = np.hypot(own, max(floor, 1e-9))
+    source = "the sigma of the records" if stated else "the current at rest before each event"
+    return EventNoise(sweep, True, source, events=events, sigma=sigma, told_by=freedom)
+
+
+def _at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
+    """Standard deviation of the current at rest, and its degrees of freedom."""
+    inside = record.time <= record.rest_end
+    time = record.time[inside] - record.time[0]
+    if len(time) < ENOUGH:
+        return 0.0, np.inf
+    columns = [np.ones(len(time)), time / time[-1]]
+    columns += [wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)]
+    basis = np.stack(columns, axis=1)
+    left = record.i[inside] - basis @ np.linalg.lstsq(basis, record.i[inside], rcond=None)[0]
+    freedom = 2.0 * (len(time) - basis.shape[1])
+    return float(np.sqrt((left**2).sum() / freedom)), freedom
