@@ -5,6 +5,7 @@ Slopes are differences of simulations that take the same steps as the one they a
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -85,13 +86,20 @@ class EventMisfit:
         prior: Prior,
         sweep: Misfit | None,
     ) -> None:
-        self.player = Player(diagram, kinds, limits, noise.events.omega_0)
+        self.player, self.led = Player(diagram, kinds, limits, noise.events.omega_0), False
         self.noise, self.sweep = noise, sweep
         self.numbers = [FreeNumber(one) for one in self.player.parameters]
         self.beliefs = Beliefs(self.player.parameters, prior)
         self.coordinates = self.beliefs.coordinates
         own = {one.name: k for k, one in enumerate(self.player.parameters)}
         self._place = np.array([own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int)
+
+    @cached_property
+    def predicting(self) -> "EventMisfit":
+        """The same of predictions, each from the current measured just before: an error of a resonance does not ring on."""
+        other = copy(self)
+        other.led = True
+        return other
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +128,8 @@ class EventMisfit:
                 some = values[first : first + TOGETHER]
                 try:
                     found += [
-                        ((one.current - record.i) / sigma).ravel() for one in self.player.play(record, some, step=STEP)
+                        ((one.current - record.i) / sigma).ravel()
+                        for one in self.player.play(record, some, step=STEP, led=self.led)
                     ]
                 except IbridError:  # the first has no rest
                     found += self._one_by_one(record, some, sigma)
@@ -131,7 +140,7 @@ class EventMisfit:
         found = []
         for one in some:
             try:
-                (played,) = self.player.play(record, [one], step=STEP)
+                (played,) = self.player.play(record, [one], step=STEP, led=self.led)
                 found.append(((played.current - record.i) / sigma).ravel())
             except IbridError:
                 found.append(np.full(2 * len(record.time), np.nan))

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_continuous_are
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.rest import Rest, rest
@@ -54,7 +55,7 @@ class Player:
         self.table = parameter_table(self.wiring, "exact")
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
-        self._laws: dict[_Orders, _Laws] = {}
+        self._laws: dict[tuple[_Orders, bool], _Laws] = {}
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -66,8 +67,13 @@ class Player:
         ]
         return (*self.table.free, *own)
 
-    def play(self, record: EventRecord, values: Sequence[Mapping[str, float]], *, step: float = FINE) -> list[Played]:
+    def play(
+        self, record: EventRecord, values: Sequence[Mapping[str, float]], *, step: float = FINE, led: bool = False
+    ) -> list[Played]:
         """The answer to a record's voltage at each of several parameter sets, which take the same steps.
+
+        led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
+        ring on: what is left is that of a prediction.
 
         Raises OperatingPointError, IbridError or DiagramError where the first set has no rest; another one without a rest is NaN.
         """
@@ -79,7 +85,7 @@ class Player:
                 rests.append(self._rest(one, record, orders))
             except IbridError:
                 rests.append(None)
-        laws = self._laws_at(orders, first)
+        laws = self._laws_at(orders, first, led)
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
         current, left = laws.run(record, [(at, values[k]) for k, at in kept], step)
         found = [Played(np.full((len(record.time), 2), np.nan), float(record.time[0]))] * len(values)
@@ -107,10 +113,10 @@ class Player:
             pade_orders=dict(orders),
         )
 
-    def _laws_at(self, orders: _Orders, at: Rest) -> "_Laws":
-        if orders not in self._laws:
-            self._laws[orders] = _Laws(self, at)
-        return self._laws[orders]
+    def _laws_at(self, orders: _Orders, at: Rest, led: bool) -> "_Laws":
+        if (orders, led) not in self._laws:
+            self._laws[orders, led] = _Laws(self, at, led)
+        return self._laws[orders, led]
 
 
 def rational_order(delay: float) -> int:
@@ -127,16 +133,16 @@ def rational_order(delay: float) -> int:
 
 
 def run(
-    tape: Tape, voltage: CubicSpline, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, rate: float
+    tape: Tape, signals: CubicSpline, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Current (N, 2, S) along a spline of the voltage (t -> (2,)), and the time (S,) at which each left, NaN if not.
+    """Current (N, 2, S) along signals (t -> (k,), the voltage first), and the time (S,) at which each left, NaN if not.
 
-    tape : rates, current, next memory and switches of (states, memory, (v_D, v_Q, time since), constants). x (n, S),
+    tape : rates, current, next memory and switches of (states, memory, (time since, signals), constants). x (n, S),
     memory (k, S), constants (q, S), contiguous. rate : steps per second at least.
     """
-    time = voltage.x
+    time = signals.x
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, MOST_PARTS).astype(np.int64)
-    spline = np.ascontiguousarray(voltage.c)
+    spline = np.ascontiguousarray(signals.c)
     code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
     return simulate(
         code, tape.size, *tape.constants, tape.inputs[3], constants, x.copy(), memory.copy(), spline, time, parts, x
@@ -148,11 +154,21 @@ def fastest(jacobian: Any) -> float:
     return float(np.abs(np.linalg.eigvals(np.nan_to_num(np.array(jacobian)))).max(initial=1.0))
 
 
+def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """(n, 2) gain K of x' = A x + B v + K (i - C x): a Kalman filter's where voltage and current are equally unsure; 0 where
+    there is none."""
+    try:
+        covariance = solve_continuous_are(a.T, c.T, b @ b.T + 1e-6 * np.eye(len(a)), np.eye(2))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.zeros((len(a), 2))
+    return covariance @ c.T
+
+
 class _Laws:
     """The joined laws as a tape; all numbers of the modules are its constants."""
 
-    def __init__(self, player: Player, at: Rest) -> None:
-        self.player, self.names = player, [module.name for module in at.modules]
+    def __init__(self, player: Player, at: Rest, led: bool) -> None:
+        self.player, self.names, self.led = player, [module.name for module in at.modules], led
         self.references = list(at.references)
         symbols, self._pairs = {}, {}
         constants: list[ca.SX] = []
@@ -185,9 +201,14 @@ class _Laws:
         if joined.loops:
             results = [ca.substitute(one, joined.unknown, _solved(joined.residual, joined.unknown)) for one in results]
         constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest)
-        outside = ca.vertcat(v, since)
+        outside = ca.vertcat(since, v)
+        arguments = [states, outside, memory, constant]
+        self._linear = ca.Function("linear", arguments, [ca.jacobian(a, b) for a in results[:2] for b in (states, v)])
+        if led:
+            measured, gain = ca.SX.sym("measured", 2), ca.SX.sym("gain", states.numel(), 2)
+            results[0] = results[0] + gain @ (measured - results[1])
+            constant, outside = ca.vertcat(constant, ca.vec(gain)), ca.vertcat(outside, measured)
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
-        self._jacobian = ca.Function("modes", [states, outside, memory, constant], [ca.jacobian(results[0], states)])
 
     @property
     def _memory_size(self) -> int:
@@ -202,8 +223,15 @@ class _Laws:
         x, memory, constants = (
             np.ascontiguousarray(np.array(one, dtype=float).T) for one in zip(*numbers, strict=True)
         )
-        at_rest = (x[:, 0], [*record.v[0], 0.0], memory[:, 0], constants[:, 0])
-        return run(self.tape, record.voltage, x, memory, constants, fastest(self._jacobian(*at_rest)) / step)
+        linear = self._linear(x[:, 0], [0.0, record.rest.v, 0.0], memory[:, 0], constants[:, 0])
+        a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
+        signals = record.voltage
+        if self.led:
+            gain = correction(a, b, c)
+            a = a - gain @ c
+            constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
+            signals = CubicSpline(record.time, np.hstack([record.v, record.i]))
+        return run(self.tape, signals, x, memory, constants, fastest(a) / step)
 
     def _numbers(self, at: Rest, values: Mapping[str, float]) -> tuple[list, list, list]:
         """States, memory and constants at rest."""

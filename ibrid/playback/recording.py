@@ -139,7 +139,7 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
     voltage = np.stack([np.real(v), np.imag(v)], axis=1)
     symbols = [ca.SX.sym("x", len(rest.x)), ca.SX.sym("none", 0), ca.SX.sym("v", 3), ca.SX.sym("r", len(rest.r))]
     x, none, outside, r = symbols
-    results = [dynamics.f(x, outside[:2], r), dynamics.g(x, outside[:2]), none, none]
+    results = [dynamics.f(x, outside[1:], r), dynamics.g(x, outside[1:]), none, none]
     start = np.ascontiguousarray(rest.x[:, None])
     rate = fastest(dynamics.jacobian(rest.x, voltage[0], rest.r)[0]) / FINE
     tape = tape_of(symbols, results, constant=[3])

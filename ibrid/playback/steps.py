@@ -151,14 +151,16 @@ def _at(tape, w, y, m, since, t, spline, piece):
     code, before, x_at, m_at, outside_at = tape[0], tape[1], tape[2], tape[3], tape[4]
     _fill(w, x_at, y)
     _fill(w, m_at, m)
-    for axis in range(2):
-        value = ((spline[0, piece, axis] * t + spline[1, piece, axis]) * t + spline[2, piece, axis]) * t
-        for s in range(w.shape[1]):
-            if outside_at[axis] >= 0:
-                w[outside_at[axis], s] = value + spline[3, piece, axis]
-    if outside_at[2] >= 0:
-        for s in range(w.shape[1]):
-            w[outside_at[2], s] = since
+    for row in range(outside_at.size):
+        value = since
+        if row > 0:
+            c = row - 1
+            value = ((spline[0, piece, c] * t + spline[1, piece, c]) * t + spline[2, piece, c]) * t + spline[
+                3, piece, c
+            ]
+        if outside_at[row] >= 0:
+            for s in range(w.shape[1]):
+                w[outside_at[row], s] = value
     _run(code, before, code.shape[0], w)
 
 
@@ -193,8 +195,8 @@ def _step(tape, w, x, m, k, t, h, spline, piece, y, before, now):
 def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, reset):
     """Terminal current (N, 2, S) at samples `time` (N,), and the time (S,) at which each simulation left, NaN if it did not.
 
-    tape : (code, before, places of x, of m, of (v_D, v_Q, time since), of rates, of the current, of the next m, of switches).
-    constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, 2), of the voltage.
+    tape : (code, before, places of x, of m, of (time since, signals), of rates, of the current, of the next m, of switches).
+    constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, k), of the signals.
     parts : (N - 1,) steps between samples. reset : (n, S) where a simulation that left stays.
     """
     code, constant, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
