@@ -28,8 +28,6 @@ from ibrid.structure.program import program_text
 from ibrid.structure.wiring import Wiring, wire
 from ibrid.study import Study
 
-#: Part of a box's width within which a value counts as at the bound.
-AT_BOUND = 1e-6
 #: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
 #: NRMSE from which on the conventions of the data are questioned too.
@@ -225,8 +223,7 @@ class _Description:
     def _at_bound(self) -> tuple[str, ...]:
         touched: list[str] = []
         for one in self.fitted:
-            low, high, x = one.problem.coordinates.x_low, one.problem.coordinates.x_high, one.solution.x
-            near_edge = np.minimum(x - low, high - x) <= AT_BOUND * (high - low)
+            near_edge = one.problem.at_bound(one.solution.x)
             where = "" if len(self.fitted) == 1 else f" at {one.names[0]}"
             touched += [label + where for label, edge in zip(one.labels, near_edge, strict=True) if edge]
         return tuple(touched)

@@ -21,6 +21,8 @@ from ibrid.structure.parameters import Parameter
 
 #: Squared relative noise of the data that what is known beforehand is weighed against where the objective knows none.
 KNOWN_NOISE = 1e-4
+#: Part of a box's width within which a value counts as at the bound.
+AT_BOUND = 1e-6
 #: A signed box wider than this is searched in asinh(value / SIGNED_SCALE).
 WIDE_SIGNED_BOX, SIGNED_SCALE = 10.0, 0.1
 
@@ -188,6 +190,11 @@ class Problem:
         matrices = np.zeros((len(x), states, states))
         matrices[:, model.rows[inside], model.columns[inside]] = np.nan_to_num(values[:, inside])
         return matrices
+
+    def at_bound(self, x: np.ndarray) -> np.ndarray:
+        """True for entries of x at the ends of their boxes."""
+        low, high = self.coordinates.x_low, self.coordinates.x_high
+        return np.minimum(x - low, high - x) <= AT_BOUND * (high - low)
 
     def values_at(self, x: np.ndarray, point: int) -> dict[str, float]:
         """Free name -> physical value at one operating point."""

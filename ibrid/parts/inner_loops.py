@@ -28,23 +28,31 @@ def _current_loop(view: View) -> Iterator[Move]:
         return
     currents = (roles.current, grid_current(view)) if has_line(view) else (roles.current,)
     for current in dict.fromkeys(currents):
-        for cascaded in (False, True):
-            how = "with what drove the command as its reference" if cascaded else "beside what drives the command"
-            added = partial(_loop, view=view, current=current, reference="all" if cascaded else "none")
+        for reference, how in _REFERENCES.items():
+            added = partial(_loop, view=view, current=current, reference=reference)
             yield Move.at("add", f"{current} to {roles.command}, {how}", added)
+
+
+_REFERENCES = {
+    "none": "beside what drives the command",
+    "all": "with what drove the command as its reference",
+    "outer": "with the outer loops as its reference, beside what else drives the command",
+}
 
 
 def _loop(draft: Edit, view: View, current: str, reference: str) -> None:
     """A PI controller of minus a current that drives the command.
 
-    reference : what of that which drove the command becomes the loop's: "none" (it stays beside), "packed" (what comes
-    from outer loops; the rest goes) or "all".
+    reference : what of that which drove the command becomes the loop's: "none" (it stays beside), "outer" (what comes
+    from outer loops; the rest stays beside), "packed" (the same; the rest goes) or "all".
     """
     gains = pi_gains((0.1, 0.4, 1.0), (5.0, 20.0, 100.0), vanishes=reference == "none")
     entry, name = command_entry(draft, view), draft.add("PI_dq", "current", **gains)
     for source in draft.sources(entry) if reference != "none" else []:
-        draft.disconnect(source, entry)
-        if reference == "all" or _packed(draft, source):
+        outer = _packed(draft, source)
+        if outer or reference != "outer":
+            draft.disconnect(source, entry)
+        if outer or reference == "all":
             draft.connect(source, f"{name}.in_")
     draft.chain(draft.negated(current), f"{name}.in_", f"{name}.out", entry)
 

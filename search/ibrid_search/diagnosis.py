@@ -31,7 +31,8 @@ from ibrid.structure.library import published_names, published_values, shipped_n
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.first_look import LIMIT, PRICE, problems_of
-from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.merit import Criterion, least_error
+from ibrid_search.oddities import SOUND, Oddities, absurd
 
 #: Per operating point, name -> value.
 Values = Sequence[Mapping[str, float]]
@@ -186,7 +187,7 @@ class Looker:
         study = self.study
         errors: list[float] = []
         found: dict[str, Mapping[str, float]] = {}
-        free = 0
+        free = bound = 0
         try:
             with time_limit(LIMIT):
                 rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
@@ -194,6 +195,7 @@ class Looker:
                 for group, problem, descend in zip(self.groups, problems, ways, strict=True):
                     batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
                     best = int(np.argmin(batch.cost))
+                    bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
                     errors.append(sqrt(batch.cost[best] / len(group)) * self._scale(group))
                     found |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
                     free = problem.size
@@ -204,11 +206,12 @@ class Looker:
             return RankedEdit(edit, inf, free, inf)
         first = next(iter(found.values()))
         values = tuple(found.get(name, first) for name in study.fitted.names)
-        return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL)), values)
+        odd = Oddities(at_bound=bound, absurd=max(absurd(edit.diagram, one, study.kinds) for one in values))
+        return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL), odd), values)
 
-    def worth(self, error: float, free: float) -> float:
+    def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
         """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""
-        return log(max(error, EXACT)) + self.price * free
+        return log(max(error, least_error(odd))) + self.price * (free + 2 * odd.total)
 
     @property
     def price(self) -> float:

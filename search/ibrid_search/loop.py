@@ -222,12 +222,14 @@ class Loop:
         """Parent, its child's island, proposer and scale, in the order in which they are tried."""
         scale = str(rng.choice(SCALES, p=[self.settings.scales[one] for one in SCALES]))
         proposer, origin = self.panel.drawn(rng, number)
-        if origin.like is None:
+        best = self.archive.best
+        if origin.leading and best is not None:
+            parent, island = best, best.island
+        elif origin.like is None:
             parent, island = self.archive.sample(rng, origin.turn)
         else:
             like = self.steps[origin.like]
             parent, island, scale = self._parent(like), like.island, like.scale
-        best = self.archive.best
         if pruned is not None:
             yield self.appraisal.entry(pruned), pruned.island, self.panel.tidying, "module"
             return
@@ -263,6 +265,7 @@ class Loop:
             failures=self._failures(history),
             last=self.steps[self.absorbed - 1] if self.absorbed > 1 else None,
             seen=self.known.__contains__,
+            leading=self.archive.best is None or parent.step == self.archive.best.step,
         )
 
     def _parent(self, step: Step) -> Entry:

@@ -88,20 +88,21 @@ class Criterion:
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
-        return log(max(error, _least(odd))) + self.price * (free / self.alone + 2 * odd.total)
+        return log(max(error, least_error(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
         """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
         prices = self.settings
         return (
-            reward(max(error, _least(odd)))
+            reward(max(error, least_error(odd)))
             - (prices.parsimony * free + prices.bound * odd.at_bound) / self.alone
             - prices.layer * odd.missing
             - prices.residual * odd.residual
         )
 
 
-def _least(odd: Oddities) -> float:
+def least_error(odd: Oddities) -> float:
+    """What an error counts as at least."""
     return DOUBTFUL if odd.absurd else EXACT
 
 

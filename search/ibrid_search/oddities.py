@@ -1,5 +1,6 @@
 """What an engineer would doubt: what cannot be an inverter before anything is fitted, and what is odd in a fit however good."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ibrid.evaluation.record import Record
@@ -40,14 +41,14 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
     return Oddities(
         missing=min((view.roles.missing_layers for view in views_of(diagram, kinds)), default=0),
         at_bound=len(record.at_bound),
-        absurd=max((_absurd(diagram, record, kinds, op) for op in record.parameters), default=0),
+        absurd=max((absurd(diagram, values, kinds) for values in record.parameters.values()), default=0),
         residual=record.residual_modules,
     )
 
 
-def _absurd(diagram: Diagram, record: Record, kinds: Vocabulary, op: str) -> int:
-    by_name = {kind.name: kind for kind in kinds}
-    values, count = record.parameters[op], 0
+def absurd(diagram: Diagram, values: Mapping[str, float], kinds: Vocabulary) -> int:
+    """How many plant parameters of an operating point are."""
+    by_name, count = {kind.name: kind for kind in kinds}, 0
     for instance in diagram.instances:
         kind = by_name[instance.kind]
         for name, box in kind.parameters.items() if kind.family == PLANT else ():

@@ -47,7 +47,7 @@ class Context:
     `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
     refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
     for agents. `remark` : what else is known of the device, for language models. `seen` : structure hash -> True when the
-    run has met it. `complaint` : why the first attempt failed.
+    run has met it. `complaint` : why the first attempt failed. `leading` : False where another candidate ranks higher.
     """
 
     study: Study
@@ -59,6 +59,7 @@ class Context:
     remark: str = ""
     seen: Callable[[str], bool] = field(default=lambda _: False)
     complaint: Complaint | None = None
+    leading: bool = True
 
     @property
     def task(self) -> Study:
@@ -70,7 +71,7 @@ class Context:
         met, the best first, at most so many (`ibrid_search.rankings`). Seconds the first time, then remembered."""
         from ibrid_search.rankings import rankings_of
 
-        return rankings_of(self.study).best(self.parent, self.is_new, number)
+        return rankings_of(self.study).best(self.parent, self.is_new, number, thorough=self.leading)
 
     def is_new(self, diagram: Diagram) -> bool:
         """True for a legal, plausible structure that the run has not met."""
@@ -120,10 +121,12 @@ class Origin:
     """Where the parent of a question comes from.
 
     `turn` : the active island goes round with it. `like` : the step whose parent, island and scale the question takes over.
+    `leading` : it is the candidate of the archive that ranks highest.
     """
 
     turn: int
     like: int | None = None
+    leading: bool = False
 
 
 class TakesPart:

@@ -16,6 +16,8 @@ from ibrid_search.settings import SearchSettings
 LOOKED_EXACT = 1e-5
 #: Gain in ln(error), prices paid, from which a look is proposed before more is looked at.
 PROMISES = 0.7
+#: Stages of a ranking that are about usual single edits.
+SINGLE = 2
 #: Single edits, of least error, from which pairs are looked at when no single one promises anything.
 AHEAD = 3
 #: Rankings that are kept: a candidate is asked about more than once.
@@ -29,17 +31,19 @@ class Rankings:
         self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
         self._known: dict[str, list[RankedEdit]] = {}
 
-    def best(self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1) -> list[RankedEdit]:
+    def best(
+        self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
+    ) -> list[RankedEdit]:
         """Edits of a candidate that lead to a structure which is `new`, at most so many, the best first.
 
         Effects of the catalogue are looked at first; where none promises half of what can be gained, other ideas, then two at
-        once, then blocks and wires anywhere. Empty where no edit has a response.
+        once, then blocks and wires anywhere, these two where it is to be `thorough`. Empty where no edit has a response.
         """
         error, floor = self._error(parent), self.looker.criterion.floor
         enough = self.looker.worth(error, parent.record.free_parameters)
         enough -= min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
         best: list[RankedEdit] = []
-        for looks in self._stages(parent):
+        for looks in islice(self._stages(parent), None if thorough else SINGLE):
             candidates = (look for look in looks if look.values and new(look.edit.diagram))
             best = sorted([*best, *islice(candidates, number)], key=_worth)[:number]
             if best and best[0].worth < enough:

@@ -7,7 +7,7 @@ import numpy as np
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid_search.edits import edit_between
-from ibrid_search.proposal import Context, Proposal, Proposer, TakesPart
+from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.rankings import rankings_of
@@ -33,6 +33,10 @@ class Diagnosis(TakesPart):
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
         return Pruning(thorough=thorough, loss=_loss)
+
+    def origin(self, number: int) -> Origin:
+        """Every other question is about the best candidate, so that parts follow each other; the rest keep other ways open."""
+        return Origin(number, leading=number % 2 == 0)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of the parent that leads to a structure which the run has not met; one by rules where nothing can be ranked."""
