@@ -91,6 +91,28 @@ def ideas_of(diagram: Diagram, study: Study) -> list[Edited]:
     return [one for one in _searched(diagram, study) if one.usual]
 
 
+def frame_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """Of both those that put in a layer of control which every inverter has, or another output filter; none where all layers
+    are there. What refines a control is looked at once it stands."""
+    if not (missing := _missing_layers(diagram, study)):
+        return []
+    plants = _plants(diagram, study)
+    both = (*effects_of(diagram, study), *ideas_of(diagram, study))
+    return [
+        one
+        for one in both
+        if _missing_layers(one.diagram, study) < missing or _plants(one.diagram, study) != plants
+    ]
+
+
+def _missing_layers(diagram: Diagram, study: Study) -> int:
+    return sum(view.roles.missing_layers for view in views_of(diagram, study.kinds))
+
+
+def _plants(diagram: Diagram, study: Study) -> list[str]:
+    return sorted(view.kind(view.roles.plant) for view in views_of(diagram, study.kinds))
+
+
 def anywhere_of(diagram: Diagram, study: Study) -> list[Edited]:
     """Every block or wire anywhere that makes a structure of its own."""
     return [one for one in _searched(diagram, study) if not one.usual]

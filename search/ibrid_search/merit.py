@@ -17,6 +17,9 @@ from ibrid_search.settings import SearchSettings
 EXACT = 1e-6
 #: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
 DOUBTFUL = 1e-3
+#: An NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a smaller one for a
+#: detail.
+GROSS, ABOVE_NOISE = 0.03, 2.0
 #: Source of a noise that the data do not tell.
 UNKNOWN = "unknown noise"
 

@@ -7,8 +7,10 @@ from math import log
 
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, anywhere_of, effects_of, ideas_of, itself_of
-from ibrid_search.merit import criterion
+from ibrid_search.diagnosis import (
+    Edited, Looker, RankedEdit, Values, anywhere_of, effects_of, frame_of, ideas_of, itself_of,
+)  # fmt: skip
+from ibrid_search.merit import ABOVE_NOISE, GROSS, criterion
 from ibrid_search.proposal import Evaluated
 from ibrid_search.settings import SearchSettings
 
@@ -16,6 +18,8 @@ from ibrid_search.settings import SearchSettings
 LOOKED_EXACT = 1e-5
 #: Gain in ln(error), prices paid, from which a look is proposed before more is looked at.
 PROMISES = 0.7
+#: The same for a layer of control that is missing.
+STANDS = 0.2
 #: Stages of a ranking that are about usual single edits.
 SINGLE = 2
 #: Single edits, of least error, from which pairs are looked at when no single one promises anything.
@@ -30,18 +34,25 @@ class Rankings:
     def __init__(self, study: Study) -> None:
         self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
         self._known: dict[str, list[RankedEdit]] = {}
+        self._looks: dict[str, RankedEdit] = {}
 
     def best(
         self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
     ) -> list[RankedEdit]:
         """Edits of a candidate that lead to a structure which is `new`, at most so many, the best first.
 
-        Effects of the catalogue are looked at first; where none promises half of what can be gained, other ideas, then two at
+        While the error is gross and a layer of control is missing, what puts one in comes first. Else effects of the catalogue
+        are looked at first; where none promises half of what can be gained, other ideas, then two at
         once, then blocks and wires anywhere, these two where it is to be `thorough`. Empty where no edit has a response.
         """
         error, floor = self._error(parent), self.looker.criterion.floor
-        enough = self.looker.worth(error, parent.record.free_parameters)
-        enough -= min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
+        own = self.looker.worth(error, parent.record.free_parameters)
+        enough = own - min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
+        if error > max(GROSS, ABOVE_NOISE * floor.level):
+            looks = self._ranked(parent.diagram, self._values(parent), frame_of)
+            frame = [look for look in looks if look.worth < own - STANDS and new(look.edit.diagram)]
+            if frame:
+                return frame[:number]
         best: list[RankedEdit] = []
         for looks in islice(self._stages(parent), None if thorough else SINGLE):
             candidates = (look for look in looks if look.values and new(look.edit.diagram))
@@ -88,12 +99,21 @@ class Rankings:
         self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
     ) -> list[RankedEdit]:
         """Edits of a diagram with fitted values, by looks; the last ones are kept."""
-        key = f"{edits.__name__} {self.study.hash_of(diagram)} {[sorted(point.items()) for point in values]}"
+        at = str([sorted(point.items()) for point in values])
+        key = f"{edits.__name__} {self.study.hash_of(diagram)} {at}"
         if key not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
-            self._known[key] = self.looker.ranked(edits(diagram, self.study), values)
+                self._looks.clear()
+            self._known[key] = sorted((self._look(one, values, at) for one in edits(diagram, self.study)), key=_worth)
         return self._known[key]
+
+    def _look(self, edit: Edited, values: Values, at: str) -> RankedEdit:
+        """A look, which several stages may ask for."""
+        key = f"{self.study.hash_of(edit.diagram)} {at}"
+        if key not in self._looks:
+            self._looks[key] = self.looker.look(edit, values)
+        return self._looks[key]
 
 
 @lru_cache(maxsize=2)

@@ -12,6 +12,7 @@ from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
+from ibrid_search.merit import ABOVE_NOISE, GROSS
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.edited import edited, proposal_of
 
@@ -23,9 +24,6 @@ ASKED = 3.0
 LATER = 0.05
 #: Least part of a family's weight that the residual cannot take away.
 LEAST_RELEVANCE = 0.1
-#: A parent's NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a
-#: smaller one for a detail.
-GROSS, ABOVE_NOISE = 0.03, 2.0
 #: Edits that a first look compares.
 COMPARED = 6
 
