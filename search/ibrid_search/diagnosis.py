@@ -99,9 +99,7 @@ def frame_of(diagram: Diagram, study: Study) -> list[Edited]:
     plants = _plants(diagram, study)
     both = (*effects_of(diagram, study), *ideas_of(diagram, study))
     return [
-        one
-        for one in both
-        if _missing_layers(one.diagram, study) < missing or _plants(one.diagram, study) != plants
+        one for one in both if _missing_layers(one.diagram, study) < missing or _plants(one.diagram, study) != plants
     ]
 
 

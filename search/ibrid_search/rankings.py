@@ -8,7 +8,15 @@ from math import log
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 from ibrid_search.diagnosis import (
-    Edited, Looker, RankedEdit, Values, anywhere_of, effects_of, frame_of, ideas_of, itself_of,
+    Edited,
+    Looker,
+    RankedEdit,
+    Values,
+    anywhere_of,
+    effects_of,
+    frame_of,
+    ideas_of,
+    itself_of,
 )  # fmt: skip
 from ibrid_search.merit import ABOVE_NOISE, GROSS, criterion
 from ibrid_search.proposal import Evaluated
@@ -43,7 +51,8 @@ class Rankings:
 
         While the error is gross and a layer of control is missing, what puts one in comes first. Else effects of the catalogue
         are looked at first; where none promises half of what can be gained, other ideas, then two at
-        once, then blocks and wires anywhere, these two where it is to be `thorough`. Empty where no edit has a response.
+        once, then blocks and wires anywhere: these two where it is to be `thorough`, and noise leaves something to be found.
+        Empty where no edit has a response.
         """
         error, floor = self._error(parent), self.looker.criterion.floor
         own = self.looker.worth(error, parent.record.free_parameters)
@@ -54,7 +63,7 @@ class Rankings:
             if frame:
                 return frame[:number]
         best: list[RankedEdit] = []
-        for looks in islice(self._stages(parent), None if thorough else SINGLE):
+        for looks in islice(self._stages(parent), None if thorough and error > floor.most else SINGLE):
             candidates = (look for look in looks if look.values and new(look.edit.diagram))
             best = sorted([*best, *islice(candidates, number)], key=_worth)[:number]
             if best and best[0].worth < enough:

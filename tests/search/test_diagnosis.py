@@ -15,10 +15,11 @@ from ibrid_search.diagnosis import (
     effects_of,
     ideas_of,
 )
-from ibrid_search.merit import criterion
+from ibrid_search.merit import GROSS, criterion
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.diagnosis import Diagnosis
 from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.rankings import rankings_of
 from ibrid_search.settings import SearchSettings
 from scripted_search import steps_of
 from sharing import shared
@@ -26,6 +27,7 @@ from sharing import shared
 import ibrid
 from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.view import views_of
 from ibrid.structure.compare import compare
 from ibrid.study import Study
 
@@ -104,6 +106,30 @@ def test_a_proposal_is_the_best_edit_that_the_run_has_not_met():
     second = proposer.propose(replace(context, seen={met}.__contains__), np.random.default_rng(0))
     assert second.edit
     assert second.edit != first.edit
+
+
+def test_while_a_layer_of_control_is_missing_what_puts_it_in_comes_before_what_refines():
+    study = Study(inverter("no_decoupling").sweep)
+    bare = ibrid.textbook("gfl_pll_filter_exact")
+    view = views_of(bare, study.kinds)[0]
+    cut = next(one for one in effects_of(bare, study) if one.words.startswith("pll_missing: remove")).diagram
+    given = Evaluated(0, cut, ibrid.evaluate(cut, study))
+    assert view.roles.missing_layers == 0
+    assert given.record.nrmse > GROSS
+    best = rankings_of(study).best(given, lambda diagram: True, number=30)
+    assert best
+    assert {views_of(look.edit.diagram, study.kinds)[0].roles.missing_layers for look in best} == {0}
+
+
+def test_a_current_loop_may_take_the_outer_loops_as_its_reference_and_leave_the_feedforward():
+    study = Study(inverter("no_decoupling").sweep)
+    whole = ibrid.textbook("gfl_pll_filter_exact")
+    without = next(one for one in effects_of(whole, study) if one.words.startswith("current_loop_missing: remove"))
+    back = [
+        one.words for one in effects_of(without.diagram, study) if study.hash_of(one.diagram) == study.hash_of(whole)
+    ]
+    assert len(back) == 1
+    assert "with the outer loops as its reference" in back[0]
 
 
 def test_what_a_look_cannot_do_without_is_not_taken_away():
