@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from ibrid import __version__
 from ibrid.commands import (
+    asking,
     diagrams,
     events,
     fitting,
@@ -85,6 +86,7 @@ def parser() -> argparse.ArgumentParser:
         searching,
         policy,
         predicting,
+        asking,
         results,
     ):
         family.declare(commands)

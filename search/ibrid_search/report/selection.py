@@ -31,7 +31,7 @@ class Choice:
 class Selection:
     """`front` : candidates that nothing simpler beats. `equally_good` : steps that fit as well as the answer. `why` : a
     sentence. `residual` : modules of the answer that stand for no physics. `rivals` : sentences about structures that the data
-    cannot tell from the answer, and what would."""
+    cannot tell from the answer, and what would; `rival_steps` : their numbers."""
 
     front: tuple[Choice, ...] = ()
     equally_good: tuple[int, ...] = ()
@@ -39,6 +39,7 @@ class Selection:
     why: str = ""
     residual: tuple[str, ...] = ()
     rivals: tuple[str, ...] = ()
+    rival_steps: tuple[int, ...] = ()
 
 
 def read_selection(path: Path) -> Selection | None:
@@ -59,6 +60,7 @@ def read_selection(path: Path) -> Selection | None:
             why=str(found.get("why") or ""),
             residual=tuple(map(str, found.get("residual_modules") or ())),
             rivals=tuple(str(rival["words"]) for rival in found.get("rivals") or ()),
+            rival_steps=tuple(int(rival["step"]) for rival in found.get("rivals") or ()),
         )
     except (KeyError, TypeError, ValueError, AttributeError):
         raise IbridError(f"{path}: must hold a front of steps with their numbers; finish the run again") from None

@@ -1,0 +1,283 @@
+"""What to measure next: sweeps ranked by what they would tell of the parameters, and of structures that the data leave open.
+
+A sweep of frequencies F at an operating point is n = 8 |F| real numbers with Gaussian errors of deviation s. To first order in
+the parameters x, with J = dY/dx / s whitened and C their covariance so far (Laplace),
+
+    C' = (C^-1 + J'J)^-1,    sd ratio of a parameter = sqrt(C'_jj / C_jj),    information = 1/2 log2 det(1 + J C J') bits,
+
+and with a rival that answers r = (Y_rival - Y) / s differently and whose own parameters can follow by their covariance C_r,
+
+    bits = 1 / (2 ln 2) r' (1 + J_r C_r J_r')^-1 r,
+
+the expected logarithm of the likelihood ratio once the rival has been fitted again, the smaller of both directions (Box and Hill,
+Discrimination among mechanistic models, 1967; Fedorov, Theory of optimal experiments, 1972). Frequencies are taken one
+by one, each where it adds most.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from ibrid.analysis.linear_model import linear_model, whole_record, with_point
+from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import OperatingPoint
+
+#: Bits that a pair of structures must be apart to count as told apart: odds of 20 to 1.
+DECISIVE = float(np.log2(20.0))
+#: A ratio of standard deviations above which a parameter has gained nothing.
+NOTHING = 0.98
+#: Relative noise of a measurement to come where the record knows none.
+ASSUMED_NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class Among:
+    """What the user can do: operating points `p`, `q`, `v` (per unit, all combinations), `count` frequencies of those between
+    `low` and `high` (Hz; None: the range of the record), with relative noise `noise` (None: that of the record)."""
+
+    p: tuple[float, ...] = (0.0, 0.5, 1.0)
+    q: tuple[float, ...] = (-0.3, 0.0, 0.3)
+    v: tuple[float, ...] = (1.0,)
+    count: int = 16
+    low: float | None = None
+    high: float | None = None
+    noise: float | None = None
+    of: int = 48
+
+    def points(self) -> tuple[OperatingPoint, ...]:
+        """All operating points."""
+        return tuple(
+            OperatingPoint(f"p={p:g},q={q:g}" + (f",v={v:g}" if v != 1 else ""), p, q, v)
+            for p, q, v in product(self.p, self.q, self.v)
+        )
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A sweep. `gain` : parameter -> standard deviation after it over that before. `information` : bits on the parameters.
+    `separates` : (structure, structure, bits)."""
+
+    op: OperatingPoint
+    frequencies: tuple[float, ...]
+    gain: dict[str, float]
+    information: float
+    separates: tuple[tuple[str, str, float], ...]
+
+    @property
+    def decides(self) -> float:
+        """Bits between the two structures that it tells apart least; infinite where there is nothing to tell apart."""
+        return min((bits for _, _, bits in self.separates), default=float("inf"))
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "kind": "sweep",
+            "op": {"name": self.op.name, "p": self.op.p, "q": self.op.q, "v": self.op.v},
+            "frequencies": list(self.frequencies),
+            "gain": self.gain,
+            "information": self.information,
+            "separates": [list(pair) for pair in self.separates],
+        }
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A structure with its parameters at one operating point: whitened answer (K, 8), and its slopes along R directions of
+    standard deviation one, (K, 8, R). `sure`, `names` : of the parameters."""
+
+    name: str
+    answer: np.ndarray
+    slopes: np.ndarray
+    sure: Uncertainty
+
+
+def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -> tuple[Experiment, ...]:
+    """Sweeps at all operating points of `among` at which every record has an answer, the most telling first.
+
+    records : the answer, then its rivals; `names` : what each structure is called (its hash). With rivals the sweep that leaves
+    the least doubt between them comes first, else the one with most information on the answer's parameters.
+
+    Raises IbridError where the answer cannot predict, or no operating point can be asked.
+    """
+    answer = records[0]
+    frequency = _frequencies(answer, among)
+    noise = among.noise or _noise(answer)
+    found, why = [], "none was asked"
+    for op in among.points():
+        try:
+            known = _known(records, names, op, frequency, noise)
+        except IbridError as error:
+            why = str(error)
+            continue
+        found.append(_best(known, op, frequency, among.count))
+    if not found:
+        raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
+    return tuple(sorted(found, key=lambda one: (-min(one.decides, DECISIVE * 8), -one.information)))
+
+
+def sentences(found: Sequence[Experiment]) -> tuple[str, ...]:
+    """What no sweep can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing."""
+    pairs = {tuple(pair[:2]): max(_bits(one, pair) for one in found) for pair in found[0].separates}
+    said = [
+        f"nothing you can do at the terminals by a sweep will tell {one} from {other}: at most {bits:.1g} bits; a record of an "
+        "event that reaches a limit may"
+        for (one, other), bits in pairs.items()
+        if bits < DECISIVE
+    ]
+    blind = [name for name in found[0].gain if min(one.gain[name] for one in found) > NOTHING]
+    if blind:
+        said.append(f"no sweep tells more of {', '.join(blind)}")
+    return tuple(said)
+
+
+def _bits(found: Experiment, pair: tuple[str, str, float]) -> float:
+    return next(bits for one, other, bits in found.separates if (one, other) == pair[:2])
+
+
+def _frequencies(record: Record, among: Among) -> np.ndarray:
+    low, high = (float(hz) for hz in record.settings["frequency_hz"])
+    low, high = among.low or low, among.high or high
+    if not 0 < low < high:
+        raise IbridError(f"frequencies are asked from low to high, found {low:g} to {high:g} Hz")
+    return np.array([float(f"{hz:.4g}") for hz in np.geomspace(low, high, max(among.of, among.count))])
+
+
+def _noise(record: Record) -> float:
+    """Relative to |Y|: the noise floor that the record was judged by, where it was known."""
+    floor = (record.misfit or {}).get("floor", {})
+    known = floor.get("from") not in (None, "unknown") and floor.get("value")
+    return float(floor["value"]) if known else ASSUMED_NOISE
+
+
+def _known(
+    records: Sequence[Record], names: Sequence[str], op: OperatingPoint, frequency: np.ndarray, noise: float
+) -> list[_Known]:
+    """Structures at an operating point, all whitened by the noise of the first one's answer.
+
+    Raises IbridError where one has no operating point, or is unstable on an ideal grid there.
+    """
+    found, deviation = [], np.zeros(0)
+    for record, name in zip(records, names, strict=True):
+        with whole_record():
+            whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
+            linear = linear_model(whole, point)
+            if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
+                raise IbridError(f"the model is unstable at {op.name}")
+            model = ParametricModel(whole, OperatingPoint(point, linear.p, linear.q, linear.v))
+            sure = uncertainty(whole, model)
+            response = model.admittance(frequency)
+            if sure is None:
+                raise IbridError("the record holds no covariance; fit again with --parameters shared")
+            slopes = model.slopes(frequency) @ sure.directions
+        if not (np.isfinite(response).all() and np.isfinite(slopes).all()):
+            raise IbridError(f"the model has no finite answer at {op.name}")
+        if not found:
+            deviation = noise * np.linalg.norm(response, axis=(1, 2)) / np.sqrt(8.0)
+        answer = _real(response.reshape(len(frequency), 4, 1))[..., 0] / deviation[:, None]
+        slopes = _real(slopes.reshape(len(frequency), 4, -1)) / deviation[:, None, None]
+        found.append(_Known(name, answer, slopes, sure))
+    return found
+
+
+def _real(values: np.ndarray) -> np.ndarray:
+    """(K, 4, R) complex as (K, 8, R)."""
+    return np.concatenate([values.real, values.imag], axis=1)
+
+
+def _best(known: Sequence[_Known], op: OperatingPoint, frequency: np.ndarray, count: int) -> Experiment:
+    """The frequencies that tell most, and what they tell."""
+    pairs = list(combinations(range(len(known)), 2))
+    chosen = _for_structures(known, pairs, count) if pairs else _for_parameters(known[0], count)
+    answer = known[0]
+    after = _posterior(answer.slopes[chosen])
+    before = (answer.sure.directions**2).sum(axis=1)
+    left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
+    gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
+    information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
+    separates = tuple((known[i].name, known[j].name, _apart(known[i], known[j], chosen)) for i, j in pairs)
+    gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
+    return Experiment(op, tuple(float(hz) for hz in frequency[chosen]), gains, information, separates)
+
+
+def _posterior(slopes: np.ndarray) -> np.ndarray:
+    """Covariance (R, R) along directions that had deviation one, after frequencies with slopes (n, 8, R)."""
+    flat = slopes.reshape(-1, slopes.shape[-1])
+    return np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)
+
+
+def _for_parameters(known: _Known, count: int) -> np.ndarray:
+    """Frequencies, one by one, each with the most information on the parameters (D-optimal)."""
+    chosen: list[int] = []
+    covariance = np.eye(known.slopes.shape[-1])
+    for _ in range(count):
+        inside = np.eye(8) + known.slopes @ covariance @ known.slopes.transpose(0, 2, 1)
+        worth = np.linalg.slogdet(inside)[1]
+        worth[chosen] = -np.inf
+        best = int(np.argmax(worth))
+        chosen.append(best)
+        covariance = _updated(covariance, known.slopes[best], inside[best])
+    return np.sort(np.array(chosen))
+
+
+def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    follows = covariance @ slopes.T
+    return covariance - follows @ np.linalg.solve(inside, follows.T)
+
+
+def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], count: int) -> np.ndarray:
+    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far.
+
+    Bits add up over frequencies as normalised innovations of a Kalman filter do, in which a rival's parameters follow.
+    """
+    ways = [(i, j) for pair in pairs for i, j in (pair, pair[::-1])]
+    follow = [_Following(known[j].slopes, known[j].answer - known[i].answer) for i, j in ways]
+    chosen: list[int] = []
+    for _ in range(count):
+        worst = min(follow, key=lambda one: one.told)
+        worth = worst.worth()
+        worth[chosen] = -np.inf
+        best = int(np.argmax(worth))
+        chosen.append(best)
+        for one in follow:
+            one.take(best)
+    return np.sort(np.array(chosen))
+
+
+class _Following:
+    """A rival that is fitted again and again while frequencies come in; `told` : the chi2 that is left to it."""
+
+    def __init__(self, slopes: np.ndarray, difference: np.ndarray) -> None:
+        self.slopes, self.difference, self.told = slopes, difference, 0.0
+        self._at, self._covariance = np.zeros(slopes.shape[-1]), np.eye(slopes.shape[-1])
+
+    def worth(self) -> np.ndarray:
+        """(K,) chi2 that each frequency would add."""
+        inside = np.eye(8) + self.slopes @ self._covariance @ self.slopes.transpose(0, 2, 1)
+        surprise = self.difference + self.slopes @ self._at
+        return np.einsum("ki,ki->k", surprise, np.linalg.solve(inside, surprise[..., None])[..., 0])
+
+    def take(self, k: int) -> None:
+        """Measure a frequency."""
+        slopes = self.slopes[k]
+        inside = np.eye(8) + slopes @ self._covariance @ slopes.T
+        surprise = self.difference[k] + slopes @ self._at
+        solved = np.linalg.solve(inside, surprise)
+        self.told += float(surprise @ solved)
+        self._at = self._at - self._covariance @ slopes.T @ solved
+        self._covariance = _updated(self._covariance, slopes, inside)
+
+
+def _apart(one: _Known, other: _Known, chosen: np.ndarray) -> float:
+    """Bits, the smaller of both directions."""
+    bits = []
+    for truth, rival in ((one, other), (other, one)):
+        follow = _Following(rival.slopes, rival.answer - truth.answer)
+        for k in chosen:
+            follow.take(int(k))
+        bits.append(follow.told / (2.0 * np.log(2.0)))
+    return float(min(bits))

@@ -1,0 +1,92 @@
+"""`ibrid next RECORD|RUN`: what to measure next."""
+
+import tomllib
+from argparse import Namespace
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ibrid.commands import inputs
+from ibrid.commands.outputs import add_json_option, give_json, require_json_place
+from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.errors import IbridError
+
+if TYPE_CHECKING:
+    from ibrid.analysis.experiments import Among
+
+
+def declare(commands: Any) -> None:
+    """Add the command to the parser."""
+    ask = commands.add_parser("next", help="what to measure next: sweeps ranked by what they would tell")
+    ask.add_argument("record", metavar="RECORD|RUN", help="JSON of ibrid evaluate or gap, or the folder of a search")
+    ask.add_argument(
+        "--among",
+        metavar="FILE",
+        help="toml of what you can do: p, q, v (lists, per unit), count, low, high (Hz), noise (relative)",
+    )
+    add_kinds_option(ask)
+    add_json_option(ask)
+    ask.set_defaults(run=run_next)
+
+
+def run_next(arguments: Namespace) -> int:
+    """Print the ranking, or its JSON."""
+    require_json_place(arguments.json)
+    among = _among(arguments.among)
+
+    from ibrid.analysis.experiments import experiments, sentences
+    from ibrid.modules.vocabulary import choose_vocabulary
+    from ibrid.report.experiments_text import format_experiments
+
+    source = Path(arguments.record)
+    if (source / "archive.sqlite").is_file():
+        from ibrid_search.open_structures import open_structures
+
+        names, records = open_structures(source, choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))
+    else:
+        from ibrid.structure.canonical import structure_hash
+
+        record = inputs.record(source, arguments.kinds)
+        names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
+    found = experiments(records, names, among)
+    said = sentences(found)
+    content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
+    if not give_json(content, arguments.json):
+        print(format_experiments(found, said))
+    return 0
+
+
+def _among(path: str | None) -> "Among":
+    from ibrid.analysis.experiments import Among
+
+    if path is None:
+        return Among()
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise IbridError(f"{path}: must be toml such as p = [0, 0.5, 1] and count = 8 ({error})") from None
+    known = {one.name for one in fields(Among)} - {"of"}
+    if strange := sorted(set(content) - known):
+        raise IbridError(f"{path}: knows {', '.join(sorted(known))}, found {', '.join(strange)}")
+    values = {name: _checked(path, name, value) for name, value in content.items()}
+    return Among(**values)
+
+
+def _checked(path: str, name: str, value: Any) -> Any:
+    """A list of numbers for p, q, v; a positive number for the others, a whole one up to 200 for count."""
+    if name in ("p", "q", "v"):
+        numbers = value if isinstance(value, list) else [value]
+        if 0 < len(numbers) <= 20 and all(_number(one) and (name != "v" or one > 0) for one in numbers):
+            return tuple(float(one) for one in numbers)
+        raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
+    if name == "count":
+        if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= 200:
+            return value
+        raise IbridError(f"{path}: count must be a whole number from 1 to 200, found {str(value)[:60]}")
+    if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9:
+        return float(value)
+    raise IbridError(f"{path}: {name} must be a positive number, found {str(value)[:60]}")
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 10
