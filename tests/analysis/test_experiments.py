@@ -1,0 +1,133 @@
+"""What to measure next: closed forms of what a sweep tells, and the command."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fitted import benchmark, evaluated
+from sharing import shared
+
+import ibrid
+from ibrid.analysis.experiments import ASSUMED_NOISE, Among, experiments, sentences
+from ibrid.analysis.parametric import ParametricModel
+from ibrid.cli import main
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.schemas import breach
+
+HERE = Among(p=(1.0,), q=(0.3,), count=6, of=12, noise=0.01)
+
+
+@shared
+def noisy() -> Record:
+    data = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(0))
+    return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), data, objective="sigma")
+
+
+def only_uncertain(record: Record, name: str, deviation: float) -> Record:
+    """The record whose covariance holds one parameter alone."""
+    names = list(record.covariance["names"])
+    matrix = np.zeros((len(names), len(names)))
+    matrix[names.index(name), names.index(name)] = deviation**2
+    return replace(record, covariance={"of": "", "names": names, "matrix": matrix.tolist()})
+
+
+def with_value(record: Record, name: str, factor: float) -> Record:
+    changed = {op: {**values, name: values[name] * factor} for op, values in record.parameters.items()}
+    return replace(record, parameters=changed)
+
+
+def test_one_uncertain_parameter_gains_what_its_slope_says():
+    record = only_uncertain(evaluated("gfl_pll_filter_exact"), "pll.kP_pll", 0.02)
+    found = experiments([record], ["a"], HERE)[0]
+    frequency = np.array(found.frequencies)
+    model = ParametricModel(record, benchmark().points[0].op)
+    slope = model.slopes(frequency)[..., model.names.index("pll.kP_pll")]
+    deviation = 0.01 * np.linalg.norm(model.admittance(frequency), axis=(1, 2)) / np.sqrt(8.0)
+    seen = float((np.abs(slope / deviation[:, None, None]) ** 2).sum())
+    assert found.gain["pll.kP_pll"] == pytest.approx((1 + 0.02**2 * seen) ** -0.5, rel=1e-3)
+    assert found.information == pytest.approx(0.5 * np.log2(1 + 0.02**2 * seen), rel=1e-3)
+
+
+def test_the_frequencies_of_one_parameter_are_those_that_see_it_best():
+    record = only_uncertain(evaluated("gfl_pll_filter_exact"), "pll.kP_pll", 0.02)
+    found = experiments([record], ["a"], HERE)[0]
+    every = experiments([record], ["a"], replace(HERE, count=12))[0].frequencies
+    model = ParametricModel(record, benchmark().points[0].op)
+    slope = model.slopes(np.array(every))[..., model.names.index("pll.kP_pll")]
+    size = np.linalg.norm(slope, axis=(1, 2)) / np.linalg.norm(model.admittance(np.array(every)), axis=(1, 2))
+    assert found.frequencies == tuple(every[k] for k in np.sort(np.argsort(size)[-6:]))
+
+
+def test_two_models_without_a_free_number_are_as_many_bits_apart_as_their_distance_in_noise():
+    one = only_uncertain(evaluated("gfl_pll_filter_exact"), "pll.kP_pll", 0.0)
+    other = with_value(one, "pll.kP_pll", 1.05)
+    (found,) = experiments([one, other], ["a", "b"], HERE)
+    frequency = np.array(found.frequencies)
+    answers = [ParametricModel(each, benchmark().points[0].op).admittance(frequency) for each in (one, other)]
+    deviation = 0.01 * np.linalg.norm(answers[0], axis=(1, 2)) / np.sqrt(8.0)
+    square = float((np.abs((answers[1] - answers[0]) / deviation[:, None, None]) ** 2).sum())
+    assert found.separates[0][2] == pytest.approx(square / (2 * np.log(2)), rel=1e-3)
+
+
+def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
+    name = "pll.kP_pll"
+    one, other = (only_uncertain(evaluated("gfl_pll_filter_exact"), name, 10.0) for _ in range(2))
+    found = experiments([one, with_value(other, name, 1.001)], ["a", "b"], HERE)
+    assert found[0].decides < 0.01
+    assert sentences(found)[0].startswith("nothing you can do at the terminals by a sweep will tell a from b")
+
+
+def test_a_noisy_fit_gains_at_points_that_were_not_measured():
+    found = experiments([noisy()], ["a"], Among(count=8))
+    assert {one.op.p for one in found} == {0.5, 1.0}  # at p = 0 the model is unstable
+    assert [one.information for one in found] == sorted((one.information for one in found), reverse=True)
+    assert min(found[0].gain.values()) < 0.9
+    assert all(0 < ratio <= 1 for ratio in found[0].gain.values())
+
+
+def test_the_noise_of_the_record_is_that_of_the_measurement_to_come():
+    known = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,)))[0]
+    said = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), noise=0.01))[0]
+    assert known.information == pytest.approx(said.information, rel=0.02)  # 40 dB; the floor is over all frequencies
+    assert pytest.approx(0.01) == ASSUMED_NOISE
+
+
+def test_what_cannot_be_asked_is_refused():
+    with pytest.raises(IbridError, match="no operating point can be asked"):
+        experiments([noisy()], ["a"], Among(p=(9.0,), q=(0.0,)))
+    with pytest.raises(IbridError, match="from low to high"):
+        experiments([noisy()], ["a"], Among(low=100.0, high=10.0))
+
+
+def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
+    noisy().write(tmp_path / "record.json")
+    (tmp_path / "among.toml").write_text("p = [0.5, 1]\nq = 0\ncount = 4\n", encoding="utf-8")
+    words = ["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]
+    assert main(words) == 0
+    assert capsys.readouterr().out.startswith("measure at p=")
+    assert main([*words, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert breach(content, "next") is None
+    assert [len(one["frequencies"]) for one in content["experiments"]] == [4, 4]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("p = [", "must be toml"),
+        ("power = 1", "knows count, high, low, noise, p, q, v"),
+        ("p = [99]", "p must be one to twenty numbers"),
+        ("v = [0]", "v must be"),
+        ("count = 0", "count must be a whole number"),
+        ("noise = -1", "noise must be a positive number"),
+    ],
+)
+def test_a_wrong_file_of_possibilities_gets_one_sentence(tmp_path, capsys, text, words):
+    noisy().write(tmp_path / "record.json")
+    (tmp_path / "among.toml").write_text(text, encoding="utf-8")
+    assert main(["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]) == 2
+    told = capsys.readouterr().err
+    assert words in told
+    assert len(told.splitlines()) == 1
