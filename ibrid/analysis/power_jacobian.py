@@ -58,7 +58,9 @@ class PowerJacobian:
         return shown(self, "plotting", "jacobian_plot", ax)
 
 
-def power_jacobian(record: Record, op: str | None = None, frequency: Sequence[float] | None = None) -> PowerJacobian:
+def power_jacobian(
+    record: Record, op: str | None = None, frequency: Sequence[float] | np.ndarray | None = None
+) -> PowerJacobian:
     """P-theta / Q-V Jacobian and NFP of a record's model, delays exact.
 
     op : as in `linear_model`. frequency : (K,) Hz above 0, by default `MODEL_GRID`.

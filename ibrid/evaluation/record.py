@@ -113,14 +113,18 @@ class Record:
         """Write the JSON, replacing the file atomically."""
         write_whole(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
 
-    def state_space(self, op: str) -> "control.StateSpace":
-        """The full (A, B, C, D) at an operating point by python-control; states "instance.state".
+    def state_space(self, op: str, cut: str | None = None) -> "control.StateSpace":
+        """The full (A, B, C, D) at an operating point by python-control; states "instance.state". cut : a module that gives
+        nothing out.
 
         Raises OperatingPointError for a point that is not the record's, IbridError for a record without a fit.
         """
         from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
 
         matrices = self._matrices(op)
+        if cut is not None:
+            a, b, c, d = matrices[cut]
+            matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
         return closed_loop(self._wiring, matrices, name="inverter")
 
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:

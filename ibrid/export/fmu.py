@@ -69,7 +69,7 @@ def _braced(numbers: Iterable[float]) -> str:
 
 def _starts(model: LinearModel, moving: NonlinearModel | None) -> tuple[Sequence[float], Sequence[float]]:
     """Of the inputs and of the states."""
-    return ((0.0, 0.0), [0.0] * len(model.states)) if moving is None else (moving.v0, moving.x0)
+    return ((0.0, 0.0), [0.0] * len(model.states)) if moving is None else (moving.v0.tolist(), moving.x0.tolist())
 
 
 @written_in(XML)

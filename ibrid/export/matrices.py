@@ -115,7 +115,8 @@ def npz_file(*models: LinearModel) -> bytes:
     """The file's content, named as in `mat_file`: arrays of numbers and of names."""
     stream = io.BytesIO()
     content = _arrays(models, lambda names: np.array(names, dtype=str))
-    np.savez(stream, **{name: np.asarray(value) for name, value in content.items()})
+    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in content.items()}
+    np.savez(stream, **arrays)
     return stream.getvalue()
 
 

@@ -1,10 +1,11 @@
 """The block diagram as an inline SVG: signals flow from left to right; measurements return from the plant.
 
-Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add.
+Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add and subtract; loops are framed.
 """
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
@@ -14,8 +15,10 @@ from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_graph import Node, block_graph
 from ibrid.report.drawing import Layout, arrange
-from ibrid.report.layering import HEADER, shorten
+from ibrid.report.layering import LINE, header_of, shorten
+from ibrid.report.loop_frames import loop_frames
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.loops import loops
 from ibrid.structure.program import parse_program
 
 #: Larger diagrams are not drawn: nobody could read them.
@@ -24,18 +27,26 @@ LARGEST = 60
 SMALL = 800
 
 
-def block_diagram_svg(diagram: Diagram, vocabulary: Sequence[ModuleKind], framed: Collection[str] = ()) -> Markup:
-    """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a thick frame."""
+def block_diagram_svg(
+    diagram: Diagram,
+    vocabulary: Sequence[ModuleKind],
+    framed: Collection[str] = (),
+    values: Mapping[str, Sequence[str]] | None = None,
+) -> Markup:
+    """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a thick frame. values : lines
+    for the boxes of modules (`values_of`)."""
     if not diagram.instances:
         return Markup("<p>The program adds no modules, so there is nothing to draw.</p>")
     if len(diagram.instances) > LARGEST:
         return Markup(
             f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most {LARGEST}.</p>"
         )
-    graph = block_graph(diagram, vocabulary)
+    graph = block_graph(diagram, vocabulary, values, framed)
     drawing = arrange(graph)
-    parts = [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
+    parts, names = loop_frames(drawing, loops(diagram, tuple(vocabulary)))
+    parts += [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
     parts += [part for node in graph.nodes for part in _node(drawing, node, node.name in framed)]
+    parts += names
     label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
     return Markup(
         f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '
@@ -63,7 +74,10 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
     middle = left + width / 2
     if node.shape == "sum":
         found = [f'<circle cx="{middle:.1f}" cy="{top + height / 2:.1f}" r="{height / 2:.1f}"/>']
-        found.append(_text(middle, top + height / 2 + 5, "+", "name"))
+        for port in node.inputs:
+            x, y = drawing.end((node.name, port), "inputs")
+            sign = "\u2212" if port in node.minus else "+"
+            found.append(_text(x + 6, y + 4, sign, "sign"))
         return [f'<g class="node sum"><title>{escape(node.name)}</title>', *found, "</g>"]
     box = f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"'
     if node.shape == "terminal":
@@ -73,8 +87,12 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
     found = [f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
     found.append(_text(middle, top + 17.5, shorten(node.name), "name"))
     found.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
+    found += [
+        _text(middle, top + 32.5 + LINE * number, shorten(line), "value")
+        for number, line in enumerate(node.values, start=1)
+    ]
     if drawing.placement.shapes[node.name].labelled:
-        found.append(f'<path class="rule" d="M{left:.1f} {top + HEADER + 2:.1f}h{width:.1f}"/>')
+        found.append(f'<path class="rule" d="M{left:.1f} {top + header_of(node) + 2:.1f}h{width:.1f}"/>')
         for pin_side, x, anchor in (("inputs", left + 6, "start"), ("outputs", left + width - 6, "end")):
             for port in getattr(node, pin_side):
                 y = top + getattr(drawing.placement.shapes[node.name], pin_side)[port] + 4
@@ -98,8 +116,14 @@ def _text(x: float, y: float, words: str, style: str) -> str:
     return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
 
 
-#: A title, the diagram, and the names of blocks that get a frame.
-Shown = tuple[str, Diagram, tuple[str, ...]]
+@dataclass(frozen=True)
+class Shown:
+    """A title, a diagram, the names of blocks that get a frame, and the lines in its boxes."""
+
+    title: str
+    diagram: Diagram
+    framed: tuple[str, ...] = ()
+    values: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 class DrawnDiagrams(NamedTuple):
@@ -112,12 +136,12 @@ class DrawnDiagrams(NamedTuple):
 def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> DrawnDiagrams:
     """Some diagrams, drawn; a single one needs no title."""
     figures = []
-    for title, diagram, framed in shown:
-        svg = block_diagram_svg(diagram, kinds, framed)
+    for one in shown:
+        svg = block_diagram_svg(one.diagram, kinds, one.framed, one.values)
         width = re.search(r"max-width:(\d+)px", svg)
-        figures.append((title, svg, width[1] if width else ""))
+        figures.append((one.title, svg, width[1] if width else ""))
     families = {kind.name: kind.family for kind in kinds}
-    used = dict.fromkeys(families.get(block.kind, "unknown") for _, diagram, _ in shown for block in diagram.instances)
+    used = dict.fromkeys(families.get(block.kind, "unknown") for one in shown for block in one.diagram.instances)
     return DrawnDiagrams(figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used])
 
 

@@ -4,9 +4,10 @@ join them. A net is one source and all that it drives, so that it can be drawn a
 A diagram that the grammar refuses can be drawn too: unknown kinds become boxes with the ports that are used.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
@@ -21,7 +22,8 @@ Pin = tuple[str, str]
 
 @dataclass(frozen=True)
 class Node:
-    """One shape. `shape` : "module", "sum" or "terminal". `kind`, `family` : words, "" where they do not apply."""
+    """One shape. `shape` : "module", "sum" or "terminal". `kind`, `family` : words, "" where they do not apply. `minus` : inputs
+    of a sum that are subtracted. `values` : lines in the box of a module."""
 
     name: str
     shape: str
@@ -29,6 +31,8 @@ class Node:
     family: str = ""
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    minus: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,17 @@ class BlockGraph:
         return next(one for one in self.nodes if one.name == name)
 
 
-def block_graph(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> BlockGraph:
-    """Shapes and nets of a diagram, legal or not; an input with several sources gets a sum in front."""
+def block_graph(
+    diagram: Diagram,
+    vocabulary: Sequence[ModuleKind],
+    values: Mapping[str, Sequence[str]] | None = None,
+    kept: Collection[str] = (),
+) -> BlockGraph:
+    """Shapes and nets of a diagram, legal or not; an input with several sources gets a sum in front.
+
+    A module that only changes a sign is drawn as the minus at a sum, unless it is one of `kept`. values : lines for the boxes of
+    modules.
+    """
     kinds = {kind.name: kind for kind in vocabulary}
     wires = _wires(diagram)
     sources: dict[str, list[str]] = {}
@@ -61,20 +74,28 @@ def block_graph(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> BlockGrap
         sources.setdefault(target, []).append(source)
     modules = _modules(diagram, wires)
     port = modules.pop(PORT, "")
-    nodes = [_module(name, kind, kinds.get(kind), wires) for name, kind in modules.items()]
+    negated = _signs(modules, kinds, wires, kept)
+    nodes = [
+        replace(_module(name, kind, kinds.get(kind), wires), values=tuple((values or {}).get(name, ())))
+        for name, kind in modules.items()
+        if name not in negated
+    ]
     nodes += [Node(PORT, "module", port, PLANT, ("v", "i_in"), ("v_in", "i"))] if port else []
     driven: dict[str, list[Pin]] = {}
     for target, given in sources.items():
         pin = _pin(target)
-        if len(given) == 1:
+        if pin[0] in negated:
+            continue
+        if len(given) == 1 and _pin(given[0])[0] not in negated:
             driven.setdefault(given[0], []).append(pin)
             continue
         name = f"{SUM}{target}"
         ports = tuple(str(index) for index in range(len(given)))
-        nodes.append(Node(name, "sum", inputs=ports, outputs=("out",)))
+        minus = tuple(port for source, port in zip(given, ports, strict=True) if _pin(source)[0] in negated)
+        nodes.append(Node(name, "sum", inputs=ports, outputs=("out",), minus=minus))
         driven[f"{name}.out"] = [pin]
         for source, port in zip(given, ports, strict=True):
-            driven.setdefault(source, []).append((name, port))
+            driven.setdefault(negated.get(_pin(source)[0], source), []).append((name, port))
     used = {end for wire in wires for end in wire}
     if TERMINAL_VOLTAGE in used:
         nodes.append(Node(TERMINAL_VOLTAGE, "terminal", outputs=(TERMINAL_VOLTAGE,)))
@@ -83,6 +104,21 @@ def block_graph(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> BlockGrap
     signals = _signals(diagram, kinds)
     nets = tuple(Net(_pin(source), tuple(pins), _vector(source, signals)) for source, pins in driven.items())
     return BlockGraph(tuple(nodes), nets)
+
+
+def _signs(
+    modules: Mapping[str, str], kinds: Mapping[str, ModuleKind], wires: Sequence[tuple[str, str]], kept: Collection[str]
+) -> dict[str, str]:
+    """Module -> what it negates, for those that are drawn as a minus: one source, and no other sign before or behind."""
+    signs = [name for name, kind in modules.items() if kind in kinds and kinds[kind].element is Element.SIGN]
+    found: dict[str, str] = {}
+    for name in signs:
+        given = [source for source, target in wires if _pin(target)[0] == name]
+        taken = [target for source, target in wires if _pin(source)[0] == name]
+        around = [_pin(end)[0] for end in (*given, *taken)]
+        if name not in kept and len(given) == 1 and taken and not any(one in signs for one in around):
+            found[name] = given[0]
+    return found
 
 
 def _wires(diagram: Diagram) -> list[tuple[str, str]]:

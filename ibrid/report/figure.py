@@ -109,7 +109,7 @@ def _for_page(text: str, name: str, attributes: str) -> Markup:
     return Markup(text.replace("<svg", f"<svg {attributes}", 1))
 
 
-SCRIPTS = ("plot_axes.js", "zoom.js")
+SCRIPTS = ("plot_axes.js", "zoom.js", "diagram_zoom.js")
 #: Units of an SVG drawing per inch.
 PER_INCH = 72.0
 

@@ -7,7 +7,7 @@ from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.gap.workflow import FEWEST
 from ibrid.measurement.sweep import ENTRIES
-from ibrid.report.block_diagram import drawn_diagrams, readable
+from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs
 from ibrid.report.figure import inline_svg
 from ibrid.report.gap_curves import (
@@ -30,7 +30,7 @@ from ibrid.report.gap_words import (
     moved_interval,
     parameter_words,
 )
-from ibrid.report.parameter_rows import parameter_groups
+from ibrid.report.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.template import output, page, tag
 from ibrid.report.verdict import stability
 from ibrid.structure.compare import difference
@@ -133,9 +133,10 @@ def _suggested(gap: Gap) -> dict[str, Any]:
 
 def _drawn(gap: Gap, given: Diagram, after: Diagram) -> Any:
     """The given and the repaired diagram, what differs framed; the given one alone where nothing changed."""
-    shown = [("The given model", given, _only_in(given, after))]
+    shown = [Shown("The given model", given, _only_in(given, after))]
     if gap.given != gap.program:
-        shown.append(("The repaired model", after, _only_in(after, given)))
+        repaired = Shown("The repaired model", after, _only_in(after, given), values_or_none(gap.repaired))
+        shown.insert(0, repaired)
     return drawn_diagrams(shown, gap.repaired.vocabulary)
 
 

@@ -18,7 +18,8 @@ def format_jacobian(found: PowerJacobian) -> str:
     chosen = np.unique(np.linspace(0, len(found.frequency) - 1, _ROWS).round().astype(int))
     head = ["f", *(f"{name.replace('_', '/')}" for name in _ENTRIES)]
     rows = [
-        [hertz(found.frequency[k]), *(_polar(complex(getattr(found, name)[k])) for name in _ENTRIES)] for k in chosen
+        [hertz(float(found.frequency[k])), *(_polar(complex(getattr(found, name)[k])) for name in _ENTRIES)]
+        for k in chosen
     ]
     meaning = "dB and degrees; delivered p, q over angle (rad) and relative voltage; nfp: p over relative frequency"
     return "\n".join([f"at {found.op}", *table(head, rows), meaning])

@@ -14,7 +14,7 @@ from ibrid.report.block_graph import BlockGraph, Net, Node, Pin
 from ibrid.structure.wiring import PLANT
 
 #: Lengths in drawing units, of which a line of text takes about 12.
-PORT_PITCH, HEADER, GAP = 16.0, 36.0, 26.0
+PORT_PITCH, HEADER, LINE, GAP = 16.0, 36.0, 13.0, 26.0
 BOLD, PLAIN, SMALL = 7.3, 6.3, 5.7  # widths of a character
 LONGEST = 22
 
@@ -57,24 +57,33 @@ def shorten(text: str) -> str:
 def shape(node: Node) -> NodeShape:
     """Size and pins; pins carry labels where a side has several."""
     if node.shape == "sum":
-        spacing = 9.0
-        radius = max(12.0, spacing * len(node.inputs) / 2 + 3)
+        spacing = 13.0
+        radius = max(13.0, spacing * len(node.inputs) / 2 + 3)
         inputs = {port: radius + (i - (len(node.inputs) - 1) / 2) * spacing for i, port in enumerate(node.inputs)}
         return NodeShape(2 * radius, 2 * radius, inputs, {"out": radius})
     if node.shape == "terminal":
         return NodeShape(54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0))
     labelled = len(node.inputs) > 1 or len(node.outputs) > 1
-    width = max(BOLD * len(shorten(node.name)), PLAIN * len(shorten(node.kind)), 40.0) + 16
+    lines = [PLAIN * len(shorten(line)) for line in (node.kind, *node.values)]
+    width = max(BOLD * len(shorten(node.name)), *lines, 40.0) + 16
+    header = header_of(node)
     if not labelled:
-        return NodeShape(width, 42.0, dict.fromkeys(node.inputs, 21.0), dict.fromkeys(node.outputs, 21.0))
+        height = header + 6.0
+        return NodeShape(width, height, dict.fromkeys(node.inputs, height / 2), dict.fromkeys(node.outputs, height / 2))
     rows = max(len(node.inputs), len(node.outputs))
     ports = sum(SMALL * max((len(shorten(port)) for port in side), default=0) for side in (node.inputs, node.outputs))
-    height = HEADER + rows * PORT_PITCH + 4
-    return NodeShape(max(width, ports + 30), height, _down(node.inputs), _down(node.outputs), labelled=True)
+    height = header + rows * PORT_PITCH + 4
+    inputs, outputs = _down(node.inputs, header), _down(node.outputs, header)
+    return NodeShape(max(width, ports + 30), height, inputs, outputs, labelled=True)
 
 
-def _down(ports: Sequence[str]) -> dict[str, float]:
-    return {port: HEADER + (index + 0.5) * PORT_PITCH for index, port in enumerate(ports)}
+def header_of(node: Node) -> float:
+    """Height of name, kind and values."""
+    return HEADER + LINE * len(node.values)
+
+
+def _down(ports: Sequence[str], header: float) -> dict[str, float]:
+    return {port: header + (index + 0.5) * PORT_PITCH for index, port in enumerate(ports)}
 
 
 def place(graph: BlockGraph, seed: int = 0) -> Placement:

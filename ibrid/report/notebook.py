@@ -15,11 +15,11 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.block_diagram import drawn_diagrams, readable
+from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import Curves, bode_svgs
 from ibrid.report.figure import inline_svg
 from ibrid.report.page import record_facts
-from ibrid.report.parameter_rows import parameter_groups
+from ibrid.report.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.stability_page import mode_rows, stability_facts
 from ibrid.report.template import output, tag
 from ibrid.report.trajectory import Trajectory, draw_trajectory
@@ -32,7 +32,7 @@ DRAWN = 6
 
 def diagram_html(diagram: Diagram, kinds: Sequence[ModuleKind] = VOCABULARY) -> str:
     """A block diagram, drawn; kinds that are not in `kinds` get a box of their own colour."""
-    facts = {"diagram": diagram, "drawn": drawn_diagrams((("", diagram, ()),), kinds)}
+    facts = {"diagram": diagram, "drawn": drawn_diagrams([Shown("", diagram)], kinds)}
     return output("diagram.html", facts, shown=("diagram",))
 
 
@@ -72,7 +72,9 @@ def search_html(
         "ending": ending,
         "evaluations": evaluations,
         "trajectory": _trajectory_svg(trajectory) if trajectory else "",
-        "drawn": best and diagram and drawn_diagrams((("The answer", diagram, ()),), best.vocabulary),
+        "drawn": best
+        and diagram
+        and drawn_diagrams([Shown("The answer", diagram, values=values_or_none(best))], best.vocabulary),
         "parameters": best and parameter_groups(best),
     }
     return output("searched.html", facts, shown=("trajectory", "diagram", "more"))

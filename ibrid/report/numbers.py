@@ -61,6 +61,22 @@ def more_readable(value: float, unit: str) -> str:
     return ""
 
 
+#: Word in a parameter's meaning -> its SI unit, and the powers of base impedance and nominal angular frequency in it.
+_SI = {"inductance": ("H", 1, -1), "resistance": ("ohm", 1, 0), "capacitance": ("F", -1, -1)}
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+
+
+def in_si(value: float, meaning: str, z_base: float, omega_0: float) -> str:
+    """A per-unit inductance, resistance or capacitance in SI, "" for what is none. z_base : ohm. omega_0 : rad/s."""
+    found = next((told for word, told in _SI.items() if word in meaning), None)
+    if found is None:
+        return ""
+    unit, impedance, frequency = found
+    size = value * z_base**impedance * omega_0**frequency
+    scale, prefix = next((one for one in _PREFIXES if abs(size) >= one[0]), _PREFIXES[-1])
+    return f"{number(size / scale, 3)} {prefix}{unit}"
+
+
 def interval(value: float, ends: Sequence[float] | None, box: Sequence[float] | None) -> str:
     """A 95 % interval in words: "+- 2.1 %" where it is tight and even, "a to b" otherwise."""
     if ends is None:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.analysis.loop_modes import loops_told
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import PointSweep, Sweep
-from ibrid.report.block_diagram import drawn_diagrams, readable
+from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs, curves
 from ibrid.report.figure import inline_svg
 from ibrid.report.modes import draw_poles, measured_up_to, modes, slowest
-from ibrid.report.parameter_rows import parameter_groups, twin_rows
+from ibrid.report.parameter_rows import parameter_groups, twin_rows, values_or_none
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, stability, verdict
 from ibrid.writing import write_whole
@@ -57,7 +58,10 @@ def record_facts(
         "source": str(record.settings.get("data") or ""),
         "verdict": verdict(record),
         "grade": graded(record),
-        "drawn": None if diagram is None else drawn_diagrams((("", diagram, ()),), record.vocabulary),
+        "drawn": None
+        if diagram is None
+        else drawn_diagrams([Shown("", diagram, values=values_or_none(record))], record.vocabulary),
+        "loops": loops_told(record),
         "parameters": parameter_groups(record),
         "twins": twin_rows(record),
         "settings": [

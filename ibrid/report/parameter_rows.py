@@ -3,10 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from math import pi
 from typing import Any
 
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.report.numbers import interval, more_readable, number
+from ibrid.report.layering import LONGEST
+from ibrid.report.numbers import in_si, interval, more_readable, number
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
 
 SHARED = "all"
 #: Relative change of a value above which a twin counts as different there.
@@ -65,6 +70,42 @@ def parameter_groups(record: Record) -> dict[str, Any]:
     }
 
 
+def values_of(record: Record) -> dict[str, list[str]]:
+    """Module -> its parameters in short lines, two on each; a range where they differ between operating points."""
+    if not record.parameters:
+        return {}
+    wiring = wire(record.diagram, record.vocabulary)
+    table = parameter_table(wiring, record.settings["equilibrium"])
+    lines = {}
+    for name, kind in wiring.kinds.items():
+        told = []
+        for one in kind.parameters:
+            values = [float(table.value(name, one, point)) for point in record.parameters.values()]
+            low, high = number(min(values), 3), number(max(values), 3)
+            told.append(f"{one} {low}" if low == high else f"{one} {low}…{high}")
+        lines[name] = _filled(told)
+    return lines
+
+
+def _filled(words: Sequence[str]) -> list[str]:
+    """Words in lines of at most `LONGEST` characters, two on each."""
+    lines: list[list[str]] = []
+    for word in words:
+        if lines and len(lines[-1]) == 1 and len(lines[-1][0]) + 2 + len(word) <= LONGEST:
+            lines[-1].append(word)
+        else:
+            lines.append([word])
+    return [", ".join(line) for line in lines]
+
+
+def values_or_none(record: Record | None) -> dict[str, list[str]]:
+    """`values_of` for drawings, which show a record whatever is the matter with it."""
+    try:
+        return {} if record is None else values_of(record)
+    except (IbridError, KeyError, TypeError):
+        return {}
+
+
 def twin_rows(record: Record) -> list[tuple[str, list[float | None]]]:
     """(name, reported value and that of each twin) of what differs between solutions that fit equally well.
 
@@ -81,18 +122,26 @@ def twin_rows(record: Record) -> list[tuple[str, list[float | None]]]:
 
 def _row(record: Record, op: str, name: str, where: str) -> ParameterRow:
     value, box = record.parameters[op][name], record.boxes.get(name, {})
-    unit = str(box.get("unit", ""))
+    unit, meaning = str(box.get("unit", "")), str(box.get("meaning", ""))
     return ParameterRow(
         name=name,
         where=where,
         value=value,
         unit=unit,
-        meaning=str(box.get("meaning", "")),
-        readable=more_readable(value, unit),
+        meaning=meaning,
+        readable=more_readable(value, unit) or (_in_si(record, value, meaning) if unit == "pu" else ""),
         ends=_ends(record, op, name),
         box=(box["low"], box["high"]) if "low" in box and "high" in box else None,
         at_bound=name in record.at_bound or f"{name} at {op}" in record.at_bound,
     )
+
+
+def _in_si(record: Record, value: float, meaning: str) -> str:
+    """In SI where the measurement said its bases."""
+    bases = record.settings.get("bases", {})
+    if not bases:
+        return ""
+    return in_si(value, meaning, bases["v_base_v"] ** 2 / bases["s_base_va"], 2 * pi * record.settings["f0_hz"])
 
 
 def _ends(record: Record, op: str, name: str) -> Sequence[float] | None:

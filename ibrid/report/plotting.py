@@ -39,23 +39,32 @@ def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any
 
 def jacobian_plot(found: PowerJacobian, ax: Any = None) -> Any:
     """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
-    figure = None if ax is not None else Figure(figsize=(11, 6), layout="constrained")
     with rc_context({"axes.grid": True, "font.size": 9}):
-        parts = None if figure is None else figure.subplots(2, 2, sharex=True)
-        pair = list(getattr(ax, "flat", ax)) if parts is None else [parts[0, 1], parts[1, 1]]
-        pair[0].semilogx(found.frequency, 20 * np.log10(np.abs(found.nfp)))
-        pair[0].set(title="NFP: dp over df", ylabel="dB")
-        pair[1].semilogx(found.frequency, np.degrees(np.unwrap(np.angle(found.nfp))))
-        pair[1].set(ylabel="degrees", xlabel="Hz")
-        for column, cause in enumerate(("angle", "voltage")) if parts is not None else ():
+        if ax is not None:
+            pair = list(getattr(ax, "flat", ax))
+            _nfp(pair, found)
+            for one in pair:
+                on_white(one)
+            return ax
+        figure = Figure(figsize=(11, 6), layout="constrained")
+        parts: Any = figure.subplots(2, 2, sharex=True)
+        _nfp([parts[0, 1], parts[1, 1]], found)
+        for column, cause in enumerate(("angle", "voltage")):
             for row, power in enumerate("pq"):
                 size = 20 * np.log10(np.abs(found.matrix[:, row, column]))
                 parts[column, 0].semilogx(found.frequency, size, label=f"d{power}")
             parts[column, 0].set(title=f"Jacobian: over {cause}", ylabel="dB")
             parts[column, 0].legend()
-        for one in pair if figure is None else [figure]:
-            on_white(one)
-    return ax if figure is None else figure
+        on_white(figure)
+    return figure
+
+
+def _nfp(pair: Sequence[Any], found: PowerJacobian) -> None:
+    magnitude, phase = pair
+    magnitude.semilogx(found.frequency, 20 * np.log10(np.abs(found.nfp)))
+    magnitude.set(title="NFP: dp over df", ylabel="dB")
+    phase.semilogx(found.frequency, np.degrees(np.unwrap(np.angle(found.nfp))))
+    phase.set(ylabel="degrees", xlabel="Hz")
 
 
 def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> Any:

@@ -12,6 +12,7 @@ from ibrid.measurement.sweep import PointSweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, readable
 from ibrid.report.bode import Curves, bode_svgs, line_frequency
+from ibrid.report.parameter_rows import values_or_none
 from ibrid_search.report.run_data import RunData
 
 #: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
@@ -29,13 +30,13 @@ class FittedModel:
 
 
 def drawn_models(run: RunData) -> DrawnDiagrams | None:
-    """The start, what was found and the truth; None where there is none of them."""
+    """What was found, the start and the truth; None where there is none of them."""
     shown: list[Shown] = [
-        (title, diagram, ())
-        for title, diagram in (
-            ("The start", None if run.start is None else readable(run.start.program)),
-            ("Found", None if run.answer is None else readable(run.answer.program)),
-            ("The given truth", run.truth),
+        Shown(title, diagram, values=values_or_none(None if step is None else run.records.get(step.number)))
+        for title, diagram, step in (
+            ("Found", None if run.answer is None else readable(run.answer.program), run.answer),
+            ("The start", None if run.start is None else readable(run.start.program), run.start),
+            ("The given truth", run.truth, None),
         )
         if diagram is not None
     ]
