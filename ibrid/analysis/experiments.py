@@ -186,7 +186,7 @@ def _known(
 
 def _real(values: np.ndarray) -> np.ndarray:
     """(K, 4, R) complex as (K, 8, R)."""
-    return np.concatenate([values.real, values.imag], axis=1)
+    return np.concatenate([np.real(values), np.imag(values)], axis=1)
 
 
 def _best(known: Sequence[_Known], op: OperatingPoint, frequency: np.ndarray, count: int) -> Experiment:

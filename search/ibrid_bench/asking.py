@@ -42,10 +42,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
-    told, deviations = defaultdict(list), defaultdict(list)
+    told: dict[str, list[bool]] = defaultdict(list)
+    deviations: dict[str, list[float]] = defaultdict(list)
     while len(told["next"]) < arguments.devices:
         plant = random_stable(rng, population="textbook", pll_filter=True)
-        points = [op for op in Among().points() if _stable(plant, op)]
+        points = [op for op in Among().points() if op.name != FIRST and _stable(plant, op)]
         truth = parse_program(plant.program)
         poor = _measured(plant, operating_point(FIRST), np.geomspace(5.0, 5000.0, COUNT), rng)
         known = evaluate(truth, poor, objective="sigma")
@@ -57,7 +58,7 @@ def main() -> None:
             more = Sweep((*poor.points, *_measured(plant, op, frequency, rng).points), f0_hz=poor.f0_hz)
             after = [evaluate(one.diagram, more, objective="sigma") for one in (known, rival)]
             apart = _bic(after[1], more) - _bic(after[0], more)
-            told[way].append(apart > DECIDED)
+            told[way].append(bool(apart > DECIDED))
             deviations[way].append(_deviation(after[0]))
             words.append(f"{way} {apart:.0f}")
         print(f"{len(told['next']):3d}  {', '.join(words)}", flush=True)
@@ -85,12 +86,12 @@ def _ways(
         )
         for n in (2, 1)
     )
-    random = points[rng.integers(len(points))]
+    random = points[int(rng.integers(len(points)))]
     return {
         "next": (asked.op, np.array(asked.frequencies)),
         "sharp": (sharp.op, np.array(sharp.frequencies)),
         "random": (random, np.sort(np.exp(rng.uniform(np.log(5.0), np.log(5000.0), COUNT)))),
-        "log": (points[rng.integers(len(points))], np.geomspace(5.0, 5000.0, COUNT)),
+        "log": (points[int(rng.integers(len(points)))], np.geomspace(5.0, 5000.0, COUNT)),
     }
 
 
@@ -112,7 +113,7 @@ def _rival(truth: Diagram, known: Record, data: Sweep, rng: np.random.Generator)
     others = [one for one in others if structure_hash(one) != structure_hash(truth)]
     found = []
     for index in rng.permutation(len(others))[:RIVALS]:
-        record = evaluate(others[index], data, objective="sigma")
+        record = evaluate(others[int(index)], data, objective="sigma")
         if record.covariance and abs(_bic(record, data) - _bic(known, data)) < DECIDED:
             found.append(record)
     return min(found, key=lambda one: _bic(one, data), default=None)

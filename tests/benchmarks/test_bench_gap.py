@@ -1,7 +1,5 @@
 """The benchmark of the gap workflow: its cases are balanced, its subject is blind, its scores are those of known answers."""
 
-# pyright: reportOptionalOperand=false
-
 import ast
 import json
 import sys

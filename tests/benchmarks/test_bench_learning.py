@@ -1,7 +1,5 @@
 """The comparison of learning: measures of a course, statistics against closed forms, and that nothing is made twice."""
 
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 import importlib.util
 import json
 import re

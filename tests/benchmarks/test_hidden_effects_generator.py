@@ -1,7 +1,5 @@
 """Devices that hide effects: their responses are right in two independent ways, and cases say what they should and no more."""
 
-# pyright: reportArgumentType=false
-
 import ast
 import json
 from dataclasses import fields, replace

@@ -1,7 +1,5 @@
 """The hidden inverters of the search benchmark are stable, are what they say, and are unknown to the search."""
 
-# pyright: reportArgumentType=false
-
 import ast
 from collections.abc import Callable
 from dataclasses import replace

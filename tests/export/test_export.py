@@ -1,7 +1,5 @@
 """Exported models are the record's model: the same response, names and operating point in every format."""
 
-# pyright: reportOptionalOperand=false
-
 import io
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The exported C source compiles without a warning and moves exactly as the state space does."""
 
-# pyright: reportArgumentType=false
-
 import ctypes
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """evaluate: errors by part against direct formulas, the reward, outcomes, and a limit that really stops."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false, reportOptionalOperand=false
-
 import contextlib
 import itertools
 import math

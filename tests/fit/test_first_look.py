@@ -1,7 +1,5 @@
 """A first look tells which of several edits the data ask for, before any of them is fitted."""
 
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 from math import inf, log
 

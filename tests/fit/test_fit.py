@@ -1,7 +1,5 @@
 """Fits of known structures: found again from default starts, repeatable, inside their boxes, and truly at an optimum."""
 
-# pyright: reportArgumentType=false, reportOperatorIssue=false
-
 import dataclasses
 import sys
 

@@ -1,7 +1,5 @@
 """What an engineer doubts in a fitted candidate: layers that are missing, parameters at their bounds, absurd plants."""
 
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 
 import pytest

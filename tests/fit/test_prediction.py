@@ -1,7 +1,5 @@
 """Predictions of operating points nobody measured: values, bands, warnings, the written file and wrong inputs."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The gap workflow on devices in which something is hidden: verdicts, names, refusals, files."""
 
-# pyright: reportArgumentType=false, reportOperatorIssue=false, reportOptionalOperand=false
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Page, text and figure of a gap: complete for every verdict, self-contained, true to the numbers, safe with any name."""
 
-# pyright: reportArgumentType=false
-
 import re
 from dataclasses import replace
 from math import pi

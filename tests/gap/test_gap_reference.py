@@ -1,7 +1,5 @@
 """The gap workflow on grid-forming inverters and on two devices: what it starts from, and what it understands of them."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from math import log
 
 import pytest

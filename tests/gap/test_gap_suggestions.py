@@ -1,7 +1,5 @@
 """Where something is missing that the catalogue cannot name: suggested edits, weighed by the tests of a named effect."""
 
-# pyright: reportOperatorIssue=false, reportOptionalOperand=false
-
 import pytest
 from ibrid_bench.hidden.case import Case, draw_case
 from ibrid_search.proposers.choose import Proposers

@@ -1,7 +1,5 @@
 """What gaps and fits answer: verdicts, names, ranks and numbers of small cases, as they were before the code was cut anew."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Answers of the gap workflow put together by hand from real records: what its pages and texts must cope with."""
 
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 
 import numpy as np

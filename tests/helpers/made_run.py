@@ -1,7 +1,5 @@
 """Runs of a search put together by hand from real records: what their pages must cope with."""
 
-# pyright: reportArgumentType=false
-
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reads a page as a browser would: tags, words, and elements that close in order; what every page must keep to."""
 
-# pyright: reportOptionalSubscript=false
-
 import re
 from html.parser import HTMLParser
 

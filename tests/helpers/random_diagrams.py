@@ -1,7 +1,5 @@
 """Random legal diagrams for tests: loops of direct terms, delays, rotations, shared names, fixed numbers and boxes."""
 
-# pyright: reportArgumentType=false
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run ends as it would have."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import copy
 import importlib.util
 import math

@@ -1,7 +1,5 @@
 """The objective of learning against closed forms: advantages, ratios, clips, importance weights, gradients of a toy policy."""
 
-# pyright: reportArgumentType=false
-
 import importlib.util
 import math
 

@@ -1,7 +1,5 @@
 """Experience for the policy: plausible inverters, taken apart step by step, each example a damaged parent and its repair."""
 
-# pyright: reportArgumentType=false
-
 import contextlib
 import importlib.util
 import itertools

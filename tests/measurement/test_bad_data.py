@@ -1,7 +1,5 @@
 """Wrong, thin and odd measurements: refused in one sentence, or fitted as far as they go."""
 
-# pyright: reportOperatorIssue=false, reportOptionalOperand=false
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A CSV is read in blocks of rows; what is refused, and with which words, is as if each row had been read alone."""
 
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Models of other tools come in as measurements: python-control systems, and state spaces that were exported."""
 
-# pyright: reportOptionalOperand=false
-
 from pathlib import Path
 
 import control

@@ -1,7 +1,5 @@
 """The first look: the numbers are right, the warnings fire where they should, and the text can be read."""
 
-# pyright: reportOperatorIssue=false, reportOptionalMemberAccess=false, reportOptionalOperand=false
-
 import json
 from pathlib import Path
 

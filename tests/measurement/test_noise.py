@@ -1,7 +1,5 @@
 """Noise: what is added is what was asked for, and what is estimated is what was added."""
 
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false
-
 from pathlib import Path
 
 import numpy as np

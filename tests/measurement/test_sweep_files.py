@@ -1,7 +1,5 @@
 """Sweep files: every convention arrives in ours, what is written is read again, and bad files get one sentence."""
 
-# pyright: reportOptionalMemberAccess=false
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

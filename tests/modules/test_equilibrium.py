@@ -1,7 +1,5 @@
 """The operating point: of the plant, of the controller frame, and of every signal that follows from them."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 from math import atan2, cos, sin
 

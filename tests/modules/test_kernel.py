@@ -1,7 +1,5 @@
 """The compiled loops against dense linear algebra and difference quotients."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 import numpy as np
 import pytest
 from collecting import each_of

@@ -1,7 +1,5 @@
 """Each kind's law in absolute quantities linearises to its state space; whole records become nonlinear models at rest."""
 
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 from pathlib import Path
 

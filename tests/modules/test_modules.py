@@ -1,7 +1,5 @@
 """The vocabulary against the formulas of the paper's appendix, written out here a second time, and the contract of a kind."""
 
-# pyright: reportAttributeAccessIssue=false
-
 import dataclasses
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A kind that a user writes in a notebook works like those that ship, in this process and in any other."""
 
-# pyright: reportAttributeAccessIssue=false
-
 import importlib.util
 import pickle
 import subprocess

@@ -1,7 +1,5 @@
 """Objects show themselves in notebooks: self-contained HTML that touches nothing around it."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import re
 import subprocess
 import sys

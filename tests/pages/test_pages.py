@@ -1,7 +1,5 @@
 """What all pages have in common: one look, read without seeing, on paper, in the dark and on a telephone, and their zoom."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The page about a run: complete, self-contained, safe with what others wrote, during a run as after it."""
 
-# pyright: reportArgumentType=false
-
 import dataclasses
 import json
 import re

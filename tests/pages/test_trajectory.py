@@ -1,6 +1,6 @@
 """The course of a search: best so far, milestones with the band that got better, line of descent, and their figures."""
 
-# pyright: reportOptionalMemberAccess=false, reportReturnType=false
+# pyright: reportReturnType=false
 
 import csv
 import io

@@ -1,7 +1,5 @@
 """With the exact equilibrium and true parameters a diagram is the linearisation of the nonlinear inverter, to rounding."""
 
-# pyright: reportCallIssue=false
-
 import casadi as ca
 import numpy as np
 import pytest

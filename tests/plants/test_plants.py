@@ -1,7 +1,5 @@
 """The nonlinear reference inverters and the two ways to sweep them."""
 
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 from collecting import each_of

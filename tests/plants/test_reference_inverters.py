@@ -1,7 +1,5 @@
 """Reference inverters beyond power-controlled grid-following ones: what they are, and that both ways to sweep them agree."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import fields, replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """The archive: lineages, ranks, migration, eviction; what other search frameworks get wrong does not happen here."""
 
-# pyright: reportArgumentType=false
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """From an edit to a candidate or a reason, cheap questions first; whatever an edit says, nothing of it is carried out."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import replace
 
 import pytest

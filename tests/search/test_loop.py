@@ -1,7 +1,5 @@
 """The recursion: what a proposal may see, what it costs, who becomes a parent."""
 
-# pyright: reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What ends a search: a target, the noise, the fit of clean data, the money, the budget; and what it does last."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The baseline: edits by chance, legal and new, without any idea of an inverter."""
 
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rules propose what an engineer would: one sub-loop at a time, by where the error lies, and nothing looked up."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOptionalOperand=false
-
 import ast
 from collections import Counter
 from collections.abc import Iterator

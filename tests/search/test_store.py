@@ -1,7 +1,5 @@
 """The store: what was written is there, whatever happens to the process, the disk or the file; one writer, many readers."""
 
-# pyright: reportOptionalMemberAccess=false
-
 import math
 import signal
 import sqlite3

@@ -1,7 +1,5 @@
 """The hash of a structure: blind to names and order of lines, sharp for everything else."""
 
-# pyright: reportArgumentType=false
-
 from itertools import combinations
 
 import networkx as nx

@@ -166,7 +166,8 @@ def test_a_copy_is_drawn_as_the_kind(kind):
 def test_a_copy_is_put_into_a_frame_and_out_of_it_as_the_kind(kind):
     def wires(diagram: Diagram, kinds: Vocabulary) -> list[list[tuple[str, str]]]:
         into, out = (Draft(diagram, kinds) for _ in range(2))
-        into.add("Integrator", "frequency"), into.add("Integrator", "angle")
+        into.add("Integrator", "frequency")
+        into.add("Integrator", "angle")
         put_into_frame(into, "plant", "frequency.out", "angle.out")
         put_into_grid_frame(out)
         return [into.wires, out.wires]

@@ -1,7 +1,5 @@
 """The grammar: every breach with its line, a stable reason and what would mend it; and what is only doubtful."""
 
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The port map: an open transfer is the same model at Delta = 0, any block at another, and is measured where one is hidden."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportOptionalMemberAccess=false
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
 
-# pyright: reportArgumentType=false
-
 import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import inverter
