@@ -54,9 +54,10 @@ class Floor:
         return inf if record.nrmse is None else record.nrmse
 
     def reached(self, error: float, free: int = 0) -> bool:
-        """True when an error is no larger than noise would leave it after a fit of so many free numbers, on average."""
+        """True when an error is no larger than noise would leave it after a fit of so many free numbers, two standard deviations
+        allowed: of true structures half lie above the average."""
         left = max(1.0 - free / self.numbers, 0.0) if self.known else 1.0
-        return error <= max(self.level * sqrt(left), EXACT)
+        return error <= max(self.most * sqrt(left), EXACT)
 
 
 def noise_floor(sweep: Sweep) -> Floor:

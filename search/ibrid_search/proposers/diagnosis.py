@@ -25,7 +25,7 @@ class Diagnosis(TakesPart):
     name = "diagnosis"
     attempts = 1
     window: int | None = 2
-    settled = 12
+    settled = 8
 
     def __init__(self) -> None:
         self.rules = Rules()
