@@ -8,6 +8,7 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.amplitudes import coarse
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
@@ -19,6 +20,10 @@ BY_THE_WALL = 3600.0
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, seconds=BY_THE_WALL)
 #: What promises something gets this on top.
 THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16, seconds=BY_THE_WALL)
+#: Of more numbers than so many frequencies, starts descend on few: so many operating points with so many frequencies each.
+MANY, MOST_POINTS, MOST_FREQUENCIES = 400, 4, 40
+#: The last part of a descent, on all data.
+POLISH = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0, warm=1, warm_kept=1, seconds=BY_THE_WALL)
 #: An error below this part of its parent's promises something.
 PROMISING = 0.99
 #: With more free numbers than the parent has an error up to this factor above that part does too, 1 % above the parent's: the
@@ -42,8 +47,28 @@ class Assessor:
     def record_of(
         self, program: str, settings: FitSettings, warm: Mapping[str, Mapping[str, float]] | None = None
     ) -> Record:
-        """The record of a program with a given effort, `warm` values tried beside the starts."""
-        return evaluate(parse_program(program), self.study, settings=settings, warm=warm)
+        """The record of a program with a given effort, `warm` values tried beside the starts; of much data it is spent on few,
+        and what it finds is polished on all."""
+        diagram = parse_program(program)
+        if self._few is None:
+            return evaluate(diagram, self.study, settings=settings, warm=warm)
+        first = evaluate(diagram, self._few, settings=settings, warm=warm)
+        if first.outcome != Outcome.OK:
+            return first
+        typical = next(iter(first.parameters.values()))
+        known = {name: first.parameters.get(name, typical) for name in self.study.fitted.names}
+        whole = evaluate(diagram, self.study, settings=POLISH, warm=known)
+        return replace(whole, seconds=first.seconds + whole.seconds)
+
+    @cached_property
+    def _few(self) -> Study | None:
+        """The study with few of its data; None where there are not many. A point with numbers of its own is never left out."""
+        fitted = self.study.fitted
+        if sum(len(point.frequency) for point in fitted.points) <= MANY:
+            return None
+        most = MOST_POINTS if self.study.parameters == "shared" else len(fitted.points)
+        few = replace(fitted, points=coarse(fitted.points, most, MOST_FREQUENCIES))
+        return replace(self.study, sweep=few, holdout_op=())
 
     def assess(self, job: Job) -> Record:
         """Fit a candidate quickly, and thoroughly when that promises something: an error below `job.promising`, with more
