@@ -176,8 +176,11 @@ class Looker:
 
         return self._looked(edit, [descend] * len(self.groups))
 
-    def look(self, edit: Edited, values: Values) -> RankedEdit:
-        """A look at an edit from its parent's values, one mapping for each fitted operating point."""
+    def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
+        """A look at an edit from its parent's values, one mapping for each fitted operating point.
+
+        glance : only from there, which is a third of the work, and enough where the values have not bent to fit.
+        """
         length = max((len(bank) for bank in edit.strengths.values()), default=0)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
 
@@ -187,6 +190,8 @@ class Looker:
                 starts = [drawer.completed(rng, [{**one, **bank} for one in known], 1) for bank in banks]
                 x = np.concatenate([*starts, drawer.completed(rng, known, DRAWS)])
                 own = LEVENBERG.go(near, LEVENBERG.begin(near, x).best(CARRIED), NEAR)
+                if glance:
+                    return own
                 fresh = drawer.draw(rng, FRESH, TEXTBOOK_DECADES[0])
                 order = np.argsort(problem.costs(fresh, "log").sum(axis=1), kind="stable")[:KEPT]
                 led = LEVENBERG.go(far, LEVENBERG.begin(far, np.concatenate([own.x, fresh[order]])), FAR).best(CARRIED)

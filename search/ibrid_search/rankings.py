@@ -1,11 +1,13 @@
 """What a fitted candidate lacks, asked of the data once and remembered: its edits in the order of what they explain."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
 from math import log
 
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.diagnosis import (
     Edited,
@@ -32,8 +34,10 @@ STANDS = 0.2
 SINGLE = 2
 #: Single edits, of least error, from which pairs are looked at when no single one promises anything.
 AHEAD = 3
-#: Rankings that are kept: a candidate is asked about more than once.
-REMEMBERED = 400
+#: Pairs that are looked at after a glance at all.
+LOOKED = 16
+#: Lists of edits and looks that are kept: a candidate is asked about more than once.
+ASKED, REMEMBERED = 400, 20_000
 
 
 class Rankings:
@@ -41,8 +45,8 @@ class Rankings:
 
     def __init__(self, study: Study) -> None:
         self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
-        self._known: dict[str, list[RankedEdit]] = {}
-        self._looks: dict[str, RankedEdit] = {}
+        self._edits: dict[str, list[Edited]] = {}
+        self._known: dict[str, RankedEdit] = {}
 
     def best(
         self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
@@ -92,14 +96,19 @@ class Rankings:
         yield effects
         ideas = self._ranked(diagram, values, ideas_of)
         yield ideas
-        pairs: list[RankedEdit] = []
-        for first in sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD]:
-            for second in self._ranked(first.edit.diagram, first.values, effects_of):
-                words = f"{first.edit.words}; {second.edit.words}"
-                both = Edited(second.edit.diagram, words, f"{first.edit.part} + {second.edit.part}", {})
-                pairs.append(RankedEdit(both, second.error, second.free, second.worth, second.values))
-        yield sorted(pairs, key=_worth)
+        yield self._pairs(sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD])
         yield self._ranked(diagram, values, anywhere_of)
+
+    def _pairs(self, firsts: Sequence[RankedEdit]) -> list[RankedEdit]:
+        """Looks at effects on top of looks: at those that a glance finds best."""
+        glances = []
+        for first in firsts:
+            for edit in effects_of(first.edit.diagram, self.study):
+                words, part = f"{first.edit.words}; {edit.words}", f"{first.edit.part} + {edit.part}"
+                both = replace(edit, words=words, part=part)
+                glances.append((self._look(both, first.values, glance=True), first.values))
+        best = sorted(glances, key=lambda one: one[0].worth)[:LOOKED]
+        return sorted((self._look(glance.edit, values) for glance, values in best), key=_worth)
 
     def _values(self, parent: Evaluated) -> Values:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
@@ -107,22 +116,22 @@ class Rankings:
     def _ranked(
         self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
     ) -> list[RankedEdit]:
-        """Edits of a diagram with fitted values, by looks; the last ones are kept."""
-        at = str([sorted(point.items()) for point in values])
-        key = f"{edits.__name__} {self.study.hash_of(diagram)} {at}"
+        """Edits of a diagram with fitted values, by looks."""
+        key = f"{edits.__name__} {program_text(diagram)}"
+        if key not in self._edits:
+            if len(self._edits) >= ASKED:
+                self._edits.clear()
+            self._edits[key] = edits(diagram, self.study)
+        return sorted((self._look(one, values) for one in self._edits[key]), key=_worth)
+
+    def _look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
+        """A look, which is asked for more than once; the last ones are kept."""
+        key = f"{glance} {self.study.hash_of(edit.diagram)} {[sorted(point.items()) for point in values]}"
         if key not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
-                self._looks.clear()
-            self._known[key] = sorted((self._look(one, values, at) for one in edits(diagram, self.study)), key=_worth)
-        return self._known[key]
-
-    def _look(self, edit: Edited, values: Values, at: str) -> RankedEdit:
-        """A look, which several stages may ask for."""
-        key = f"{self.study.hash_of(edit.diagram)} {at}"
-        if key not in self._looks:
-            self._looks[key] = self.looker.look(edit, values)
-        return self._looks[key]
+            self._known[key] = self.looker.look(edit, values, glance=glance)
+        return replace(self._known[key], edit=edit)
 
 
 @lru_cache(maxsize=2)
