@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.measurement.comtrade_cfg import plain_cfg
+
 #: Text of a missing package, as the sentence ends.
-_MISSING = "install {} for it, pip install 'ibrid[tables]'"
+_MISSING = "install {} for it, pip install 'ibrid[{}]'"
 
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
@@ -57,6 +59,47 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
     return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
 
 
+def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """The analog channels of a COMTRADE record: eight bytes with the length of the configuration, it, the samples.
+
+    time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
+    ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values; name, unit, phase; frequency.
+    """
+    length = int.from_bytes(content[:8], "big")
+    head, data = content[8 : 8 + length], content[8 + length :]
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = head.decode("cp1252", errors="replace")
+    text = plain_cfg(text, data)
+    record = _package("comtrade", "comtrade").Comtrade(
+        ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
+    )
+    ascii_samples = "\nASCII\n" in text
+    record.read(text, _cells_stripped(data) if ascii_samples else data)
+    channels = record.cfg.analog_channels
+    value = np.array(record.analog, dtype=float)
+    value[np.abs(value) > 1e30] = np.nan  # how FLOAT32 says that a sample is missing
+    return {
+        "time": np.asarray(record.time, dtype=float),
+        "value": value,
+        "low": np.array([one.a * one.cmin + one.b for one in channels]),
+        "high": np.array([one.a * one.cmax + one.b for one in channels]),
+        "skew": np.array([one.skew * 1e-6 for one in channels]),
+        "ratio": np.array([one.primary / one.secondary if one.pors == "S" else 1.0 for one in channels]),
+        "name": np.array([one.name for one in channels], dtype=str),
+        "unit": np.array([one.uu for one in channels], dtype=str),
+        "phase": np.array([one.ph for one in channels], dtype=str),
+        "frequency": np.array(record.frequency),
+    }
+
+
+def _cells_stripped(data: bytes) -> str:
+    """Samples as text without blank lines and padding, which would hide the mark of a missing one."""
+    lines = data.decode("latin-1").replace("\x1a", "").splitlines()
+    return "\n".join(",".join(cell.strip() for cell in line.split(",")) for line in lines if line.strip(" ,\t\0"))
+
+
 def _leaves(values: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, np.ndarray]]:
     for name, value in values.items():
         array = np.asarray(value)
@@ -79,10 +122,10 @@ def _cell(value: Any) -> str:
     return repr(value) if isinstance(value, int | float | complex) else str(value).strip()
 
 
-def _package(name: str) -> Any:
+def _package(name: str, extra: str = "tables") -> Any:
     from importlib import import_module
 
     try:
         return import_module(name)
     except ImportError:
-        raise ImportError(_MISSING.format(name.partition(".")[0])) from None
+        raise ImportError(_MISSING.format(name.partition(".")[0], extra)) from None

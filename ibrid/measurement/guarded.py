@@ -45,7 +45,7 @@ def guarded(reader: Callable[[bytes], Mapping[str, np.ndarray]], content: bytes,
             raise SweepError(f"{what}; no process can be started to read it ({reason.strerror}).") from None
         answer.seek(0)
         if status == _DAMAGED:
-            why = "".join(one if one.isprintable() else " " for one in answer.read(80).decode(errors="replace"))
+            why = "".join(one if one.isprintable() else " " for one in answer.read(160).decode(errors="replace"))
             raise SweepError(f"{what}; it cannot be read ({why}), save it again.")
         with contextlib.suppress(OSError, ValueError, KeyError, EOFError, BadZipFile):  # half an answer is none
             if not status:

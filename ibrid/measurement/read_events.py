@@ -1,16 +1,151 @@
-"""One door for records of events."""
+"""One door for records of events: the suffix, and where that leaves doubt the columns, choose the reader."""
 
+import io
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from ibrid.measurement.event_csv import read_event_csv
+import numpy as np
+
+from ibrid.errors import SweepError, near
+from ibrid.measurement.channels import DQ, PHASES, Channel, channels_told, chosen
+from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
+from ibrid.measurement.event_csv import COLUMNS, event_csv, is_event_csv, parse_event_csv
+from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
 from ibrid.measurement.events import Events
+from ibrid.measurement.files import read_lines
+from ibrid.measurement.foreign_table import ForeignTable, frame_table, read_tables
+from ibrid.measurement.header import read_keys, values_of
+from ibrid.measurement.response import SIDECAR
+from ibrid.measurement.told import base_of
 
 
-def read_events(path: str | Path, **keys: object) -> Events:
+def read_events(path: Any, *, channels: str | Mapping[str, object] | None = None, **keys: object) -> Events:
     """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
 
-    keys : what the file does not say about itself or says wrongly (event_csv.read_event_csv); they win over the file.
+    path : a CSV of the project (event_csv.read_event_csv), a COMTRADE record (.cfg beside .dat, .cff), another table (text,
+        xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel.
+    channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
+        of tables also t and record.
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis,
+        power_node, s_base_va, v_base_v or base ("10kVA,400V"). They win over the file, and lines `key: value` of `<path>.meta`
+        do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
-    return read_event_csv(path, **keys)
+    keys = {key: value for key, value in keys.items() if value is not None}
+    if "base" in keys:
+        keys["s_base_va"], keys["v_base_v"] = base_of(str(keys.pop("base")), "base")
+    for key in keys:
+        if key not in KEYS:
+            raise SweepError(f"{key} is not something to say about events; {near(key, (*KEYS, 'base', 'channels'))}")
+    if not isinstance(path, str | Path):
+        return _of_frame(path, channels, keys)
+    path = Path(path)
+    beside, notes = _sidecar(path)
+    told = {**beside, **keys}
+    channels = channels or told.pop("channels", None)  # type: ignore[assignment]
+    if path.suffix.lower() in SUFFIXES:
+        samples, frequency = read_comtrade(path, channels)
+        said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
+        return events_of([samples], values_of(said, str(path), CHOICES), str(path), notes)
+    if path.suffix.lower() in ("", ".csv", ".txt") and channels is None:
+        lines = read_lines(path)
+        if is_event_csv(lines):
+            return parse_event_csv(lines, str(path), told)
+    tables = read_tables(path)
+    return _of_tables(tables, channels, told, str(path))
+
+
+def is_events_file(path: Path) -> bool:
+    """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, CSV by its column names."""
+    if path.suffix.lower() == ".dat":
+        return any(path.with_suffix(suffix).exists() for suffix in (".cfg", ".CFG"))
+    if path.suffix.lower() in SUFFIXES:
+        return True
+    try:
+        return path.suffix.lower() in ("", ".csv", ".txt") and is_event_csv(read_lines(path))
+    except SweepError:
+        return False
+
+
+def events_dataframe(events: Events) -> Any:
+    """See `Events.to_dataframe`."""
+    try:
+        import pandas
+    except ImportError:
+        raise SweepError(
+            "a DataFrame is made by pandas; pip install pandas, or write the events to a CSV file."
+        ) from None
+    lines = [line for line in event_csv(events).splitlines() if not line.startswith("#")]
+    frame = pandas.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
+    said = {name: getattr(events, name) for name in ("f0_hz", "power_node", "s_base_va", "v_base_v")}
+    frame.attrs.update({name: value for name, value in said.items() if value is not None})
+    return frame
+
+
+def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
+    if getattr(frame, "columns", None) is None:
+        raise SweepError(f"read_events takes a path or a DataFrame; found {type(frame).__name__}.")
+    said = {key: value for key, value in getattr(frame, "attrs", {}).items() if key in KEYS}
+    return _of_tables([frame_table(frame)], channels, {**said, **keys}, "DataFrame")
+
+
+def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
+    """Each table one record, or several where a column names them."""
+    samples: list[Samples] = []
+    frames = set()
+    for table in tables:
+        names = list(table.columns)
+        own = {_role(name): name for name in names if _role(name)}
+        place = chosen([Channel(name) for name in names], {**own, **channels_told(channels)}, table.where)
+        if "t" not in place:
+            raise SweepError(f"{table.where}: a column must be the time in s; tell which, --channels t=1,...")
+        family = DQ if set(DQ) <= set(place) else PHASES
+        frames.add("dq" if family is DQ else "abc")
+        columns = [_numbers(table, names[place[role]]) for role in ("t", *family)]
+        record = table.columns[names[place["record"]]] if "record" in place else np.full(len(columns[0]), table.stem)
+        sigma = _numbers(table, names[place["sigma"]]) if "sigma" in place else None
+        for name in dict.fromkeys(record.tolist()):
+            rows = record == name
+            time, *values = (column[rows] for column in columns)
+            if (np.diff(time) <= 0).any():
+                raise SweepError(f"{table.where}: the time of record {name} must increase.")
+            half = len(values) // 2
+            samples.append(
+                Samples(
+                    str(name),
+                    time,
+                    np.array(values[:half]),
+                    np.array(values[half:]),
+                    None if sigma is None else sigma[rows],
+                )
+            )
+    if len(frames) > 1:
+        raise SweepError(f"{where}: the tables must all be dq or all be phases.")
+    header = values_of({**told, "frame": frames.pop()}, where, CHOICES)
+    return events_of(samples, header, where)
+
+
+def _role(name: str) -> str:
+    """The role of a column that is called as in an events file."""
+    own = ("record", "t", "sigma", *(column for columns in COLUMNS.values() for column in columns))
+    plain = name.strip().lower()
+    return plain.replace("_", "") if plain in own else "t" if plain in ("time", "time_s", "time [s]", "t [s]") else ""
+
+
+def _numbers(table: ForeignTable, name: str) -> np.ndarray:
+    values = table.columns[name]
+    if values.dtype.kind != "f" or not np.isfinite(values).all():
+        raise SweepError(f"{table.where}: column {name} must be numbers in every row; found text or gaps.")
+    return values
+
+
+def _sidecar(path: Path) -> tuple[dict[str, object], tuple[str, ...]]:
+    """Keys and notes of `<path>.meta`; empty without one."""
+    sidecar = path.with_name(path.name + SIDECAR)
+    if not sidecar.exists():
+        return {}, ()
+    lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
+    keys, notes = read_keys(lines, str(sidecar), (*KEYS, "channels"), CHOICES)
+    return dict(keys), notes

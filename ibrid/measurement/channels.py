@@ -1,0 +1,89 @@
+"""Which channels of a recorder are the three voltages and currents: by their names, units and phases, or as told."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ibrid.errors import SweepError, near
+
+#: What a channel can be, in the order of Samples; phase to phase voltages serve too.
+PHASES = ("va", "vb", "vc", "ia", "ib", "ic")
+BETWEEN = ("vab", "vbc", "vca")
+DQ = ("vd", "vq", "id", "iq")
+ROLES = (*PHASES, *BETWEEN, *DQ, "t", "record", "sigma")
+_LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
+_QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What is known of a channel before its samples: name, unit and phase as they are written."""
+
+    name: str
+    unit: str = ""
+    phase: str = ""
+
+
+def channels_told(text: str | Mapping[str, object] | None) -> dict[str, str]:
+    """`va=1,vb=VB L1,...` as role -> name or number; SweepError for an unknown role."""
+    if not text:
+        return {}
+    pairs = text.items() if isinstance(text, Mapping) else (item.partition("=")[::2] for item in text.split(","))
+    found = {str(role).strip().lower().replace("_", ""): str(name).strip() for role, name in pairs}
+    for role, name in found.items():
+        if role not in ROLES or not name:
+            raise SweepError(
+                f"--channels is written va=1,vb=2,vc=3,ia=4,ib=5,ic=6, numbers or names; found {role[:40]}={name[:40]}, "
+                f"{near(role, ROLES)}"
+            )
+    return found
+
+
+def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> dict[str, int]:
+    """Role -> place of its channel: as told, by number from 1 or by name; the others where one channel alone fits.
+
+    Raises SweepError that lists the channels where a role has none or several.
+    """
+    names = [channel.name for channel in channels]
+    found: dict[str, int] = {}
+    for role, name in told.items():
+        places = [k for k, one in enumerate(names) if one == name]
+        if not places and name.isdigit() and 0 < int(name) <= len(names):
+            places = [int(name) - 1]
+        if not places:
+            raise SweepError(f"{where}: there is no channel {name[:40]!r} for {role}; {_listed(names)}")
+        found[role] = places[0]
+    if any(set(family) <= set(found) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
+        return found
+    for role in PHASES:
+        if role in found or (role[0] == "v" and set(BETWEEN) <= set(found)):
+            continue
+        fitting = [k for k, channel in enumerate(channels) if role_of(channel) == role and k not in found.values()]
+        if len(fitting) != 1:
+            raise SweepError(
+                f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that its name and unit show, "
+                f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6; {_listed(names)}"
+            )
+        found[role] = fitting[0]
+    return found
+
+
+def role_of(channel: Channel) -> str:
+    """va .. ic as name, unit and phase of a channel show it; "" for anything else."""
+    compact = re.sub(r"[^a-z0-9]", "", channel.name.lower())
+    unit = re.sub(r"^[kmµu](?=[va]$)", "", channel.unit.strip().lower())
+    for quantity, word in _QUANTITY.items():
+        if unit and unit != {"v": "v", "i": "a"}[quantity]:
+            continue
+        for letter, phase in _LETTERS.items():
+            said = re.fullmatch(rf"({phase})n?", channel.phase.strip().lower())
+            named = re.fullmatch(rf"({word})?(ph(ase)?)?({phase})[ng]?(pcc)?", compact)
+            named = named or re.fullmatch(rf"(ph(ase)?)?({phase})({word})", compact)
+            measured = unit or re.match(word, compact) or re.search(f"({word})$", compact)
+            if measured and (said or (named and not channel.phase.strip())):
+                return quantity + letter
+    return ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"the channels are {', '.join(f'{k} {name}' for k, name in enumerate(names[:40], 1))}."

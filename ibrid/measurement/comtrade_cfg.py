@@ -1,0 +1,137 @@
+"""The configuration of a COMTRADE record as recorders write it, made into one that the standard (C37.111) knows.
+
+What vendors leave out, pad, or write another way, and the `comtrade` library then refuses or misreads: fields and lines that are
+empty or missing, times without a fraction, end-of-file marks, other separators, more samples announced than there are.
+"""
+
+import re
+
+#: Bytes of one analog value.
+_WIDTH = {"BINARY": 2, "BINARY32": 4, "FLOAT32": 4}
+_TIME = re.compile(r"\d+:\d+:\d+(?:\.(\d+))?")
+_FIELDS = 13
+
+
+def plain_cfg(text: str, data: bytes) -> str:
+    """A configuration of revision 1991 or 1999 for the samples in `data`.
+
+    Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError for a line without meaning.
+    """
+    lines = _Lines(text)
+    *_, year = ["", *lines.fields()]
+    revision = "1999" if re.fullmatch(r"\d{4}", year) and int(year) >= 1999 else "1991"
+    counts = lines.next()
+    analog, states = (int(found[1]) if (found := re.search(rf"(\d+)\s*{kind}", counts, re.I)) else 0 for kind in "AD")
+    if not analog:
+        raise ValueError(f"line {lines.number} must announce analog channels such as 6,6A,0D, found {counts[:40]!r}")
+    channels = [_channel(lines, number) for number in range(1, analog + 1)]
+    for _ in range(states):
+        lines.next()
+    frequency = lines.number_of_line(0.0)
+    rates = _rates(lines)
+    fraction = max((_fraction(lines) for _ in range(2)), default=0)
+    kind = lines.next().strip().upper() or "ASCII"
+    multiplier = lines.number_of_line(1.0)
+    if kind == "ASCII":
+        states = 0
+    rows = _rows(data, kind, analog, states)
+    if not rows:
+        raise ValueError("there are no samples beside it")
+    rates = [(rate, min(last, rows) if last else rows) for rate, last in rates]
+    time = f"01/01/2000,00:00:00.{'0' * (9 if fraction > 6 else 6)}"
+    return "\n".join(
+        [
+            f"station,device{',1999' if revision == '1999' else ''}",
+            f"{analog + states},{analog}A,{states}D",
+            *channels,
+            *(f"{number},state,,,0" for number in range(1, states + 1)),
+            repr(frequency),
+            str(sum(rate > 0 for rate, _ in rates)),
+            *(f"{rate!r},{last}" for rate, last in rates),
+            time,
+            time,
+            kind,
+            *([repr(multiplier)] if revision == "1999" else []),
+            "",
+        ]
+    )
+
+
+class _Lines:
+    """Lines one by one, without marks of the end of the file; empty ones behind the last."""
+
+    def __init__(self, text: str) -> None:
+        self.lines = [line.strip() for line in re.sub("[\x1a\0\ufeff]", "", text).splitlines()]
+        self.semicolons = bool(self.lines) and ";" in self.lines[0] and "," not in self.lines[0]
+        self.number = 0
+
+    def peek(self) -> str:
+        line = self.lines[self.number] if self.number < len(self.lines) else ""
+        return line.replace(",", ".").replace(";", ",") if self.semicolons else line
+
+    def next(self) -> str:
+        line = self.peek()
+        self.number += 1
+        return line
+
+    def fields(self) -> list[str]:
+        return [field.strip() for field in self.next().split(",")]
+
+    def number_of_line(self, default: float) -> float:
+        return _number(self.next(), default, f"line {self.number}")
+
+
+def _channel(lines: _Lines, number: int) -> str:
+    """n,name,phase,circuit,unit,a,b,skew,min,max,primary,secondary,P|S with numbers in all places of numbers."""
+    fields = lines.fields()
+    where = f"line {lines.number}"
+    while len(fields) > _FIELDS and not fields[-1]:
+        fields.pop()
+    if len(fields) > _FIELDS or len(fields) < 6:
+        raise ValueError(
+            f"{where} must have the {_FIELDS} fields of an analog channel, found {len(fields)}: a comma in a name or number?"
+        )
+    fields += [""] * (_FIELDS - len(fields))
+    defaults = (None, 0.0, 0.0, -1e300, 1e300, 1.0, 1.0)
+    numbers = [_number(text, default, where) for text, default in zip(fields[5:12], defaults, strict=True)]
+    side = "S" if fields[12].upper().startswith("S") else "P"
+    return ",".join([str(number), *fields[1:5], *map(repr, numbers), side])
+
+
+def _rates(lines: _Lines) -> list[tuple[float, int]]:
+    """(samples per second, number of the last sample at this rate); a rate of 0 where each sample has its time."""
+    count = int(lines.number_of_line(0.0))
+    if count == 0 and not re.fullmatch(r"[\d.]*\s*,\s*\d*", lines.peek()):
+        return [(0.0, 0)]
+    rates = []
+    for _ in range(max(count, 1)):
+        rate, *last = lines.fields()
+        where = f"line {lines.number}"
+        rates.append((_number(rate, 0.0, where), int(_number(last[0] if last else "", 0.0, where))))
+    return rates if count else [(0.0, rates[0][1])]
+
+
+def _fraction(lines: _Lines) -> int:
+    """Digits behind the seconds, which say whether times of samples are micro- or nanoseconds; a line that is no time stays."""
+    if "/" not in lines.peek() and ":" not in lines.peek() and lines.peek():
+        return 0
+    found = _TIME.search(lines.next())
+    return len(found[1] or "") if found else 0
+
+
+def _rows(data: bytes, kind: str, analog: int, states: int) -> int:
+    if kind == "ASCII":
+        return sum(bool(line.strip(b"\x1a\0 \t\r,")) for line in data.split(b"\n"))
+    if kind not in _WIDTH:
+        raise ValueError(f"the samples must be {', '.join(('ASCII', *_WIDTH))}, found {kind[:20]!r}")
+    return len(data) // (8 + _WIDTH[kind] * analog + 2 * -(-states // 16))
+
+
+def _number(text: str, default: float | None, where: str) -> float:
+    text = text.strip()
+    if not text and default is not None:
+        return default
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{where} must be a number, found {text[:40]!r}") from None
