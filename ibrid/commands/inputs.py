@@ -11,12 +11,16 @@ from ibrid.errors import IbridError, ProgramError, SweepError, near
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
+    from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
     from ibrid.structure.outside import Outside
 
 PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
+EVENTS_HELP = (
+    "records of voltage and current in time: an events file (CSV), COMTRADE (.cfg, .cff), or a table with --channels"
+)
 DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped one such as paper_like"
 
 
@@ -50,6 +54,33 @@ def measured(text: str) -> "Sweep":
     for sentence in (*check_conventions(sweep).warnings, *implausible_numbers(sweep)):
         complain(f"of the data: {sentence}")
     return sweep
+
+
+def add_events_options(parser: ArgumentParser) -> None:
+    """`--channels` and `--base`: what a record of somebody else does not say."""
+    parser.add_argument(
+        "--channels", metavar="va=1,..", help="of records: which channels are va,vb,vc,ia,ib,ic, by number or name"
+    )
+    parser.add_argument("--base", metavar="VA,V", help="of records in V and A: the inverter's base, such as 10kVA,400V")
+
+
+def holds_events(text: str) -> bool:
+    """Whether there is a file of records in time at that place, and no sweep."""
+    from ibrid.measurement.read_events import is_events_file
+
+    return _exists(text) and is_events_file(Path(text))
+
+
+def events(text: str, channels: str | None = None, base: str | None = None) -> "Events":
+    """The records in a file; what contradicts itself in them is said on the error stream."""
+    from ibrid.measurement.event_contradictions import contradictions
+    from ibrid.measurement.read_events import read_events
+
+    _require_file(text, (), "records of events", SweepError)
+    records = read_events(text, channels=channels, base=base)
+    for sentence in contradictions(records):
+        complain(f"of the events: {sentence}")
+    return records
 
 
 def add_port_option(parser: ArgumentParser) -> None:

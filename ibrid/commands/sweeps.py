@@ -1,4 +1,4 @@
-"""`ibrid sweep PLANT` and `ibrid inspect DATA`: measured data, made and looked at."""
+"""`ibrid sweep PLANT` and `ibrid inspect DATA|EVENTS`: measured data, made and looked at."""
 
 import shlex
 from argparse import Namespace
@@ -30,9 +30,12 @@ def declare(commands: Any) -> None:
     sweep.add_argument("--set", action="append", default=[], metavar="name=value", help="another value, repeatable")
     sweep.add_argument("--out", required=True, metavar="DATA", help="the CSV file to write")
     sweep.set_defaults(run=run_sweep)
-    inspect = commands.add_parser("inspect", help="first look at a sweep: noise, passivity, coverage, conventions")
-    inspect.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    inspect = commands.add_parser(
+        "inspect", help="first look at a sweep or at records of events: what is odd, what they can tell"
+    )
+    inspect.add_argument("data", metavar="DATA|EVENTS", help=f"{inputs.DATA_HELP}; or {inputs.EVENTS_HELP}")
     inspect.add_argument("--sampling-hz", type=inputs.positive, metavar="HZ", help="sampling rate of the controller")
+    inputs.add_events_options(inspect)
     add_json_option(inspect)
     inspect.set_defaults(run=run_inspect)
 
@@ -66,11 +69,26 @@ def run_inspect(arguments: Namespace) -> int:
     from ibrid.measurement.inspect import inspect
     from ibrid.measurement.inspection_table import format_inspection
 
+    if arguments.channels or inputs.holds_events(arguments.data):
+        return _inspect_events(arguments)
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"DATA": inputs.sweep_file(arguments.data)})
     inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
     if not give_json(inspection.to_json(), arguments.json):
         print(format_inspection(inspection), end="")
+    return 0
+
+
+def _inspect_events(arguments: Namespace) -> int:
+    from ibrid.measurement.event_inspection import inspect_events
+    from ibrid.measurement.event_inspection_table import format_events_inspection
+    from ibrid.measurement.read_events import read_events
+
+    require_json_place(arguments.json)
+    require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})
+    inspection = inspect_events(read_events(arguments.data, channels=arguments.channels, base=arguments.base))
+    if not give_json(inspection.to_json(), arguments.json):
+        print(format_events_inspection(inspection), end="")
     return 0
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.signal import firwin, resample_poly
 
 from ibrid.errors import SweepError
 from ibrid.measurement.event_rest import record_from_rest
@@ -13,6 +14,8 @@ from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
 
 CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
+#: Samples per s that no averaged model needs, and those that are kept, at least.
+MANY, KEPT = 100e3, 25e3
 _THIRD = np.exp(2j * np.pi / 3)
 
 
@@ -75,10 +78,27 @@ def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, flo
     else:
         side = -1j if header.get("q_axis") == "lags" else 1j
         v, i = (one[0] + side * one[1] for one in (v, i))
-    return record_from_rest(samples.name, samples.time, v, i, f0_hz, sigma, zero, samples.remarks)
+    time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
+    return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*samples.remarks, *fewer))
 
 
 def _park(phases: np.ndarray, time: np.ndarray, f0_hz: float) -> np.ndarray:
     """(2/3) (a + b e^{j 120} + c e^{-j 120}) e^{-j 2 pi f0 t}, amplitude-invariant: the positive sequence is constant."""
     vector = 2 / 3 * (phases[0] + _THIRD * phases[1] + np.conj(_THIRD) * phases[2])
     return vector * np.exp(-2j * np.pi * f0_hz * time)
+
+
+def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | None) -> tuple[Any, ...]:
+    """Every k-th of many even samples behind one low-pass for both, which a linear relation between them does not feel.
+
+    sigma shrinks with the root of the sum of squares of the filter, as white noise does.
+    """
+    step = np.diff(time)
+    rate = 1 / float(np.median(step))
+    if rate <= MANY or np.ptp(step) > 0.02 / rate:
+        return time, v, i, sigma, ()
+    k = int(rate // KEPT)
+    low_pass = firwin(20 * k + 1, 1 / k, window=("kaiser", 5.0))
+    v, i = (resample_poly(one, 1, k, window=low_pass, padtype="edge") for one in (v, i))
+    sigma = None if sigma is None else sigma[::k] * np.sqrt(np.sum(low_pass**2))
+    return time[::k], v, i, sigma, (f"of {rate / 1e3:.4g} kHz, low-passed and resampled to {rate / k / 1e3:.4g} kHz",)

@@ -15,11 +15,11 @@ def format_inspection(inspection: Inspection) -> str:
     points = inspection.points
     for start in range(0, len(points), _PER_BLOCK):
         lines += ["", *_table(points[start : start + _PER_BLOCK])]
-    lines += ["", *_paragraph("conventions: ", inspection.conventions.sentence)]
+    lines += ["", *paragraph("conventions: ", inspection.conventions.sentence)]
     if inspection.warnings:
         lines += ["", "mind:"]
         for warning in inspection.warnings:
-            lines += _paragraph("  - ", warning)
+            lines += paragraph("  - ", warning)
     return "\n".join(lines) + "\n"
 
 
@@ -125,5 +125,6 @@ def _aligned(rows: list[tuple[str, list[str]]]) -> list[str]:
     ]
 
 
-def _paragraph(start: str, text: str) -> list[str]:
+def paragraph(start: str, text: str) -> list[str]:
+    """Lines of a sentence behind its mark, those after the first indented like it."""
     return textwrap.wrap(text, _WIDTH, initial_indent=start, subsequent_indent=" " * len(start), break_on_hyphens=False)
