@@ -1,10 +1,11 @@
-"""`ibrid import FILE...`: anybody's table as a sweep file; what was read as what is shown."""
+"""`ibrid import FILE...`: anybody's table as a sweep file, a recorder's as an events file; what was read as what is shown."""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
+from ibrid.errors import IbridError
 from ibrid.writing import aligned, require_place
 
 if TYPE_CHECKING:
@@ -26,12 +27,15 @@ _SAID = {
     "q": ("Q", ""),
     "v": ("V", ""),
 }
+_OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 _NUMBERS = ("f0_hz", "sampling_hz", "p", "q", "v")
 
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser("import", help="anybody's table of measured matrices to a sweep file")
+    parser = commands.add_parser(
+        "import", help="anybody's table of matrices to a sweep file, a recorder's to an events file"
+    )
     parser.add_argument(
         "files",
         nargs="+",
@@ -45,10 +49,13 @@ def declare(commands: Any) -> None:
         metavar="ROLE=COLUMN,..",
         help="where names do not say it: freq=f,Ydd=ReYdd+jImYdd,Ydq=Mag@Phase,p=P[kW],q=0,op=Case; #3 is the third column",
     )
+    parser.add_argument(
+        "--channels", metavar="va=1,..", help="of records in time: which channels are va,vb,vc,ia,ib,ic"
+    )
     for name, (metavar, words) in _SAID.items():
         kind = inputs.finite if name in _NUMBERS else str
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=metavar, help=words)
-    parser.add_argument("--out", required=True, metavar="SWEEP.csv", help="the sweep file to write")
+    parser.add_argument("--out", required=True, metavar="DATA.csv", help="the sweep or events file to write")
     parser.set_defaults(run=run)
 
 
@@ -62,6 +69,8 @@ def run(arguments: Namespace) -> int:
     require_place(arguments.out)
     require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
     said = {name: getattr(arguments, name) for name in _SAID}
+    if arguments.channels or any(map(inputs.holds_events, arguments.files)):
+        return _import_events(arguments, said)
     known = _known_formats(arguments.files, said)
     if known is not None:
         write_sweep(known, arguments.out)
@@ -77,6 +86,36 @@ def run(arguments: Namespace) -> int:
     grid = f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
     print(f"{Path(arguments.out)}: {grid} frequencies at {'; '.join(sweep.names)}")
     print(f"next: ibrid start {arguments.out} --out {Path(arguments.out).stem}_start")
+    return 0
+
+
+def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
+    """All records of the files in one events file."""
+    from dataclasses import replace
+
+    from ibrid.measurement.event_contradictions import contradictions
+    from ibrid.measurement.event_csv import write_events
+    from ibrid.measurement.read_events import read_events
+
+    unfit = [name for name in _SAID if said[name] is not None and name not in _OF_EVENTS]
+    if unfit or arguments.map:
+        raise IbridError(
+            f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; --channels, --"
+            f"{', --'.join(_OF_EVENTS).replace('_', '-')} do"
+        )
+    keys = {name: said[name] for name in _OF_EVENTS}
+    read = [read_events(file, channels=arguments.channels, **keys) for file in arguments.files]
+    if len({events.f0_hz for events in read}) > 1:
+        raise IbridError("records in one file must have one nominal frequency; import them one by one")
+    events = replace(read[0], records=tuple(record for one in read for record in one.records))
+    for record in events.records:
+        for remark in record.remarks:
+            complain(f"mind: {record.name}: {remark}")
+    for sentence in contradictions(events):
+        complain(f"mind: {sentence}")
+    write_events(events, arguments.out, header=[f"imported from {file}" for file in arguments.files])
+    print(f"{arguments.out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in events.records)}")
+    print(f"next: ibrid inspect {arguments.out}")
     return 0
 
 

@@ -97,8 +97,8 @@ def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | N
     rate = 1 / float(np.median(step))
     if rate <= MANY or np.ptp(step) > 0.02 / rate:
         return time, v, i, sigma, ()
-    k = int(rate // KEPT)
-    low_pass = firwin(20 * k + 1, 1 / k, window=("kaiser", 5.0))
+    k = int(rate / KEPT + 1e-3)
+    low_pass = np.asarray(firwin(20 * k + 1, 1 / k, window="blackman"), dtype=float)
     v, i = (resample_poly(one, 1, k, window=low_pass, padtype="edge") for one in (v, i))
     sigma = None if sigma is None else sigma[::k] * np.sqrt(np.sum(low_pass**2))
     return time[::k], v, i, sigma, (f"of {rate / 1e3:.4g} kHz, low-passed and resampled to {rate / k / 1e3:.4g} kHz",)

@@ -7,14 +7,14 @@ v and i are those of the PCC, and so is the operating point at rest.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite, pi
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.measurement.sweep import OperatingPoint, PowerNode
-from ibrid.showing import brief
+from ibrid.showing import brief, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,3 +136,16 @@ class Events:
     def __repr__(self) -> str:
         samples = sum(len(record.time) for record in self.records)
         return brief(f"<Events: {len(self.records)} records ({'; '.join(self.names)})", f", {samples} samples>")
+
+    def plot(self, ax: Any = None) -> Any:
+        """A matplotlib figure of v and i of every record; with ax=(voltage, current), on those."""
+        return shown(self, "plotting", "events_plot", ax)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the columns of an events file, frame dq; `read_events` takes it back.
+
+        Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
+        """
+        from ibrid.measurement.read_events import events_dataframe  # above this file
+
+        return events_dataframe(self)

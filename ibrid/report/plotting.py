@@ -1,4 +1,4 @@
-"""`.plot(ax=)` of a sweep, a record, a prediction and a stability study: a matplotlib figure, or lines on axes of one's own."""
+"""`.plot(ax=)` of sweeps, events, records, predictions and stability studies: a figure, or lines on axes of one's own."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,11 +13,13 @@ from ibrid.analysis.prediction import Prediction
 from ibrid.analysis.stability import Stability
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.bode import Curves, curves, draw_bode
 from ibrid.report.gap_figures import on_white
 from ibrid.report.page import measured_data
 from ibrid.report.stability_figures import draw_locus
+from ibrid.report.style import series
 
 
 def sweep_plot(sweep: Sweep, ax: Any = None, entry: str = "dd") -> Any:
@@ -79,6 +81,28 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
         draw_locus([axes], chosen)
         on_white(axes)
     return axes if figure is None else figure
+
+
+def events_plot(events: Events, ax: Any = None) -> Any:
+    """Voltages above currents of every record, d drawn whole and q dashed."""
+    if ax is not None and (hasattr(ax, "plot") or np.size(ax) != 2):
+        raise IbridError(
+            f"ax must be two axes, voltage and current, such as those of plt.subplots(2, sharex=True); found {type(ax).__name__}"
+        )
+    with rc_context({"axes.grid": True, "font.size": 9}):
+        figure = None if ax is not None else Figure(figsize=(8, 5), layout="constrained")
+        pair: Any = ax if figure is None else figure.subplots(2, sharex=True)
+        for axes, letter in zip(getattr(pair, "flat", pair), "vi", strict=True):
+            for index, record in enumerate(events.records):
+                for component, dashes in enumerate(("-", "--")):
+                    label = f"{record.name} {letter}_{'dq'[component]}"
+                    values = getattr(record, letter)[:, component]
+                    axes.plot(record.time, values, dashes, color=series(index)[0], label=label, linewidth=1)
+            axes.set_ylabel(f"{letter}, per unit")
+            axes.legend(fontsize=8)
+            on_white(axes)
+        axes.set_xlabel("time, s")
+    return ax if figure is None else figure
 
 
 def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
