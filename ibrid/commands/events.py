@@ -16,7 +16,6 @@ from ibrid.writing import inside, require_folder, require_place, write_whole
 if TYPE_CHECKING:
     from ibrid.playback.compare import EventModel
 
-EVENTS_HELP = "records of events (CSV with record,t,v_d,v_q,i_d,i_q or phases, COMTRADE)"
 JSON, PAGE = "playback.json", "report.html"
 
 
@@ -48,10 +47,11 @@ def declare(commands: Any) -> None:
     record.set_defaults(run=run_record)
     playback = commands.add_parser("playback", help="play records of events into a model and compare its current")
     playback.add_argument("model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record")
-    playback.add_argument("events", metavar="EVENTS", help=EVENTS_HELP)
+    playback.add_argument("events", metavar="EVENTS", help=inputs.EVENTS_HELP)
     playback.add_argument(
         "--values", metavar="FILE", help="values of a program's parameters (JSON), also of limits: current_limit.i_max"
     )
+    inputs.add_events_options(playback)
     playback.add_argument("--out", metavar="DIR", required=True, help=f"folder for {JSON} and {PAGE}")
     add_kinds_option(playback)
     playback.set_defaults(run=run_playback)
@@ -86,7 +86,6 @@ def run_record(arguments: Namespace) -> int:
 
 def run_playback(arguments: Namespace) -> int:
     """Play, write the files, print the errors."""
-    from ibrid.measurement.read_events import read_events
     from ibrid.playback.compare import play
     from ibrid.report.playback_page import playback_page
     from ibrid.report.playback_text import playback_text
@@ -98,7 +97,7 @@ def run_playback(arguments: Namespace) -> int:
     model = event_model(arguments.model, arguments.values, arguments.kinds)
     if model.assumed:
         complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
-    found = play(model, read_events(arguments.events))
+    found = play(model, inputs.events(arguments.events, arguments.channels, arguments.base))
     page = playback_page(found, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(places[f"the {JSON} of --out"], json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")

@@ -30,6 +30,7 @@ def declare(commands: Any) -> None:
     predict.add_argument(
         "--events", metavar="EVENTS", help="instead: records whose voltage is played; their current is written"
     )
+    inputs.add_events_options(predict)
     predict.add_argument(
         "--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)"
     )
@@ -119,12 +120,11 @@ def run_nfp(arguments: Namespace) -> int:
 
 def _predict_events(arguments: Namespace) -> int:
     from ibrid.measurement.event_csv import write_events
-    from ibrid.measurement.read_events import read_events
     from ibrid.playback.compare import answered, model_of_record, play
     from ibrid.report.playback_text import playback_text
 
     require_distinct({"--out": arguments.out}, {"--events": arguments.events})
-    events = read_events(arguments.events)
+    events = inputs.events(arguments.events, arguments.channels, arguments.base)
     found = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
     command = shlex.join(["ibrid", "predict", arguments.record, "--events", arguments.events])
     write_events(answered(events, found), arguments.out, header=(f"the current is predicted, not measured: {command}",))

@@ -9,12 +9,12 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.measurement.event_windows import windows_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.playback.limits import LIMITS, Limit, applicable, limit_named
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
-from ibrid.playback.windows import windows_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire

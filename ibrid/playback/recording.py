@@ -152,7 +152,8 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
             "choose a milder event or another operating point"
         )
     i = current[:, :, 0]
-    return EventRecord(OperatingPoint(name, op.v * i[0, 0], -op.v * i[0, 1], op.v), time, voltage, i, float(time[0]))
+    rest_end = float(time[max(int(np.argmax(v != v[0])) - 1, 0)])
+    return EventRecord(OperatingPoint(name, op.v * i[0, 0], -op.v * i[0, 1], op.v), time, voltage, i, rest_end)
 
 
 def _seen(record: EventRecord, angle: float, noise_db: float | None, rng: np.random.Generator) -> EventRecord:

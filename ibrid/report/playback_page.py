@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ibrid.measurement.event_windows import WINDOWS
 from ibrid.measurement.events import EventRecord
 from ibrid.playback.compare import Playback, PlayedRecord
-from ibrid.playback.windows import WINDOWS
 from ibrid.report.figure import inline_svg
 from ibrid.report.style import INK, MUTED, series
 from ibrid.report.template import page

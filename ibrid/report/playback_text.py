@@ -1,7 +1,7 @@
 """What `ibrid playback` prints: errors by record and window."""
 
+from ibrid.measurement.event_windows import WINDOWS
 from ibrid.playback.compare import Playback
-from ibrid.playback.windows import WINDOWS
 from ibrid.report.numbers import number
 from ibrid.report.text import table
 
