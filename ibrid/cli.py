@@ -30,6 +30,7 @@ from ibrid.commands import (
     starting,
     sweeps,
     vocabulary,
+    watching,
 )
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, near
@@ -84,6 +85,7 @@ def parser() -> argparse.ArgumentParser:
         fitting,
         gap,
         searching,
+        watching,
         policy,
         predicting,
         asking,

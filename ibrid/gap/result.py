@@ -207,9 +207,10 @@ class Gap:
     def __repr__(self) -> str:
         return brief(f"<Gap: {self.verdict}, {self.sentence}", ">")
 
-    def plot(self, op: str | None = None) -> Any:
-        """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer."""
-        return shown(self, "gap_figures", "gap_figure", op)
+    def plot(self, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
+        """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer; with
+        ax=(magnitude, phase) before and after of one entry, on those."""
+        return shown(self, "gap_figures", "gap_figure", op, ax, entry)
 
     def _repr_html_(self) -> str:
         """Verdict, what is missing, before and after, for notebooks."""

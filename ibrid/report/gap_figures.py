@@ -1,6 +1,7 @@
 """A gap as one matplotlib figure for notebooks: before and after, and where the missing transfer acts."""
 
 import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
@@ -12,8 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
+from ibrid.errors import IbridError
 from ibrid.gap.result import Gap
 from ibrid.measurement.sweep import ENTRIES
+from ibrid.report.bode import Curves, draw_bode
 from ibrid.report.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.gap_ports import draw_missing, draw_ports
 from ibrid.report.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
@@ -36,13 +39,16 @@ _COLOURS = {INK: "#16202c", MUTED: "#56636f", DANGER: "#b3261e"} | {
 }
 
 
-def gap_figure(gap: Gap, op: str | None = None) -> Figure:
+def gap_figure(gap: Gap, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
     """Admittance before and after at one operating point, beside the port map and the measured missing transfer.
 
-    op : operating point; the one with the worst misfit when not given. Raises OperatingPointError for an unknown one.
+    op : operating point; the one with the worst misfit when not given. ax : (magnitude, phase) axes for one entry in place of a
+    figure. Raises OperatingPointError for an unknown point, IbridError for other axes.
     """
     views = point_views(gap)
     shown = views[0] if op is None else next(one for one in views if one.name == gap.sweep.point(op).op.name)
+    if ax is not None:
+        return on_axes(shown.curves, ax, entry)
     with rc_context(_SETTINGS):
         figure = Figure(figsize=(15.0 if gap.ports else 10.0, 10.0), layout="constrained")
         grid = figure.add_gridspec(1, 2 if gap.ports else 1, width_ratios=(1.5, 1.0) if gap.ports else None)
@@ -52,6 +58,20 @@ def gap_figure(gap: Gap, op: str | None = None) -> Figure:
         figure.suptitle(textwrap.fill(gap.sentence, 130 if gap.ports else 90), fontsize=11, x=0.01, ha="left")
         on_white(figure)
     return figure
+
+
+def on_axes(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
+    """Magnitude and phase of one entry, on two axes that are given."""
+    pair = list(getattr(ax, "flat", ax)) if not hasattr(ax, "plot") else []
+    if len(pair) != 2 or entry not in ENTRIES:
+        raise IbridError(
+            "ax must be two axes, magnitude and phase, such as those of plt.subplots(2, sharex=True), and entry one of "
+            f"{', '.join(ENTRIES)}; found {type(ax).__name__} and {entry!r}"
+        )
+    draw_bode(pair, entry, shown)
+    for one in pair:
+        on_white(one)
+    return ax
 
 
 def _draw_entries(figure: "FigureBase", shown: PointView) -> None:

@@ -16,7 +16,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.bode import Curves, curves, draw_bode
-from ibrid.report.gap_figures import on_white
+from ibrid.report.gap_figures import on_axes, on_white
 from ibrid.report.page import measured_data
 from ibrid.report.stability_figures import draw_locus
 from ibrid.report.style import series
@@ -108,16 +108,7 @@ def events_plot(events: Events, ax: Any = None) -> Any:
 def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
     """Magnitude above phase of all four entries; or of one on (magnitude, phase) axes that are given."""
     if ax is not None:
-        pair = list(getattr(ax, "flat", ax)) if not hasattr(ax, "plot") else []
-        if len(pair) != 2 or entry not in ENTRIES:
-            raise IbridError(
-                "ax must be two axes, magnitude and phase, such as those of plt.subplots(2, sharex=True), and entry one of "
-                f"{', '.join(ENTRIES)}; found {type(ax).__name__} and {entry!r}"
-            )
-        draw_bode(pair, entry, shown)
-        for one in pair:
-            on_white(one)
-        return ax
+        return on_axes(shown, ax, entry)
     with rc_context({"axes.grid": True, "font.size": 9}):
         figure = Figure(figsize=(11, 7), layout="constrained")
         parts = figure.subplots(4, 2, sharex=True, gridspec_kw={"height_ratios": (1.25, 1, 1.25, 1)})

@@ -11,7 +11,7 @@ from made_gap import ANGLE, CORNER, FITTED, HELD_OUT, TRUTH, VERDICTS, device, m
 from page_reader import Reader, self_contained
 from sharing import shared
 
-from ibrid.errors import OperatingPointError
+from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.convention import Convention
 from ibrid.gap.files import gap_json
@@ -373,6 +373,15 @@ def test_every_family_of_kinds_has_a_colour_and_a_word():
     diagram.add("Shunt_RC", "shunt")
     svg = block_diagram_svg(diagram, VOCABULARY, framed=("shunt",))
     assert 'class="node family-physical-branch framed"' in svg
+
+
+def test_before_and_after_are_drawn_on_axes_of_ones_own():
+    figure = pytest.importorskip("matplotlib.figure")
+    own = figure.Figure().subplots(2, sharex=True)
+    assert made("named").plot(ax=own, entry="qq") is own
+    assert len(own[0].lines) >= 3  # the measurement, before and after
+    with pytest.raises(IbridError, match="two axes"):
+        made("named").plot(ax=own[0])
 
 
 def test_gap_json_carries_the_transfer_that_the_page_draws():

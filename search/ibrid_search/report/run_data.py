@@ -108,13 +108,13 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
     sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped one.
     """
     meta = dict(store.meta)
-    settings = _settings(meta.get("settings", ""))
+    settings = settings_of(meta.get("settings", ""))
     own = VOCABULARY if kinds is None else tuple(kinds)
     known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), own)
     steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
     notes: list[str] = []
     if sweep is None:
-        sweep, remark = _measured(meta.get("data", ""))
+        sweep, remark = measured(meta.get("data", ""))
         notes += [remark] if remark else []
     plain, chosen = plain_selection(steps.values()), None
     try:
@@ -168,7 +168,7 @@ def _records(
     return found
 
 
-def _settings(text: str) -> dict[str, Any]:
+def settings_of(text: str) -> dict[str, Any]:
     """The run's settings as one flat table; empty where they cannot be read."""
     try:
         return _flat(tomllib.loads(text))
@@ -198,7 +198,7 @@ def _archive(text: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _measured(text: str) -> tuple[Sweep | None, str]:
+def measured(text: str) -> tuple[Sweep | None, str]:
     """The data that the run was started with, and a sentence when they cannot be read."""
     if not text:
         return None, "The run holds no data, so there are no measured dots; give the sweep to show them."

@@ -1,0 +1,183 @@
+"""The server of the live page: on the loopback address alone, for hosts named so alone; it writes nothing into the run."""
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from ibrid.errors import IbridError
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.report.template import page
+from ibrid_search.watching.state import run_state, step_page
+
+ADDRESS = "127.0.0.1"
+#: Names that a browser may call this machine; anything else was led here by somebody's DNS.
+HOSTS = ("127.0.0.1", "localhost", "[::1]")
+#: Bytes of a dropped file, and seconds that a first look at it may take.
+LARGEST, PATIENCE = 50_000_000, 300
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; frame-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_FRAMED = "frame-ancestors 'self'"  # pages of candidates bring a policy of their own
+
+
+class WatchServer(ThreadingHTTPServer):
+    """Serves one run. folder : of the run. port : 0 for any free one. kinds : its vocabulary, where it is not a shipped one."""
+
+    daemon_threads = True
+
+    def __init__(self, folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY) -> None:
+        run_state(folder)  # refuses what is no run before anything is served
+        self.folder, self.kinds = folder, tuple(kinds)
+        self.dropped = tempfile.TemporaryDirectory(prefix="ibrid-watch-")
+        self.looking = threading.Lock()
+        self.looked = 0
+        try:
+            super().__init__((ADDRESS, port), _Answers)
+        except OSError as error:
+            self.dropped.cleanup()
+            raise IbridError(f"port {port} cannot be served ({error.strerror}); give another with --port") from None
+
+    @property
+    def url(self) -> str:
+        """Where it is."""
+        return f"http://{ADDRESS}:{self.server_address[1]}/"
+
+    def server_close(self) -> None:
+        """Stop, and drop what was dropped."""
+        super().server_close()
+        self.dropped.cleanup()
+
+
+def watch(
+    folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY, tell: Callable[[str], None] = print
+) -> None:
+    """Serve a run until Ctrl-C. tell : is given the address.
+
+    Raises IbridError where there is no run or the port is taken.
+    """
+    server = WatchServer(folder, port, kinds)
+    try:
+        tell(server.url)
+        server.serve_forever(poll_interval=0.2)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.server_close()
+
+
+class _Refused(Exception):
+    """An answer that is no page: status and sentence."""
+
+    def __init__(self, status: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class _Answers(BaseHTTPRequestHandler):
+    server: WatchServer
+    server_version, sys_version = "ibrid", ""
+    timeout = 60
+
+    def do_GET(self) -> None:
+        self._answer(self._page)
+
+    def do_POST(self) -> None:
+        self._answer(self._dropped)
+
+    def _answer(self, give: Callable[[], None]) -> None:
+        try:
+            self._require_this_machine()
+            give()
+        except _Refused as refused:
+            self._send(json.dumps({"error": str(refused)}), "application/json", refused.status)
+        except IbridError as error:
+            self._send(json.dumps({"error": str(error)}), "application/json", 404)
+
+    def _require_this_machine(self) -> None:
+        """Only what a browser on this machine sends: a host of the loopback, and no page of another origin."""
+        host = self.headers.get("Host", "")
+        if re.sub(r":\d+$", "", host).lower() not in HOSTS:
+            raise _Refused(403, "this page is served to this machine alone, as 127.0.0.1 or localhost")
+        origin = self.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != host:
+            raise _Refused(403, "another page may not ask")
+
+    def _page(self) -> None:
+        path = urlsplit(self.path).path
+        if path == "/":
+            self._send(page("watch.html", {}, "ibrid_search"), "text/html", policy=_POLICY)
+        elif path == "/watch.js":
+            self._send(
+                (files("ibrid_search") / "templates" / "watch.js").read_text(encoding="utf-8"), "text/javascript"
+            )
+        elif path == "/state":
+            self._send(json.dumps(run_state(self.server.folder), allow_nan=False), "application/json")
+        elif found := re.fullmatch(r"/step/(\d{1,9})", path):
+            text = step_page(self.server.folder, int(found[1]), self.server.kinds)
+            self._send(text, "text/html", policy=_FRAMED)
+        elif found := re.fullmatch(r"/started/(\d{1,9})", path):
+            report = Path(self.server.dropped.name) / found[1] / "start" / "report.html"
+            if not report.is_file():
+                raise _Refused(404, "there is no such first answer")
+            self._send(report.read_text(encoding="utf-8"), "text/html", policy=_FRAMED)
+        else:
+            raise _Refused(404, "there is nothing here")
+
+    def _dropped(self) -> None:
+        """A file of the user's: what `ibrid start` says about it."""
+        asked = urlsplit(self.path)
+        if asked.path != "/start":
+            raise _Refused(404, "there is nothing here")
+        length = self.headers.get("Content-Length", "")
+        if not length.isdigit() or not 0 < int(length) <= LARGEST:
+            raise _Refused(413, f"a file of at most {LARGEST // 1_000_000} MB can be looked at")
+        name = Path(parse_qs(asked.query).get("name", ["sweep.csv"])[0]).name
+        content = self.rfile.read(int(length))
+        if not self.server.looking.acquire(blocking=False):
+            raise _Refused(409, "one file is looked at at a time; wait for the other one")
+        try:
+            self._send(json.dumps(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-80:], content)), "application/json")
+        finally:
+            self.server.looking.release()
+
+    def _first_answer(self, name: str, content: bytes) -> dict[str, Any]:
+        self.server.looked += 1
+        folder = Path(self.server.dropped.name) / str(self.server.looked)
+        folder.mkdir()
+        file = folder / f"data_{name.lstrip('.-')}"
+        file.write_bytes(content)
+        command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", "start"]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        except subprocess.TimeoutExpired:
+            raise _Refused(504, f"no first answer within {PATIENCE} s; run ibrid start on the file") from None
+        if done.returncode != 0:
+            said = done.stderr.strip().splitlines()
+            raise _Refused(422, said[-1] if said else "the file cannot be read")
+        return {"sentence": done.stdout.splitlines()[0], "page": f"/started/{self.server.looked}"}
+
+    def _send(self, text: str, kind: str, status: int = 200, policy: str = "default-src 'none'") -> None:
+        content = text.encode()
+        self.send_response(status)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Content-Security-Policy", policy)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Silent: the terminal belongs to the user."""

@@ -1,0 +1,150 @@
+"""The live page of a search: read-only, for this machine alone, and whole in a real browser."""
+
+import http.client
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import _NAMES, _OPTIONS
+from fitted import benchmark, changed, evaluated
+from ibrid_search.watching import WatchServer
+from ibrid_search.watching.server import ADDRESS
+from ibrid_search.watching.state import run_state
+from made_run import a_run, meta
+
+from ibrid import cli
+from ibrid.errors import IbridError
+from ibrid.measurement.csv_file import sweep_csv
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return a_run(tmp_path_factory.mktemp("watched") / "run", meta(best="5"))
+
+
+@pytest.fixture(scope="module")
+def server(run: Path) -> Iterator[WatchServer]:
+    made = WatchServer(run)
+    thread = threading.Thread(target=made.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+    thread.start()
+    yield made
+    made.shutdown()
+    made.server_close()
+    thread.join()
+
+
+def asked(
+    server: WatchServer, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+) -> tuple[int, str]:
+    """Status and text of an answer; `headers` : with _ for -."""
+    line = http.client.HTTPConnection(ADDRESS, server.server_address[1], timeout=300)
+    line.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    answer = line.getresponse()
+    text = answer.read().decode()
+    line.close()
+    return answer.status, text
+
+
+def test_the_state_has_every_fitted_candidate_under_its_parent(run: Path, server: WatchServer):
+    status, text = asked(server, "/state")
+    state = json.loads(text)
+    assert status == 200
+    assert state == run_state(run)
+    assert {one["step"]: one["parent"] for one in state["nodes"]} == {0: None, 1: 0, 3: 1, 5: 3}
+    assert state["best"] == 5
+    assert state["nodes"][0]["nrmse"] == evaluated("naive", restarts=0).nrmse
+    assert [one[3] for one in state["points"]] == [0, 1, 3, 5]
+
+
+def test_a_candidate_is_shown_with_diagram_fit_and_difference(server: WatchServer):
+    status, page = asked(server, "/step/5")
+    assert status == 200
+    assert "low-pass before the PLL" in page
+    assert '<svg class="diagram' in page
+    assert re.search(r'<span class="added">\+.*pll_filter', page)
+    assert "data-axes" in page  # figures of the fit, with measured dots from the run's own data
+
+
+def test_what_is_not_there_is_a_sentence(server: WatchServer):
+    for path, words in (
+        ("/step/99", "there is no step 99"),
+        ("/step/2", "no record"),
+        ("/../etc/passwd", "nothing here"),
+    ):
+        status, text = asked(server, path)
+        assert status == 404
+        assert words in json.loads(text)["error"]
+
+
+def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchServer):
+    port = server.server_address[1]
+    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example", "", f"192.168.0.1:{port}"):
+        assert asked(server, "/state", Host=host)[0] == 403, host
+    for host in (f"localhost:{port}", f"[::1]:{port}", "127.0.0.1"):
+        assert asked(server, "/state", Host=host)[0] == 200, host
+    assert asked(server, "/state", Origin="http://evil.example")[0] == 403
+    assert asked(server, "/start", "POST", b"x", Origin="null")[0] == 403
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
+    before = {path: path.read_bytes() for path in run.rglob("*")}
+    for path in ("/", "/watch.js", "/state", "/step/3"):
+        assert asked(server, path)[0] == 200
+    for method in ("POST", "PUT", "DELETE"):
+        assert asked(server, "/state", method, b"x")[0] in (404, 501)
+    assert {path: path.read_bytes() for path in run.rglob("*")} == before
+
+
+def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: WatchServer):
+    few = changed(benchmark().without(["p=1,q=-0.3"]), kept=lambda number: slice(None, None, 3))
+    status, text = asked(server, "/start?name=../../my%20sweep.csv", "POST", sweep_csv(few).encode())
+    assert status == 200, text
+    told = json.loads(text)
+    status, page = asked(server, told["page"])
+    assert status == 200
+    assert "First answer about" in page
+    assert not list(Path(server.dropped.name).parent.glob("my*sweep.csv"))
+    status, text = asked(server, "/start?name=a.csv", "POST", b"rubbish")
+    assert status == 422
+    assert "ibrid" in json.loads(text)["error"]
+    assert asked(server, "/start?name=a.csv", "POST", b"")[0] == 413
+
+
+def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchServer, tmp_path: Path):
+    browser = next(filter(None, map(shutil.which, _NAMES)), None)
+    if browser is None:
+        pytest.skip("chromium is not installed, so no page is opened in it; apt-get install chromium")
+    options = [*_OPTIONS, f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=6000", "--dump-dom"]
+    done = subprocess.run([browser, *options, server.url], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.count("<circle") == 8  # four in the curve, four in the tree
+    assert done.stdout.count('class="edge way"') == 3
+    assert "Best so far: step 5" in done.stdout
+    assert 'src="/step/5"' in done.stdout
+    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def test_ctrl_c_ends_the_command_and_what_is_no_run_is_refused(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert cli.main(["watch", str(tmp_path)]) == 2
+    assert "archive.sqlite" in capsys.readouterr().err
+    with pytest.raises(IbridError):
+        WatchServer(tmp_path)
+    started = subprocess.Popen([sys.executable, "-m", "ibrid", "watch", str(run)], stdout=subprocess.PIPE, text=True)
+    assert started.stdout is not None
+    line = started.stdout.readline()
+    port = int(re.findall(r"http://127\.0\.0\.1:(\d+)/", line)[0])
+    time.sleep(0.2)
+    started.send_signal(signal.SIGINT)
+    assert started.wait(timeout=30) == 0
+    with pytest.raises(ConnectionError):
+        http.client.HTTPConnection(ADDRESS, port, timeout=2).request("GET", "/")
