@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import evaluated
+from jsonschema import Draft202012Validator
 
 import ibrid
 from ibrid import cli
@@ -15,6 +16,7 @@ from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.analysis.power_jacobian import jacobian_of
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import OperatingPoint
+from ibrid.schemas import schema
 
 OP = "p=1,q=0.3"
 
@@ -90,7 +92,7 @@ def test_the_command_writes_what_the_function_says(
     assert "at p=1,q=0.3" in told
     assert "at p=1,q=-0.3" in told
     answer = json.loads((tmp_path / "nfp.json").read_text())
-    assert answer["schema"] == "ibrid.nfp/1"
+    assert [error.message for error in Draft202012Validator(schema("nfp")).iter_errors(answer)] == []
     assert [one["op"] for one in answer["points"]] == list(record.parameters)
     found = ibrid.power_jacobian(record, OP, np.geomspace(1, 100, 5))
     lines = [line for line in (tmp_path / "nfp.csv").read_text().splitlines() if not line.startswith("#")]
