@@ -5,12 +5,13 @@ the parameters x, with J = dY/dx / s whitened and C their covariance so far (Lap
 
     C' = (C^-1 + J'J)^-1,    sd ratio of a parameter = sqrt(C'_jj / C_jj),    information = 1/2 log2 det(1 + J C J') bits,
 
-and with a rival that answers r = (Y_rival - Y) / s differently and whose own parameters can follow by their covariance C_r,
+and with a rival that answers r = (Y_rival - Y) / s differently, where the parameters of both may still move,
 
-    bits = 1 / (2 ln 2) r' (1 + J_r C_r J_r')^-1 r,
+    bits = 1 / (2 ln 2) r' (1 + J C J' + J_r C_r J_r')^-1 r,
 
-the expected logarithm of the likelihood ratio once the rival has been fitted again, the smaller of both directions (Box and Hill,
-Discrimination among mechanistic models, 1967; Fedorov, Theory of optimal experiments, 1972). Frequencies are taken one
+what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination among mechanistic models,
+1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are less linear than their covariance says, so both
+are given `CAUTION` times their deviation. Frequencies are taken one
 by one, each where it adds most.
 """
 
@@ -31,6 +32,8 @@ from ibrid.measurement.sweep import OperatingPoint
 DECISIVE = float(np.log2(20.0))
 #: A ratio of standard deviations above which a parameter has gained nothing.
 NOTHING = 0.98
+#: Factor on the deviations of parameters when structures are compared.
+CAUTION = 2.0
 #: Relative noise of a measurement to come where the record knows none.
 ASSUMED_NOISE = 0.01
 
@@ -232,10 +235,9 @@ def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> 
 def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], count: int) -> np.ndarray:
     """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far.
 
-    Bits add up over frequencies as normalised innovations of a Kalman filter do, in which a rival's parameters follow.
+    Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the parameters of both follow.
     """
-    ways = [(i, j) for pair in pairs for i, j in (pair, pair[::-1])]
-    follow = [_Following(known[j].slopes, known[j].answer - known[i].answer) for i, j in ways]
+    follow = [_Following(known[i], known[j]) for i, j in pairs]
     chosen: list[int] = []
     for _ in range(count):
         worst = min(follow, key=lambda one: one.told)
@@ -249,11 +251,13 @@ def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], c
 
 
 class _Following:
-    """A rival that is fitted again and again while frequencies come in; `told` : the chi2 that is left to it."""
+    """Two structures that are fitted again and again while frequencies come in; `told` : the chi2 that is left between them."""
 
-    def __init__(self, slopes: np.ndarray, difference: np.ndarray) -> None:
-        self.slopes, self.difference, self.told = slopes, difference, 0.0
-        self._at, self._covariance = np.zeros(slopes.shape[-1]), np.eye(slopes.shape[-1])
+    def __init__(self, one: _Known, other: _Known) -> None:
+        self.slopes = CAUTION * np.concatenate([one.slopes, other.slopes], axis=2)
+        self.difference, self.told = other.answer - one.answer, 0.0
+        size = self.slopes.shape[-1]
+        self._at, self._covariance = np.zeros(size), np.eye(size)
 
     def worth(self) -> np.ndarray:
         """(K,) chi2 that each frequency would add."""
@@ -273,11 +277,8 @@ class _Following:
 
 
 def _apart(one: _Known, other: _Known, chosen: np.ndarray) -> float:
-    """Bits, the smaller of both directions."""
-    bits = []
-    for truth, rival in ((one, other), (other, one)):
-        follow = _Following(rival.slopes, rival.answer - truth.answer)
-        for k in chosen:
-            follow.take(int(k))
-        bits.append(follow.told / (2.0 * np.log(2.0)))
-    return float(min(bits))
+    """Bits between two structures after the chosen frequencies."""
+    follow = _Following(one, other)
+    for k in chosen:
+        follow.take(int(k))
+    return follow.told / (2.0 * np.log(2.0))

@@ -53,8 +53,12 @@ def main() -> None:
         rival = _rival(truth, known, poor, rng)
         if rival is None:
             continue
+        try:
+            ways = _ways((known, rival), points, rng)
+        except (IbridError, StopIteration):  # what is known so far is not stable anywhere
+            continue
         words = []
-        for way, (op, frequency) in _ways((known, rival), points, rng).items():
+        for way, (op, frequency) in ways.items():
             more = Sweep((*poor.points, *_measured(plant, op, frequency, rng).points), f0_hz=poor.f0_hz)
             after = [evaluate(one.diagram, more, objective="sigma") for one in (known, rival)]
             apart = _bic(after[1], more) - _bic(after[0], more)

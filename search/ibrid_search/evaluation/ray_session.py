@@ -143,6 +143,8 @@ def _import_ray(*, local: bool) -> Any:
     if "ray" not in sys.modules:  # both are read once, at import
         if local:  # without it Ray takes localhost for the address of the network card
             os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+            # at Ray's 15 a busy machine starves them: three minutes for what one process does in nine seconds
+            os.environ.setdefault("RAY_worker_niceness", "0")
         # a worker that dies is our business; no line of Ray's belongs between the lines of a search
         os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")
     try:
