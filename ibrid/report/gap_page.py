@@ -85,6 +85,7 @@ def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
         "summary": errors_by_point(gap, views),
         "changed": difference(gap.given, gap.program, AROUND),
         "drawn": None if given is None or after is None else _drawn(gap, given, after),
+        "given_drawn": _given_drawn(gap, given, after),
         "framed": bool(given and after and (_only_in(given, after) or _only_in(after, given))),
     }
 
@@ -132,12 +133,16 @@ def _suggested(gap: Gap) -> dict[str, Any]:
 
 
 def _drawn(gap: Gap, given: Diagram, after: Diagram) -> Any:
-    """The given and the repaired diagram, what differs framed; the given one alone where nothing changed."""
-    shown = [Shown("The given model", given, _only_in(given, after))]
-    if gap.given != gap.program:
-        repaired = Shown("The repaired model", after, _only_in(after, given), values_or_none(gap.repaired))
-        shown.insert(0, repaired)
-    return drawn_diagrams(shown, gap.repaired.vocabulary)
+    """The repaired diagram, what the given one lacks framed; the given one where nothing changed."""
+    shown = Shown("", after, _only_in(after, given), values_or_none(gap.repaired))
+    return drawn_diagrams([shown if gap.given != gap.program else Shown("", given)], gap.repaired.vocabulary)
+
+
+def _given_drawn(gap: Gap, given: Diagram | None, after: Diagram | None) -> Any:
+    """The given diagram, what the repaired one lacks framed; None where nothing changed."""
+    if given is None or after is None or gap.given == gap.program:
+        return None
+    return drawn_diagrams([Shown("", given, _only_in(given, after))], gap.repaired.vocabulary)
 
 
 def _only_in(diagram: Diagram, other: Diagram) -> tuple[str, ...]:

@@ -93,7 +93,7 @@ def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(
     shown = {float(one["value"] or "nan") for one in reader.all("data")}
     assert set(record.nrmse_by_op.values()) <= shown
     assert {value for values in record.parameters.values() for value in values.values()} <= shown
-    assert len(reader.all("details")) == 4 + 1  # the edits, and the settings of the run
+    assert len(reader.all("details")) == 4 + 2  # the edits, the statistics, and the settings of the run
     assert '+    g.add("LPF1", "pll_filter")' in unescape(page)
 
 
