@@ -33,6 +33,8 @@ from ibrid_search.trajectory import eligible
 BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
+#: How much longer than another a best with something odd about it must stay the best before the search ends.
+DOUBTED = 3
 SPENT = "the limits of the language models are spent"
 
 
@@ -122,11 +124,12 @@ class Loop:
             return SPENT
         if self.goal.target is not None and self.best.nrmse <= self.goal.target:
             return TARGET
-        if not self._at_floor or self.appraisal.oddities(self.best).total:
+        if not self._at_floor:
             return None
-        if not self.appraisal.criterion.floor.known:
-            return EXACT_FIT
-        return FLOOR if len(self.steps) - self.best.number >= self.panel.settled(self.settings.settled) else None
+        known, odd = self.appraisal.criterion.floor.known, self.appraisal.oddities(self.best).total > 0
+        stood = len(self.steps) - max(self.best.number, len(self.panel.starts))
+        needed = self.panel.settled(self.settings.settled) * (DOUBTED if odd else known)
+        return None if stood < needed else FLOOR if known else EXACT_FIT
 
     @property
     def _under_way(self) -> bool:
@@ -141,6 +144,8 @@ class Loop:
     def _tidying(self) -> bool:
         """True in the last part, in which things are only taken away from the best."""
         kept = int(self.settings.final_pruning * self.goal.budget)
+        if self.appraisal.criterion.floor.known and len(self.steps) <= len(self.panel.starts):
+            return False  # what explains the data within the noise may be another of the starts
         return self._at_floor or self._reached is not None or self.evaluations >= self.goal.budget - kept
 
     def _require_a_start(self) -> None:

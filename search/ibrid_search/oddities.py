@@ -1,7 +1,9 @@
 """What an engineer would doubt: what cannot be an inverter before anything is fitted, and what is odd in a fit however good."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
 
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
@@ -12,13 +14,15 @@ from ibrid.structure.wiring import PLANT
 
 #: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
 ABSURD = 30.0
+NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Oddities:
     """`missing` : control layers that are not there; of two devices those of the one that lacks fewer.
     `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` : plant parameters that
-    stand in for a controller, such as a resistance of 1 per unit. `residual` : modules that fit anything and mean
+    stand in for a controller, such as a resistance of 1 per unit; with known noise only those that the data do not leave
+    open. `residual` : modules that fit anything and mean
     little, which is a reason to look further, but none to doubt the rest."""
 
     missing: int = 0
@@ -41,21 +45,40 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
     return Oddities(
         missing=min((view.roles.missing_layers for view in views_of(diagram, kinds)), default=0),
         at_bound=len(record.at_bound),
-        absurd=max((absurd(diagram, values, kinds) for values in record.parameters.values()), default=0),
+        absurd=max((_absurd(diagram, record, op, kinds) for op in record.parameters), default=0),
         residual=record.residual_modules,
     )
 
 
-def absurd(diagram: Diagram, values: Mapping[str, float], kinds: Vocabulary) -> int:
-    """How many plant parameters of an operating point are."""
+def _absurd(diagram: Diagram, record: Record, op: str, kinds: Vocabulary) -> int:
+    values = record.parameters[op]
+    if record.over_noise is None:
+        return absurd(diagram, values, kinds)
+    intervals = record.intervals.get(op, {})
+    return absurd(diagram, values, kinds, {name: _wide(values[name], one) for name, one in intervals.items()})
+
+
+def _wide(value: float, interval: Sequence[float] | None) -> tuple[float, float]:
+    """Twice an interval of a positive value in its logarithm: beyond that the data do not leave it open."""
+    if interval is None or value <= 0 or min(interval) <= 0:
+        return 0.0, inf
+    return interval[0] ** 2 / value, interval[1] ** 2 / value
+
+
+def absurd(
+    diagram: Diagram, values: Mapping[str, float], kinds: Vocabulary, open_: Mapping[str, tuple[float, float]] = NOTHING
+) -> int:
+    """How many plant parameters of an operating point are. open_ : name -> within which the data leave the value."""
     by_name, count = {kind.name: kind for kind in kinds}, 0
     for instance in diagram.instances:
         kind = by_name[instance.kind]
         for name, box in kind.parameters.items() if kind.family == PLANT else ():
             bound = instance.bindings.get(name)
-            value = values.get(bound if isinstance(bound, str) else f"{instance.name}.{name}", box.typical)
+            label = bound if isinstance(bound, str) else f"{instance.name}.{name}"
+            value = values.get(label, box.typical)
+            least, most = open_.get(label, (value, value))
             low = 0.0 if name.startswith("R_") else box.typical / ABSURD
-            count += not low <= value <= box.typical * ABSURD
+            count += not (low <= most and least <= box.typical * ABSURD)
     return count
 
 

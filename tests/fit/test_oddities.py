@@ -34,6 +34,17 @@ def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
     assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(absurd=1)
 
 
+def test_a_value_that_noise_leaves_open_is_not_absurd():
+    diagram, record = record_with("gfl_pll_filter_exact", plant__R_F=1.0)
+
+    def told(interval: tuple[float, float] | None, over_noise: float | None = 1.0) -> Oddities:
+        intervals = {op: {"plant.R_F": interval} for op in record.parameters}
+        return oddities(diagram, replace(record, intervals=intervals, over_noise=over_noise), VOCABULARY)
+
+    assert told(None) == told((0.3, 3.0)) == SOUND  # twice its logarithm reaches down to 0.09
+    assert told((0.9, 1.1)) == told(None, over_noise=None) == Oddities(absurd=1)
+
+
 def test_a_small_resistance_is_not_absurd():
     assert oddities(*record_with("gfl_pll_filter_exact", plant__R_F=1e-5), VOCABULARY) == SOUND
 
