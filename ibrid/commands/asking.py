@@ -1,4 +1,4 @@
-"""`ibrid next RECORD|RUN`: what to measure next."""
+"""`ibrid next RECORD|RUN` and `ibrid drift RECORD DATA`: what to measure next, and what changed since."""
 
 import tomllib
 from argparse import Namespace
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, give_json, require_json_place
+from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
 from ibrid.commands.own_kinds import add_kinds_option
 from ibrid.errors import IbridError
 
@@ -27,6 +27,12 @@ def declare(commands: Any) -> None:
     add_kinds_option(ask)
     add_json_option(ask)
     ask.set_defaults(run=run_next)
+    changed = commands.add_parser("drift", help="what changed since a record: nothing, parameters, structure, labels")
+    changed.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
+    changed.add_argument("data", metavar="DATA", help=f"new data of the device: {inputs.DATA_HELP}")
+    add_kinds_option(changed)
+    add_json_option(changed)
+    changed.set_defaults(run=run_drift)
 
 
 def run_next(arguments: Namespace) -> int:
@@ -53,6 +59,23 @@ def run_next(arguments: Namespace) -> int:
     content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
     if not give_json(content, arguments.json):
         print(format_experiments(found, said))
+    return 0
+
+
+def run_drift(arguments: Namespace) -> int:
+    """Print the answer, or its JSON; 0 whatever the answer."""
+    require_json_place(arguments.json)
+    require_distinct({"--json": arguments.json}, {"RECORD": arguments.record, "DATA": arguments.data})
+
+    from ibrid.analysis.drift import drift
+
+    if inputs.holds_events(arguments.data):
+        raise IbridError(
+            f"{arguments.data}: drift takes a sweep; of events ibrid gap {arguments.record} tells what differs"
+        )
+    found = drift(inputs.record(arguments.record, arguments.kinds), inputs.measured(arguments.data))
+    if not give_json(found.plain(), arguments.json):
+        print(f"{found.verdict}: {found.sentence}")
     return 0
 
 
