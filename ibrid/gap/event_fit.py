@@ -2,6 +2,11 @@
 
 cost(x) = sum over the samples of ((i_model - i) / sigma)^2 + chi2 of the sweep + the squared standard deviations of the prior.
 Slopes are differences of simulations that take the same steps as the one they are taken at.
+
+A resonance that is off by some per cent rings out of step within a few periods, and the cost has a minimum at each of them. So
+a fit begins with predictions: the states are led by the measured current, errors die away, and the cost has one valley. And
+until the model explains the data what is left over counts as noise, so that the prior holds what they do not tell; of
+predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +31,10 @@ from ibrid.structure.diagram import Diagram
 
 #: Step of a coordinate for a slope; steps of a simulation times the fastest mode.
 SLOPE, STEP = 3e-4, 1.0
+#: Rounds, and steps of each, of a descent by predictions and of the whole record; and to which part what is left over must fall.
+LED, PLAIN, STILL = (8, 2), (8, 3), 0.97
+#: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
+MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Parameter sets that are simulated together at most.
 TOGETHER = 32
 DESCENT = Descent(
@@ -86,7 +95,8 @@ class EventMisfit:
         prior: Prior,
         sweep: Misfit | None,
     ) -> None:
-        self.player, self.led = Player(diagram, kinds, limits, noise.events.omega_0), False
+        self.player = Player(diagram, kinds, limits, noise.events.omega_0)
+        self.led, self.scale, self.weight = False, 1.0, np.ones(1)
         self.noise, self.sweep = noise, sweep
         self.numbers = [FreeNumber(one) for one in self.player.parameters]
         self.beliefs = Beliefs(self.player.parameters, prior)
@@ -96,9 +106,21 @@ class EventMisfit:
 
     @cached_property
     def predicting(self) -> "EventMisfit":
-        """The same of predictions, each from the current measured just before: an error of a resonance does not ring on."""
+        """The same of predictions: the states are led by the measured current."""
         other = copy(self)
         other.led = True
+        return other
+
+    def scaled(self, x: np.ndarray) -> "EventMisfit":
+        """The same with what is left over at x (P,) as the noise, where that is more."""
+        other = copy(self)
+        other.scale, other.weight = 1.0, np.ones(1)
+        if self.led:
+            residual = other.played(x[None])[0]
+            size = max(float(np.median(np.abs(residual))) / MEDIAN, 1.0)
+            other.weight = 1.0 / np.hypot(1.0, np.nan_to_num(residual) / (FAR_OFF * size))
+        cost = float(other.at(x[None]).cost[0] - self.beliefs.pull(x)[0])
+        other.scale = float(np.sqrt(max(cost / self.count, 1.0))) if np.isfinite(cost) else 1.0
         return other
 
     @property
@@ -134,7 +156,7 @@ class EventMisfit:
                 except IbridError:  # the first has no rest
                     found += self._one_by_one(record, some, sigma)
             parts.append(np.array(found))
-        return np.concatenate(parts, axis=1)
+        return np.concatenate(parts, axis=1) * self.weight
 
     def _one_by_one(self, record, some: Sequence[Mapping[str, float]], sigma: np.ndarray) -> list[np.ndarray]:
         found = []
@@ -149,9 +171,10 @@ class EventMisfit:
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P)."""
         residual = self.played(x)
-        cost = (residual**2).sum(axis=1) + self.beliefs.pull(x)[0]
+        cost = (residual**2).sum(axis=1)
         if self.sweep is not None:
             cost = cost + self.sweep.at(x[:, self._place]).cost
+        cost = cost / self.scale**2 + self.beliefs.pull(x)[0]
         return Points(x, np.where(np.isfinite(cost), cost, np.inf), carried(residual))
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
@@ -162,12 +185,12 @@ class EventMisfit:
     def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         slopes = self._slopes(x)
         _, down, hold = self.beliefs.pull(x)
-        gradient, hessian = slopes.T @ residual + down, slopes.T @ slopes + np.diag(hold)
+        gradient, hessian = slopes.T @ residual, slopes.T @ slopes
         if self.sweep is not None:
             one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
             gradient[self._place] += one[0]
             hessian[np.ix_(self._place, self._place)] += two[0]
-        return gradient, hessian
+        return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
 
     def _slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
@@ -226,19 +249,51 @@ class EventFitter:
         return self._misfits[key][1]
 
     def fit(
-        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values], steps: int, kept: int = 1
+        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values], *, led: bool = True
     ) -> EventFit | None:
-        """The best of starts, of which `kept` are descended; None where none has an answer or the diagram no matrices."""
+        """The best start descended, by predictions first; None where none has an answer or the diagram no matrices.
+
+        led : False from values that are nearly right.
+        """
         try:
             misfit = self.misfit(diagram, limits)
         except IbridError:
             return None
         x = np.unique(np.array([misfit.beliefs.start(values) for values in starts]), axis=0)
-        begun = DESCENT.begin(misfit, x)
+        plain = misfit.at(x)
+        ends = [plain.x[int(np.argmin(plain.cost))]] if np.isfinite(plain.cost).any() else []
+        if led:
+            predicted = misfit.predicting.at(x)
+            if np.isfinite(predicted.cost).any():
+                ends.append(_descended(misfit.predicting, predicted.x[int(np.argmin(predicted.cost))], LED))
+        if not ends:
+            return None
+        cost = misfit.at(np.array(ends)).cost
+        best = _descended(misfit, ends[int(np.argmin(cost))], PLAIN)
+        return self.at(diagram, limits, best) if np.isfinite(misfit.at(best[None]).cost[0]) else None
+
+    def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
+        """Values to which predictions lead the best start."""
+        misfit = self.misfit(diagram, limits).predicting
+        begun = misfit.at(np.array([misfit.beliefs.start(values) for values in starts]))
+        return misfit.values(_descended(misfit, begun.x[int(np.argmin(begun.cost))], LED))
+
+    def glance(
+        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
+    ) -> tuple[np.ndarray, float] | None:
+        """x of the best start by predictions after a step, and what that costs; None where none has an answer."""
+        try:
+            misfit = self.misfit(diagram, limits).predicting
+        except IbridError:
+            return None
+        begun = misfit.at(np.array([misfit.beliefs.start(values) for values in starts]))
         if not np.isfinite(begun.cost).any():
             return None
-        best = DESCENT.go(misfit, begun.best(kept), steps).best(1)
-        return self.at(diagram, limits, best.x[0])
+        best = int(np.argmin(begun.cost))
+        scaled = misfit.scaled(begun.x[best])
+        after = misfit.at(DESCENT.go(scaled, DESCENT.begin(scaled, begun.x[best : best + 1]), 1).x)
+        better = after.cost[0] < begun.cost[best]
+        return (after.x[0], float(after.cost[0])) if better else (begun.x[best], float(begun.cost[best]))
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
         """A diagram at given search coordinates."""
@@ -262,6 +317,21 @@ class EventFitter:
     def at_values(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventFit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
         return self.at(diagram, limits, self.misfit(diagram, limits).beliefs.start(values))
+
+
+def _descended(misfit: EventMisfit, x: np.ndarray, rounds: tuple[int, int]) -> np.ndarray:
+    """Rounds of some steps, each with what is left over as the noise, until that is the noise or no less than before."""
+    scale = np.inf
+    for _ in range(rounds[0]):
+        scaled = misfit.scaled(x)
+        if scaled.scale > STILL * scale:
+            break
+        scale = scaled.scale
+        batch = DESCENT.go(scaled, DESCENT.begin(scaled, x[None]), rounds[1])
+        x = batch.x[0]
+        if scale == 1.0 and batch.ended[0]:
+            break
+    return x
 
 
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:

@@ -22,8 +22,6 @@ from ibrid.parts.practice import Effect, Insertion
 from ibrid.playback.limits import Limit
 from ibrid.structure.diagram import Diagram
 
-#: Steps of a glance, of a fit, and of the given model; starts that are descended.
-GLANCE, WHOLE, GIVEN, KEPT = 1, 12, 12, 2
 #: Draws beside the nominal values, of the given model.
 DRAWS = 7
 #: Records from which on each is left out in turn.
@@ -49,6 +47,8 @@ class Records:
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
+        self._alone: dict[str, EventFitter] = {}
+        self._predicted: dict[int, tuple[EventFit, Values]] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
@@ -76,12 +76,12 @@ class Records:
         if self.fitter.refitter is not None:
             small = self.fitter.refitter.refit(diagram, [{}], draws=16)
             starts += [] if small is None else [small.values]
-        fit = self.fitter.fit(diagram, self.limits, starts, GIVEN, KEPT)
+        fit = self.fitter.fit(diagram, self.limits, starts)
         return None if fit is None else Model(diagram, Convention(), fit)
 
     def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
         """A model fitted from starts."""
-        fit = self.fitter.fit(model.diagram, self.beside(model), starts, WHOLE, KEPT)
+        fit = self.fitter.fit(model.diagram, self.beside(model), starts)
         return None if fit is None else replace(model, refit=fit)
 
     def again(self, model: Model, starts: Sequence[Values]) -> Model:
@@ -96,23 +96,56 @@ class Records:
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, fitted from its own and from nominal values with strengths of the effect."""
-        return self._edited(model, insertion, quick or (model.refit.values, {}), WHOLE, KEPT)
+        changed = self._changed(model, insertion)
+        fit = self.fitter.fit(
+            insertion.diagram, self.beside(changed), self._starts(insertion, quick or self._origins(model))
+        )
+        return None if fit is None else replace(changed, refit=fit)
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
-        """A model with an edit after a step."""
-        return self._edited(model, insertion, (model.refit.values, {}) if nominal else (model.refit.values,), GLANCE, 1)
+        """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
 
-    def _edited(
-        self, model: Model, insertion: Insertion, origins: Sequence[Values], steps: int, kept: int
-    ) -> Model | None:
-        changed = replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
+        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
+        """
+        changed = self._changed(model, insertion)
+        name = self._worst(model)
+        if name not in self._alone:
+            self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
+        found = self._alone[name].glance(
+            insertion.diagram, self.beside(changed), self._starts(insertion, self._origins(model))
+        )
+        if found is None:
+            return None
+        x, cost = found
+        misfit = self.fitter.misfit(insertion.diagram, self.beside(changed))
+        refit = replace(
+            model.refit, values=misfit.values(x), chi2=model.refit.cost + cost, penalty=0.0, free=len(x), misfit=misfit,
+            diagram=insertion.diagram, limits=self.beside(changed), x=x,
+        )  # fmt: skip
+        return replace(changed, refit=refit)
+
+    def _changed(self, model: Model, insertion: Insertion) -> Model:
+        return replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
+
+    def _origins(self, model: Model) -> tuple[Values, ...]:
+        """Values from which an edit of a model is tried: where its own fit ended, and where predictions led it."""
+        return (model.refit.values, self._led(model))
+
+    def _led(self, model: Model) -> Values:
+        key = id(model.refit)
+        if key not in self._predicted:
+            led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
+            self._predicted[key] = model.refit, led
+        return self._predicted[key][1]
+
+    def _starts(self, insertion: Insertion, origins: Sequence[Values]) -> list[Values]:
         if isinstance(insertion, LimitPlace):
-            starts = [{**values, **start} for start in insertion.starts for values in origins]
-        else:
-            starts = strengths(insertion, origins)
-        own = [values for values in origins if all(name in values for name in insertion.parameters)]
-        fit = self.fitter.fit(insertion.diagram, self.beside(changed), [*own, *starts], steps, kept)
-        return None if fit is None else replace(changed, refit=fit)
+            return [{**values, **start} for start in insertion.starts for values in origins]
+        return strengths(insertion, origins)
+
+    def _worst(self, model: Model) -> str:
+        pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)
+        return max(pairs, key=lambda pair: float((np.abs(pair[1]) ** 2).mean()))[0]
 
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """Not asked of records: their rest says p, q, v."""
@@ -136,9 +169,8 @@ class Records:
         if len(names) < FEWEST or not isinstance(model.refit, EventFit):
             return None
         for name in names:
-            fit = self.fitter.of(without(self.noise, name)).fit(
-                model.diagram, self.beside(model), [model.refit.values], GLANCE + 1
-            )
+            others = self.fitter.of(without(self.noise, name))
+            fit = others.fit(model.diagram, self.beside(model), [model.refit.values], led=False)
             if fit is None:
                 return HeldOut(None, None)
             left = self.fitter.of(without(self.noise, name, hold=True))

@@ -29,8 +29,8 @@ from ibrid.structure.wiring import wire
 PHASE, HIGHEST = 1e-6, 2000.0
 #: Step times the fastest mode: of an answer, and of a fit, where it need not be better than any noise.
 FINE, COARSE = 0.7, 1.5
-#: Steps between two samples at most.
-MOST_PARTS = 400
+#: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
+MOST_PARTS, FEW_PARTS = 400, 16
 #: Values of the orders of delays for which the laws are kept.
 _Orders = tuple[tuple[str, int], ...]
 
@@ -133,15 +133,21 @@ def rational_order(delay: float) -> int:
 
 
 def run(
-    tape: Tape, signals: CubicSpline, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, rate: float
+    tape: Tape,
+    signals: CubicSpline,
+    x: np.ndarray,
+    memory: np.ndarray,
+    constants: np.ndarray,
+    rate: float,
+    most: int = MOST_PARTS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Current (N, 2, S) along signals (t -> (k,), the voltage first), and the time (S,) at which each left, NaN if not.
 
     tape : rates, current, next memory and switches of (states, memory, (time since, signals), constants). x (n, S),
-    memory (k, S), constants (q, S), contiguous. rate : steps per second at least.
+    memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples.
     """
     time = signals.x
-    parts = np.clip(np.ceil(np.diff(time) * rate), 1, MOST_PARTS).astype(np.int64)
+    parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
     code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
     return simulate(
@@ -231,7 +237,8 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i]))
-        return run(self.tape, signals, x, memory, constants, fastest(a) / step)
+        most = MOST_PARTS if step <= FINE else FEW_PARTS
+        return run(self.tape, signals, x, memory, constants, fastest(a) / step, most)
 
     def _numbers(self, at: Rest, values: Mapping[str, float]) -> tuple[list, list, list]:
         """States, memory and constants at rest."""
