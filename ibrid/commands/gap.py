@@ -16,6 +16,7 @@ from ibrid.writing import inside, require_folder, require_place, write_whole
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
     from ibrid.gap.suggesting import Suggest
+    from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
     from ibrid.telling import Tell
 
@@ -29,7 +30,7 @@ def declare(commands: Any) -> None:
     parser.add_argument(
         "model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record; or the sweep of a simulation (CSV, ...)"
     )
-    parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    parser.add_argument("data", metavar="DATA", help=f"{inputs.DATA_HELP}; or records of events")
     parser.add_argument(
         "--out",
         metavar="DIR",
@@ -37,6 +38,7 @@ def declare(commands: Any) -> None:
         help="folder for report.html, gap.json, the repaired program model.py (without the comments of the given one), what "
         "changed in it as model.diff, and its record model.json",
     )
+    parser.add_argument("--events", metavar="EVENTS", help="records of events, fitted together with DATA")
     parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
@@ -73,11 +75,11 @@ def run(arguments: Namespace) -> int:
     from ibrid.telling import telling
 
     folder = _folder(arguments)
-    sweep = inputs.measured(arguments.data)
+    sweep, events = _measured(arguments)
     values = None if arguments.values is None else read_values(arguments.values)
     suggest = _suggest(arguments)
     with telling("auto") as tell:
-        gap = _answer(arguments, sweep, values, suggest, tell)
+        gap = _answer(arguments, sweep, events, values, suggest, tell)
     page = gap_page(gap)
     folder.mkdir(parents=True, exist_ok=True)
     given = f"the program of {arguments.model}" if _is_sweep(arguments.model) else arguments.model
@@ -89,7 +91,8 @@ def run(arguments: Namespace) -> int:
 
 def _answer(
     arguments: Namespace,
-    sweep: "Sweep",
+    sweep: "Sweep | None",
+    events: "Events | None",
     values: dict[str, Any] | None,
     suggest: "tuple[Suggest, ...]",
     tell: "Tell",
@@ -100,7 +103,8 @@ def _answer(
 
     options = {
         "holdout_op": arguments.holdout_op,
-        "port": inputs.port(arguments.port, sweep),
+        **({} if sweep is None else {"port": inputs.port(arguments.port, sweep)}),
+        "events": events,
         "vocabulary": inputs.vocabulary(files=arguments.kinds),
         "catalogue": extended_catalogue(complain),
         "seed": arguments.seed,
@@ -116,6 +120,8 @@ def _answer(
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:
         raise IbridError("--values belongs to a program; a simulated sweep brings its own")
+    if sweep is None or events is not None:
+        raise IbridError("events are compared with a program or a record; a simulated sweep says nothing of limits")
     from ibrid.gap.simulated import differences, identify
     from ibrid.measurement.quantities import span
 
@@ -127,6 +133,25 @@ def _answer(
     first = where[0]
     most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"
     return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
+
+
+def _measured(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
+    """The sweep and the records; DATA may be either."""
+    from ibrid.measurement.event_csv import is_event_csv
+    from ibrid.measurement.files import read_lines
+    from ibrid.measurement.read_events import read_events
+
+    beside = None if arguments.events is None else read_events(arguments.events)
+    path = Path(arguments.data)
+    if not (path.is_file() and path.suffix.lower() in (".csv", ".txt", "") and is_event_csv(read_lines(path))):
+        return inputs.measured(arguments.data), beside
+    if beside is not None:
+        raise IbridError(
+            f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
+        )
+    if arguments.port is not None:
+        raise IbridError("events are not played through a port yet; leave --port out")
+    return None, read_events(path)
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":

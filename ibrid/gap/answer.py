@@ -66,7 +66,7 @@ def answer_of(
         noise_floor=floor,
         moved=_moved(model, repaired),
         could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, found.scale),
-        candidates=tuple(_candidate(one, found, shop.known_stable(one)) for one in found.trials),
+        candidates=tuple(candidate_of(one, found, shop.known_stable(one)) for one in found.trials),
         steps=found.steps,
         noise=found.noise.source,
         noise_level=found.noise.level,
@@ -114,7 +114,7 @@ def _graded(record: Record, sweep: Sweep) -> Record:
 def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
     if verdict not in REPAIRED:
         return ()
-    evidence = _evidence(found)
+    evidence = evidence_of(found)
     intervals = next(iter(record.intervals.values()), {})
     effects = []
     for place, edit in enumerate(found.best.edits):
@@ -134,7 +134,8 @@ def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) 
     return tuple(effects)
 
 
-def _evidence(found: Findings) -> dict[str, Any]:
+def evidence_of(found: Findings) -> dict[str, Any]:
+    """What speaks for the best model."""
     given, best, scale = found.given, found.best, found.scale
     others = [one for one in found.trials if not _shares(one, best)]
     runner_up = min(others, key=lambda one: one.bic(scale), default=None)
@@ -160,7 +161,8 @@ def _name(edit: Insertion | Convention) -> str:
     return edit.words if isinstance(edit, Convention) else edit.effect
 
 
-def _candidate(model: Model, found: Findings, stable: bool | None) -> Candidate:
+def candidate_of(model: Model, found: Findings, stable: bool | None) -> Candidate:
+    """A trial as it is told."""
     edit, scale = model.edits[-1], found.scale
     new = () if isinstance(edit, Convention) else tuple(edit.parameters)
     adequate = fits(model, found.noise, scale)

@@ -23,9 +23,14 @@ from ibrid.playback.limits import Limit
 from ibrid.structure.diagram import Diagram
 
 #: Draws beside the nominal values, of the given model.
-DRAWS = 7
+DRAWS = 3
+#: Edits of a model that are fitted, the first by a glance.
+FITTED = 4
 #: Records from which on each is left out in turn.
 FEWEST = 3
+
+#: Id of a fit, and an edit's effect, change and place.
+_Key = tuple[int, str, str, str]
 
 
 class Records:
@@ -48,6 +53,10 @@ class Records:
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}
+        self._glances: dict[
+            _Key, tuple[EventFit, Model | None, float]
+        ] = {}  # with the fit, so that its id is not used again
+        self._fits: dict[_Key, tuple[EventFit, Model | None]] = {}
         self._predicted: dict[int, tuple[EventFit, Values]] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -90,30 +99,61 @@ class Records:
         return model if other is None or other.refit.cost >= model.refit.cost else other
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
-        """Limits first, then all edits of the program."""
-        limits = limit_places(model.diagram, self.kinds, self.beside(model), self.noise.events, given=self.limits)
+        """Limits; and all edits of the program where neither the model nor one limit alone explains the records."""
+        limits = tuple(
+            limit_places(model.diagram, self.kinds, self.beside(model), self.noise.events, given=self.limits)
+        )
+        if model.adequate() or any(fit.adequate() for fit in self._first_fits(model, limits)):
+            return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
+    def _first_fits(self, model: Model, limits: Sequence[LimitPlace]) -> Iterator[Model]:
+        glances = [one for one in (self.glanced(model, limit) for limit in limits) if one is not None]
+        for glance in sorted(glances, key=lambda one: one.refit.cost)[:FITTED]:
+            edit = glance.edits[-1]
+            fit = self.edited(model, edit) if isinstance(edit, Insertion) else None
+            if fit is not None:
+                yield fit
+
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
-        """A model with an edit, fitted from its own and from nominal values with strengths of the effect."""
-        changed = self._changed(model, insertion)
-        fit = self.fitter.fit(
-            insertion.diagram, self.beside(changed), self._starts(insertion, quick or self._origins(model))
-        )
-        return None if fit is None else replace(changed, refit=fit)
+        """A model with an edit, fitted from its own and from predicted values with strengths of the effect.
+
+        None for what a glance ranks behind the first few: a fit takes seconds.
+        """
+        key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
+        if key not in self._fits:
+            self.glanced(model, insertion)
+            ranked = sorted(cost for other, (_, _, cost) in self._glances.items() if other[0] == key[0])
+            fit = None
+            if self._glances[key][2] <= ranked[min(FITTED, len(ranked)) - 1] and np.isfinite(self._glances[key][2]):
+                changed = self._changed(model, insertion)
+                glance = self._glances[key][1]
+                starts = [
+                    *self._starts(insertion, self._origins(model)),
+                    *([] if glance is None else [glance.refit.values]),
+                ]
+                fit = self.fitter.fit(insertion.diagram, self.beside(changed), starts)
+                fit = None if fit is None else replace(changed, refit=fit)
+            self._fits[key] = model.refit, fit
+        return self._fits[key][1]
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
 
         Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
         """
-        changed = self._changed(model, insertion)
-        name = self._worst(model)
+        key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
+        if key not in self._glances:
+            found = self._glance(model, insertion)
+            self._glances[key] = model.refit, found, np.inf if found is None else found.refit.cost
+        return self._glances[key][1]
+
+    def _glance(self, model: Model, insertion: Insertion) -> Model | None:
+        changed, name = self._changed(model, insertion), self._worst(model)
         if name not in self._alone:
             self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
-        found = self._alone[name].glance(
-            insertion.diagram, self.beside(changed), self._starts(insertion, self._origins(model))
-        )
+        starts = self._starts(insertion, (self._led(model),))
+        found = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
         if found is None:
             return None
         x, cost = found

@@ -12,12 +12,14 @@ from ibrid.gap.convention import Convention
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.linearity import Linearity
+from ibrid.measurement.quantities import span
 from ibrid.measurement.sweep import Sweep
 from ibrid.showing import brief, shown
 from ibrid.structure.program import parse_program
 
 if TYPE_CHECKING:
     from ibrid.gap.missing_transfer import MissingTransfer
+    from ibrid.playback.compare import Playback
     from ibrid.structure.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
@@ -34,6 +36,36 @@ class Located:
     entry: str
     share: float
     z: float
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """In words."""
+        return self.op, span(*self.band), self.entry
+
+
+@dataclass(frozen=True)
+class LocatedEvent:
+    """A part of a record that the refitted model misses. `window` : s. `component` : d or q. `share`, `z` : as of `Located`."""
+
+    record: str
+    window: tuple[float, float]
+    component: str
+    share: float
+    z: float
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """In words."""
+        return self.record, "{:.4g} s to {:.4g} s".format(*self.window), f"i_{self.component}"
+
+
+@dataclass(frozen=True, eq=False)
+class EventAnswer:
+    """Records played by the refitted model, `before`, and by the repaired one, `after`. `swept` : there is a sweep, too."""
+
+    before: "Playback"
+    after: "Playback"
+    swept: bool
 
 
 @dataclass(frozen=True)
@@ -160,12 +192,13 @@ class Gap:
     `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
     `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
     `amplitude` : of data with several injection amplitudes, how the response depends on them; None for one amplitude.
+    `events` : of records in time, how they are answered before and after.
     `complete` : False for an answer on the way, or when the time was up.
     """
 
     verdict: Verdict
     sentence: str
-    located: tuple[Located, ...]
+    located: tuple[Located | LocatedEvent, ...]
     ports: tuple[PortFit, ...]
     effects: tuple[NamedEffect, ...]
     before: Mapping[str, float | None]
@@ -189,6 +222,7 @@ class Gap:
     convention: Convention = field(default_factory=Convention)
     suggested: tuple[Suggested, ...] = ()
     amplitude: AmplitudeAnswer | None = None
+    events: EventAnswer | None = None
     seconds: float = 0.0
     complete: bool = True
 

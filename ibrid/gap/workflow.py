@@ -1,11 +1,13 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar, Unpack
 
-from ibrid.errors import IbridError
+import numpy as np
+
+from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
 from ibrid.fit.settings import require_one_of
@@ -14,11 +16,15 @@ from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.convention import Convention
 from ibrid.gap.data import Data, Values
+from ibrid.gap.event_answer import Asked, event_answer
+from ibrid.gap.event_noise import event_noise
 from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
+from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, prior_of, values_of
+from ibrid.gap.records import Records
+from ibrid.gap.refit import Refitter
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
@@ -26,10 +32,14 @@ from ibrid.gap.trial import LABELLED, Model, Workshop
 from ibrid.gap.verdict import Findings, fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
+from ibrid.measurement.events import Events
 from ibrid.measurement.linearity import Linearity, linearity, small_signal
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.modules.vocabulary import choose_vocabulary
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.practice import Effect
+from ibrid.playback.compare import limits_told, model_of_record
+from ibrid.playback.limits import Limit
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
@@ -46,7 +56,7 @@ Kind = TypeVar("Kind", bound=Data)
 
 def find_gap(
     diagram: Diagram | Record,
-    sweep: Sweep | Study,
+    sweep: Sweep | Study | None,
     values: Nominal | None = None,
     *,
     catalogue: Sequence[Effect] = CATALOGUE,
@@ -55,6 +65,7 @@ def find_gap(
     labels: str = "uncertain",
     seconds: float | None = None,
     so_far: Callable[[Gap], None] | None = None,
+    events: Events | None = None,
     **options: Unpack[StudyOptions],
 ) -> Gap:
     """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
@@ -76,6 +87,8 @@ def find_gap(
         (words, share).
     seconds : after so many nothing new is tried; the answer is the best so far, `complete` is False, and it says so.
     so_far : is given the answer so far every 10 s.
+    events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
+        looked for, too, and `holdout_op` may name records.
 
     Returns
     -------
@@ -85,8 +98,12 @@ def find_gap(
     ------
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
+    if events is not None:
+        return _of_events(diagram, sweep, values, events, tuple(catalogue), progress, seconds, options)
     if isinstance(diagram, Record):
         diagram, values = diagram.diagram, values or values_of(diagram)
+    if sweep is None:
+        raise IbridError("a gap is sought in a sweep, in events, or in both; found neither")
     study = Study.of(sweep, **options)
     if (study.parameters, study.equilibrium) != ("shared", "exact"):
         raise IbridError(
@@ -109,12 +126,80 @@ def find_gap(
     return replace(gap, seconds=watch.elapsed)
 
 
+def _of_events(
+    model: Diagram | Record,
+    sweep: Sweep | Study | None,
+    values: Nominal | None,
+    events: Events,
+    catalogue: tuple[Effect, ...],
+    progress: str | Tell,
+    seconds: float | None,
+    options: StudyOptions,
+) -> Gap:
+    """The answer where there are records in time."""
+    if options.get("port"):
+        raise IbridError("events are not played through a port yet; leave --port out")
+    limits: tuple[Limit, ...] = ()
+    if isinstance(model, Record):
+        known = model_of_record(model)
+        diagram, values, limits = known.diagram, values or known.values, known.limits
+    else:
+        diagram, (limits, values) = model, limits_told(values or {})
+    given = options.get("holdout_op", ())
+    held = (given,) if isinstance(given, str) else tuple(given)
+    names = tuple(name for name in held if name in events.names)
+    if names and len(names) == len(events.names):
+        raise IbridError("every record is held out; leave at least one to fit")
+    points = tuple(name for name in held if name not in names)
+    if sweep is None and points:
+        raise IbridError(f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}")
+    study = None if sweep is None else Study.of(sweep, **{**options, "holdout_op": points})
+    if study is not None:
+        study = replace(study, sweep=at_amplitudes(study.sweep)[0])
+    kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    kernel.load()
+    require_legal(diagram, kinds, equilibrium="exact")
+    wiring = wire(diagram, kinds)
+    own = {one.id for one in limits}
+    told = {name: one for name, one in (values or {}).items() if name.split(".")[0] in own}
+    rest = {name: one for name, one in (values or {}).items() if name not in told}
+    prior = prior_of(rest, wiring, parameter_table(wiring, "exact"))
+    for name, one in told.items():
+        prior[name] = Belief(float(one["value"] if isinstance(one, Mapping) else one), OTHER_TOLERANCE)
+    fitted = events.only(*(name for name in events.names if name not in names))
+    small = None if study is None else noise_of(study.fitted)
+    noise = event_noise(fitted, study.fitted if study is not None else _rests(fitted))
+    refitter = None if small is None else Refitter(small, kinds, prior, options.get("seed", 0))
+    data = Records(noise, kinds, prior, catalogue, options.get("seed", 0), refitter, limits)
+    with telling(progress) as tell:
+        watch = Watch(tell, seconds, None)
+        ask = _Question(diagram, study, values, prior, catalogue, (), watch, "exact")
+        found = _tried(ask, diagram, data, ())
+    if found is None:
+        raise IbridError(
+            "the model has no rest at the p, q and v of the records, or leaves at once; check p, q, v and the base"
+        )
+    asked = Asked(diagram, bool(values), events, names, None if study is None else study.sweep, kinds)
+    gap = event_answer(found, data, asked)
+    if watch.stopped:
+        short = f"Stopped after {seconds:g} s: not everything was tried."
+        gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
+    return replace(gap, seconds=watch.elapsed)
+
+
+def _rests(events: Events) -> Sweep:
+    """The rest of each record as an operating point, where nothing was swept."""
+    nothing = np.zeros((1, 2, 2), dtype=complex)
+    points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)
+    return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)
+
+
 @dataclass(frozen=True, eq=False)
 class _Question:
     """What is asked of a study."""
 
     diagram: Diagram
-    study: Study
+    study: Study | None
     values: Nominal | None
     prior: Prior
     catalogue: tuple[Effect, ...]

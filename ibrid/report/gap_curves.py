@@ -90,7 +90,7 @@ def point_views(gap: Gap) -> tuple[PointView, ...]:
     """Every operating point of the data, those with the worst located misfit first, then the others in their order."""
     noise = noise_of(gap.sweep, gap.noise_level)
     names = noise.sweep.names
-    worst = [one.op for one in gap.located if one.op in names]
+    worst = [one.place[0] for one in gap.located if one.place[0] in names]
     return tuple(_view(gap, noise.sweep.point(name), noise.known) for name in dict.fromkeys([*worst, *names]))
 
 

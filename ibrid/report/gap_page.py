@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ibrid.gap.result import Gap, NamedEffect
+from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.gap.workflow import FEWEST
 from ibrid.measurement.sweep import ENTRIES
@@ -31,6 +31,7 @@ from ibrid.report.gap_words import (
     parameter_words,
 )
 from ibrid.report.parameter_rows import parameter_groups, values_or_none
+from ibrid.report.playback_page import record_svg
 from ibrid.report.template import output, page, tag
 from ibrid.report.verdict import stability
 from ibrid.structure.compare import difference
@@ -44,6 +45,8 @@ AROUND = 2
 
 def gap_page(gap: Gap) -> str:
     """The page as text."""
+    if gap.events is not None and not gap.events.swept:
+        return _events_page(gap)
     views = point_views(gap)
     responses = [(view, _entries(view, place)) for place, view in enumerate(views[:POINTS])]
     figures = {
@@ -54,8 +57,45 @@ def gap_page(gap: Gap) -> str:
         "ports_svg": _ports(gap),
         "transfer": _transfer(gap),
         "amplitude": _amplitude(gap),
+        "records": _records(gap),
     }
     return page("gap.html", _facts(gap, views) | _details(gap, views) | figures)
+
+
+def _events_page(gap: Gap) -> str:
+    """The page where there are records of events and no sweep."""
+    facts = {
+        "gap": gap,
+        "headline": headline(gap),
+        "repaired": repaired(gap),
+        "grade": gap.repaired.grade,
+        "far": len(far(gap)),
+        "effects": [_effect(gap, effect) for effect in gap.effects],
+        "changed": difference(gap.given, gap.program, AROUND),
+        "moved": _moved(gap),
+        "far_limit": FAR,
+        "records": _records(gap),
+    }
+    return page("gap_events.html", facts)
+
+
+def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
+    """Each record with its errors before and after, and its figure."""
+    if gap.events is None:
+        return []
+    limit = next((one.parameters["current_limit.i_max"][0] for one in gap.effects if one.id == "current_limit"), None)
+    found = []
+    pairs = zip(gap.events.before.records, gap.events.after.records, strict=True)
+    for number, (before, after) in enumerate(list(pairs)[:POINTS]):
+        lines = {"refitted": before.current} | ({"repaired": after.current} if repaired(gap) else {})
+        svg = record_svg(f"record-{number}", after, lines, limit)
+        found.append((before.record.name, before.nrmse, after.nrmse if repaired(gap) else None, svg))
+    return found
+
+
+def _moved(gap: Gap) -> list[tuple[Moved, float | None, str]]:
+    before = next(iter(gap.baseline.parameters.values()), {}) if repaired(gap) else {}
+    return [(parameter, before.get(parameter.name), moved_interval(parameter)) for parameter in gap.moved]
 
 
 def gap_html(gap: Gap) -> str:
@@ -92,12 +132,11 @@ def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
 
 def _details(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
     """What the page alone shows."""
-    before = next(iter(gap.baseline.parameters.values()), {}) if repaired(gap) else {}
     return {
         "stability": stability(gap.repaired),
         "error_parts": errors_by_part(views),
         "suggested": _suggested(gap),
-        "moved": [(parameter, before.get(parameter.name), moved_interval(parameter)) for parameter in gap.moved],
+        "moved": _moved(gap),
         "far_limit": FAR,
         "parameters": parameter_groups(gap.repaired),
     }

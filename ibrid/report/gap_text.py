@@ -85,8 +85,8 @@ def _row(name: str, given: float | None, before: float | None, after: float | No
 
 def _located(gap: Gap) -> Iterator[str]:
     for place, one in enumerate(gap.located[:PARTS]):
-        band = span(*one.band)
-        words = f"{one.op}, {one.entry}, {band}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
+        where, window, part = one.place
+        words = f"{where}, {part}, {window}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
         yield from _entry("" if place else "misfit", words)
 
 
