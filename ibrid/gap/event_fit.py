@@ -32,7 +32,7 @@ from ibrid.structure.diagram import Diagram
 #: Step of a coordinate for a slope; steps of a simulation times the fastest mode.
 SLOPE, STEP = 3e-4, 1.0
 #: Rounds, and steps of each, of a descent by predictions and of the whole record; and to which part what is left over must fall.
-LED, PLAIN, STILL = (8, 2), (8, 3), 0.97
+LED, PLAIN, STILL = (8, 2), (6, 3), 0.85
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Parameter sets that are simulated together at most.

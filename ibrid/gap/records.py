@@ -26,6 +26,8 @@ from ibrid.structure.diagram import Diagram
 DRAWS = 3
 #: Edits of a model that are fitted, the first by a glance.
 FITTED = 4
+#: Factor on the misfit of the best glance up to which another edit is fitted where the best one explains all.
+CLOSE = 2.0
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
@@ -125,7 +127,12 @@ class Records:
             self.glanced(model, insertion)
             ranked = sorted(cost for other, (_, _, cost) in self._glances.items() if other[0] == key[0])
             fit = None
-            if self._glances[key][2] <= ranked[min(FITTED, len(ranked)) - 1] and np.isfinite(self._glances[key][2]):
+            enough = any(
+                one[0] == key[0] and fit is not None and fit.adequate() for one, (_, fit) in self._fits.items()
+            )
+            first = model.refit.cost + CLOSE * (ranked[0] - model.refit.cost)
+            last = first if enough else ranked[min(FITTED, len(ranked)) - 1]
+            if self._glances[key][2] <= last and np.isfinite(self._glances[key][2]):
                 changed = self._changed(model, insertion)
                 glance = self._glances[key][1]
                 starts = [

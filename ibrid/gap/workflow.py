@@ -189,7 +189,7 @@ def _of_events(
 
 def _rests(events: Events) -> Sweep:
     """The rest of each record as an operating point, where nothing was swept."""
-    nothing = np.zeros((1, 2, 2), dtype=complex)
+    nothing = np.eye(2, dtype=complex)[None]
     points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)
     return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)
 

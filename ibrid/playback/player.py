@@ -31,6 +31,8 @@ PHASE, HIGHEST = 1e-6, 2000.0
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
+#: How often a step is divided in which something switches: of an answer, of a fit, of predictions.
+DEEP, SHALLOW, FLAT = 5, 2, 0
 #: Values of the orders of delays for which the laws are kept.
 _Orders = tuple[tuple[str, int], ...]
 
@@ -140,18 +142,31 @@ def run(
     constants: np.ndarray,
     rate: float,
     most: int = MOST_PARTS,
+    deepest: int = DEEP,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Current (N, 2, S) along signals (t -> (k,), the voltage first), and the time (S,) at which each left, NaN if not.
 
     tape : rates, current, next memory and switches of (states, memory, (time since, signals), constants). x (n, S),
-    memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples.
+    memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples. deepest : as of
+    `simulate`.
     """
     time = signals.x
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
     code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
     return simulate(
-        code, tape.size, *tape.constants, tape.inputs[3], constants, x.copy(), memory.copy(), spline, time, parts, x
+        code,
+        tape.size,
+        *tape.constants,
+        tape.inputs[3],
+        constants,
+        x.copy(),
+        memory.copy(),
+        spline,
+        time,
+        parts,
+        deepest,
+        x,
     )
 
 
@@ -237,8 +252,8 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i]))
-        most = MOST_PARTS if step <= FINE else FEW_PARTS
-        return run(self.tape, signals, x, memory, constants, fastest(a) / step, most)
+        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, FLAT if self.led else SHALLOW)
+        return run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest)
 
     def _numbers(self, at: Rest, values: Mapping[str, float]) -> tuple[list, list, list]:
         """States, memory and constants at rest."""

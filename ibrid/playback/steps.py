@@ -14,8 +14,8 @@ from ibrid.playback.tape import OPERATIONS
 
 #: Dormand and Prince's formula of order eight.
 _INNER, _OUTER, _NODES = (np.ascontiguousarray(one, dtype=float) for one in (DOP853.A, DOP853.B, DOP853.C))
-#: Into so many parts a step is divided in which something switches, and so often.
-DIVIDED, DEEPEST = 4, 5
+#: Into so many parts a step is divided in which something switches.
+DIVIDED = 4
 #: Terminal current, per unit, beyond which a simulation has left what any inverter does.
 LEFT = 100.0
 
@@ -192,12 +192,13 @@ def _step(tape, w, x, m, k, t, h, spline, piece, y, before, now):
 
 
 @njit(**OPTIONS)
-def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, reset):
+def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, deepest, reset):
     """Terminal current (N, 2, S) at samples `time` (N,), and the time (S,) at which each simulation left, NaN if it did not.
 
     tape : (code, before, places of x, of m, of (time since, signals), of rates, of the current, of the next m, of switches).
     constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, k), of the signals.
-    parts : (N - 1,) steps between samples. reset : (n, S) where a simulation that left stays.
+    parts : (N - 1,) steps between samples; one in which something switches is divided `deepest` times at most.
+    reset : (n, S) where a simulation that left stays.
     """
     code, constant, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
     lanes, number = constants.shape[1], time.size
@@ -214,7 +215,7 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
     _at(tape, w, x, m, 0.0, 0.0, spline, 0)
     _take(w, rates_at, rates[0])
     _take(w, switch_at, before)
-    whole = DIVIDED**DEEPEST
+    whole = DIVIDED**deepest
     for k in range(number):
         for s in range(lanes):
             if np.isnan(left[s]):
