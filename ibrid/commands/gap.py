@@ -137,13 +137,11 @@ def _answer(
 
 def _measured(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
     """The sweep and the records; DATA may be either."""
-    from ibrid.measurement.event_csv import is_event_csv
-    from ibrid.measurement.files import read_lines
-    from ibrid.measurement.read_events import read_events
+    from ibrid.measurement.read_events import is_events_file, read_events
 
     beside = None if arguments.events is None else read_events(arguments.events)
     path = Path(arguments.data)
-    if not (path.is_file() and path.suffix.lower() in (".csv", ".txt", "") and is_event_csv(read_lines(path))):
+    if not (path.is_file() and is_events_file(path)):
         return inputs.measured(arguments.data), beside
     if beside is not None:
         raise IbridError(

@@ -18,6 +18,7 @@ from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Moved, NamedEffect, Unseen
 from ibrid.gap.trial import Model
 from ibrid.gap.verdict import Findings, alike, sentence_of, verdict_of
+from ibrid.measurement.event_windows import windows_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import Vocabulary
@@ -25,7 +26,6 @@ from ibrid.parts.practice import Insertion
 from ibrid.playback.compare import EventModel, Playback, play
 from ibrid.playback.limits import LIMITS, applicable
 from ibrid.playback.places import places_of
-from ibrid.playback.windows import windows_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 
