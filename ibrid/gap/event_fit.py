@@ -31,9 +31,10 @@ from ibrid.structure.diagram import Diagram
 
 #: Step of a coordinate for a slope; steps of a simulation times the fastest mode.
 SLOPE, STEP = 3e-4, 1.0
-#: Rounds, and steps of each, of a descent by predictions and of the whole record; to which part what is left over
-#: must fall, and from which multiple of the noise on that is not asked.
-LED, PLAIN, STILL, NEARLY = (8, 2), (8, 3), 0.85, 6.0
+#: Rounds, and steps of each, of a descent by predictions and of the whole record.
+LED, PLAIN = (8, 2), (8, 3)
+#: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
+STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Parameter sets that are simulated together at most.
@@ -325,7 +326,8 @@ def _descended(misfit: EventMisfit, x: np.ndarray, rounds: tuple[int, int]) -> n
     scale = np.inf
     for _ in range(rounds[0]):
         scaled = misfit.scaled(x)
-        if scaled.scale > (STILL if scale > NEARLY else 0.999) * scale and scale > 1.02:
+        part = STILL if scale > NEARLY and not misfit.led else ENOUGH
+        if scaled.scale > part * scale and scale > 1.02:
             break
         scale = scaled.scale
         batch = DESCENT.go(scaled, DESCENT.begin(scaled, x[None]), rounds[1])
