@@ -139,7 +139,7 @@ class Records:
                     *self._starts(insertion, self._origins(model)),
                     *([] if glance is None else [glance.refit.values]),
                 ]
-                fit = self.fitter.fit(insertion.diagram, self.beside(changed), starts)
+                fit = self.fitter.fit(insertion.diagram, self.beside(changed), starts, led=not model.adequate())
                 fit = None if fit is None else replace(changed, refit=fit)
             self._fits[key] = model.refit, fit
         return self._fits[key][1]
@@ -179,6 +179,8 @@ class Records:
         return (model.refit.values, self._led(model))
 
     def _led(self, model: Model) -> Values:
+        if model.adequate():
+            return model.refit.values
         key = id(model.refit)
         if key not in self._predicted:
             led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
