@@ -112,13 +112,13 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
     slopes = refit.slopes[: sum(2 * len(one.time) for one in data.noise.events.records)]
     basis, sizes, _ = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False)
     basis, tried = basis[:, sizes > 1e-9 * sizes[0]], set[str]()
-    own = refit.misfit.played(refit.x[None])[0]
+    own = refit.misfit.answered(refit.x)
     for limit in LIMITS:
         if limit.id in present | tried or not applicable(limit, places):
             continue
         tried.add(limit.id)
         misfit = data.fitter.misfit(model.diagram, (*beside, limit))
-        move = misfit.played(misfit.beliefs.start(refit.values)[None])[0] - own
+        move = misfit.answered(misfit.beliefs.start(refit.values)) - own
         if not np.isfinite(move).all():
             continue
         left = move - basis @ (basis.T @ move)

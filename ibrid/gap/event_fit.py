@@ -160,6 +160,12 @@ class EventMisfit:
             parts.append(np.array(found))
         return np.concatenate(parts, axis=1) * self.weight
 
+    def answered(self, x: np.ndarray) -> np.ndarray:
+        """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
+        values = self.values(x)
+        pairs = [(record, self.player.play(record, [values])[0].current) for record in self.noise.events.records]
+        return np.concatenate([(current / self.noise.sigma[record.name][:, None]).ravel() for record, current in pairs])
+
     def _one_by_one(self, record, some: Sequence[Mapping[str, float]], sigma: np.ndarray) -> list[np.ndarray]:
         found = []
         for one in some:
