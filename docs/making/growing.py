@@ -17,6 +17,7 @@ from ibrid_search.store import Store
 
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.report.block_diagram import block_diagram_svg
+from ibrid.report.parameter_rows import values_of
 from ibrid.structure.program import parse_program
 
 #: Of the picture; what is left for the diagram; seconds for each frame; frames at most.
@@ -27,6 +28,9 @@ _STYLE = """svg{font-family:system-ui,sans-serif}text{fill:#16202c;text-anchor:m
 .sum circle,.terminal rect{fill:#fff}.terminal rect{stroke-width:2}.rule{stroke:#3b4856;stroke-width:.7;opacity:.6}
 .net path{fill:none;stroke:#3b4856;stroke-width:1.15}.net.vector path{stroke-width:2.1}.net .tip{fill:#3b4856;stroke:none}
 .net circle{fill:#3b4856}.family-physical-plant rect{fill:#fde3cf}.family-dynamic-control rect{fill:#dbe8fa}
+.value{font-size:11px}.sign{font-size:13px;font-weight:650}
+.loop rect{fill:#1f5fa8;fill-opacity:.05;stroke:#1f5fa8;stroke-dasharray:6 4}
+.loop text{text-anchor:start;fill:#1f5fa8;font-size:11.5px;font-weight:650;paint-order:stroke;stroke:#fff;stroke-width:3px}
 .family-synchronisation rect{fill:#ecdcf5}.family-operating-point rect{fill:#d8efe3}
 .page{fill:#fff;stroke:none}.bar{fill:#1f5fa8;stroke:none}.frame{opacity:0;animation:show %(all).2fs infinite step-end}
 @keyframes show{0%%{opacity:1}%(share).4f%%{opacity:0}100%%{opacity:0}}
@@ -43,7 +47,10 @@ def growing_svg(folder: Path) -> str:
     better = [step for k, step in enumerate(steps) if all(step.nrmse < one.nrmse for one in steps[:k])]
     chosen = [better[k] for k in sorted({round(k) for k in np.linspace(0, len(better) - 1, min(MOST, len(better)))})]
     count = len(chosen) + 2  # the last frame stays longer
-    frames = [_frame(step, run.kinds, k, (chosen[0].nrmse, chosen[-1].nrmse)) for k, step in enumerate(chosen)]
+    ends = chosen[0].nrmse, chosen[-1].nrmse
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        values = [values_of(store.record(step.number, run.kinds)) for step in chosen]
+    frames = [_frame(step, run.kinds, k, ends, values[k]) for k, step in enumerate(chosen)]
     style = _STYLE % {"all": count * SECONDS, "share": 100 / count, "stay": 300 / count}
     first, last = chosen[0].nrmse, chosen[-1].nrmse
     label = f"The first edits of a search of a simulated inverter: error {first:.2g} at first, {last:.1g} at the end."
@@ -53,10 +60,10 @@ def growing_svg(folder: Path) -> str:
     )
 
 
-def _frame(step: Step, kinds: Vocabulary, number: int, ends: tuple[float, float]) -> str:
+def _frame(step: Step, kinds: Vocabulary, number: int, ends: tuple[float, float], values: dict[str, list[str]]) -> str:
     """A step; the bar is the logarithm of its error between those at both ends."""
     first, last = ends
-    drawing = str(block_diagram_svg(parse_program(step.program), kinds))
+    drawing = str(block_diagram_svg(parse_program(step.program), kinds, values=values))
     wide, high = (float(size) for size in re.search(r'viewBox="0 0 (\d+) (\d+)"', drawing).groups())
     inner = re.sub(r"<title>.*?</title>", "", re.sub(r"^<svg[^>]*>|</svg>$", "", drawing))
     scale = min((WIDTH - 40) / wide, DRAWING / high, 1.35)
