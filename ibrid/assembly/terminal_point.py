@@ -31,5 +31,6 @@ def terminal_point(
         current = add(current, plant["i_g"])
     for name in wiring.having(Element.SHUNT):
         a, b, c, d = map(np.array, matrices_of(wiring.kinds[name], parameters[name], omega_0, (1.0, 0.0), {}))
-        current = add(current, (d - c @ np.linalg.solve(a, b)) @ v)
+        own = (d - c @ np.linalg.solve(a, b)) @ v
+        current = add(current, (float(own[0]), float(own[1])))
     return v, (float(current[0]), float(current[1]))
