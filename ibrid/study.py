@@ -20,6 +20,8 @@ from ibrid.structure.parameters import EQUILIBRIA
 
 #: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
 PARAMETER_MODES = ("shared", "per-op")
+#: What is thought of the labels of data: they are believed, or p, q, v, base, signs, node and frame may be written wrongly.
+LABELLED = ("exact", "uncertain")
 
 
 class StudyOptions(TypedDict, total=False):
@@ -31,6 +33,7 @@ class StudyOptions(TypedDict, total=False):
     holdout_op: str | Sequence[str]
     seed: int
     port: Outside
+    labels: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,7 @@ class Study:
     holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
     seed : of everything random.
     port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs the exact equilibrium.
+    labels : "exact" or "uncertain" (`LABELLED`); uncertain ones need shared parameters and the exact equilibrium.
     kinds, held : the kinds of the vocabulary and the names of the held-out points; they follow from the others.
 
     Raises
@@ -60,6 +64,7 @@ class Study:
     holdout_op: str | Sequence[str] = ()
     seed: int = 0
     port: Outside = NOTHING
+    labels: str = "exact"
     kinds: Vocabulary = field(init=False, repr=False)
     held: tuple[str, ...] = field(init=False, repr=False)
 
@@ -68,6 +73,7 @@ class Study:
             raise IbridError(f"a study is of a Sweep, found {type(self.sweep).__name__}; make one with read_sweep")
         require_one_of("parameters", self.parameters, PARAMETER_MODES)
         require_one_of("equilibrium", self.equilibrium, EQUILIBRIA)
+        require_one_of("labels", self.labels, LABELLED)
         held = (self.holdout_op,) if isinstance(self.holdout_op, str) else tuple(self.holdout_op)
         for name in held:
             if name not in self.sweep.names:
@@ -78,6 +84,11 @@ class Study:
             raise IbridError(
                 "a held-out operating point can be predicted only with shared parameters and the exact equilibrium; "
                 "drop --holdout-op or the other options"
+            )
+        if self.labels != "exact" and (self.parameters != "shared" or self.equilibrium != "exact"):
+            raise IbridError(
+                "uncertain labels are told from the parameters by shared ones and the exact equilibrium alone; drop --labels "
+                "or the other options"
             )
         if self.port and self.equilibrium != "exact":
             raise IbridError(
@@ -164,6 +175,7 @@ class Study:
             "starts": fit.starts,
             "seeds": fit.seeds,
             "seed": self.seed,
+            **({} if self.labels == "exact" else {"labels": self.labels}),
             "seconds": fit.seconds,
             "solver": "ipopt",
             "data": self.sweep.source,

@@ -33,6 +33,7 @@ def declare(commands: Any) -> None:
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
     )
     inputs.add_port_option(parser)
+    inputs.add_labels_option(parser, "exact")
     parser.add_argument("--seeds", default="textbook", help="starts from: textbook (default) | vector-fitting")
     parser.add_argument("--seconds", type=inputs.positive, metavar="S", help="hard limit of the fit (60)")
     add_json_option(parser)
@@ -70,6 +71,7 @@ def run(arguments: Namespace) -> int:
         seed=arguments.seed,
         holdout_op=arguments.holdout_op,
         port=inputs.port(arguments.port, sweep),
+        labels=arguments.labels,
         settings=settings,
     )
     printed = give_json(record.to_json(), arguments.json)

@@ -57,11 +57,7 @@ def declare(commands: Any) -> None:
     parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
     add_kinds_option(parser)
     inputs.add_port_option(parser)
-    parser.add_argument(
-        "--labels",
-        default="uncertain",
-        help="uncertain (default): p, q, v, base, signs, node and frame may be wrong | exact",
-    )
+    inputs.add_labels_option(parser, "uncertain")
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     parser.set_defaults(run=run)
 

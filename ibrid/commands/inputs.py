@@ -92,6 +92,16 @@ def add_port_option(parser: ArgumentParser) -> None:
     )
 
 
+def add_labels_option(parser: ArgumentParser, default: str) -> None:
+    """`--labels WHAT`."""
+    usual = {word: f"{word} (default)" if word == default else word for word in ("uncertain", "exact")}
+    parser.add_argument(
+        "--labels",
+        default=default,
+        help=f"{usual['uncertain']}: p, q, v, base, signs, node and frame of the data may be wrong | {usual['exact']}",
+    )
+
+
 def port(text: str | None, sweep: "Sweep") -> "Outside":
     """The port in a file; nothing without one."""
     from ibrid.structure.outside import NOTHING

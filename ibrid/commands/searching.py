@@ -134,6 +134,7 @@ def declare(commands: Any) -> None:
         "--history", type=inputs.natural, default=0, metavar="N", help="best and failed candidates a proposer sees (0)"
     )
     inputs.add_port_option(search)
+    inputs.add_labels_option(search, "exact")
     search.add_argument("--require", metavar="WHAT", help="what a candidate must be: stable,passive:LO-HI (Hz)")
     search.add_argument(
         "--choose",
@@ -228,6 +229,7 @@ def run_search(arguments: Namespace) -> int:
             vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
             holdout_op=arguments.holdout_op,
             port=inputs.port(arguments.port, sweep),
+            labels=arguments.labels,
             truth=truth,
             resume=arguments.resume,
             progress="auto",

@@ -12,6 +12,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError, IbridError
 from ibrid.evaluation.describe import BestFit, describe, unfitted
 from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.reading import read_otherwise
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
@@ -22,6 +23,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.structure.canonical import canonical_wiring
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.outside import NOTHING
 from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
 
@@ -42,8 +44,9 @@ def evaluate(
     Parameters
     ----------
     diagram : candidate structure. sweep : measured operating points, or a study of them.
-    parameters, equilibrium, vocabulary, holdout_op, seed : as of `ibrid.study.Study`; the seed is of the random starts,
-        mixed with structure and data.
+    parameters, equilibrium, vocabulary, holdout_op, seed, port, labels : as of `ibrid.study.Study`; the seed is of the
+        random starts, mixed with structure and data. Where uncertain labels are found wrong, the record is of the data put
+        right, and its `labels` say what was wrong.
     objective : see `ibrid.fit.objective`; None: that of `settings`, else sigma where the
         noise of all fitted points is known and nrmse where it is not.
     restarts : further waves of starts at most.
@@ -79,7 +82,14 @@ def evaluate(
         record = replace(base, reasons=(str(error),))
     except TimeoutError as error:
         record = replace(base, outcome=Outcome.TIMEOUT, reasons=(f"the fit was {error}; raise the limit or simplify",))
+    if study.labels != "exact":
+        record = read_otherwise(record, diagram, study, effort, _from)
     return replace(record, seconds=time.perf_counter() - started)
+
+
+def _from(diagram: Diagram, study: Study, effort: FitSettings, before: Record) -> Record:
+    """A fit that begins at the values of another record; `diagram` is behind its port already."""
+    return evaluate(diagram, replace(study, port=NOTHING), settings=effort, warm=before.parameters)
 
 
 def _evaluate(

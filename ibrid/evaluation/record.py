@@ -42,6 +42,8 @@ class Record:
     `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known. `grade` : explains,
     close, rough or fails, and `misfit` what it stands on (`ibrid.evaluation.grade`); None without a fit. `over_noise` : root
     mean square of the residual over the deviation of a stated or repeated noise, 1 when only noise is left.
+    `labels` : those of the data that were found wrong, by id (such as power_scale) with its number, a sentence that says what
+    to write, and which others these data cannot tell from it; points and errors are then of the data put right.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model.
@@ -77,6 +79,7 @@ class Record:
     grade: str | None = None
     misfit: Mapping[str, Any] | None = None
     over_noise: float | None = None
+    labels: tuple[Mapping[str, Any], ...] = ()
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = 0.0
@@ -213,7 +216,7 @@ class Record:
         )
 
 
-_TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins")
+_TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins", "labels")
 
 
 def _broken_link(data: Mapping[str, Any]) -> str | None:

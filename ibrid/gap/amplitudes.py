@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from ibrid.gap.convention import Convention
 from ibrid.gap.data import Values
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
@@ -13,6 +12,7 @@ from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model
+from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram

@@ -12,7 +12,6 @@ from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Problem
-from ibrid.gap.convention import Convention
 from ibrid.gap.detectability import unseen
 from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
@@ -21,6 +20,7 @@ from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
 from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram

@@ -5,17 +5,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibrid.gap.convention import Convention
 from ibrid.gap.data import Data
-from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, significant
+from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
+from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
+from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 
 #: Edits at most.
 MOST_EDITS = 3
-#: First edits, apart in cost, from which every second one is tried in a hurry when no single one is enough; and those from
-#: which that is then done with care.
-AHEAD, BEAM = 12, 3
+#: Where no single edit is enough: first edits, apart in cost, from which every second one is looked at; edits of a step that
+#: are refitted; models from which the next step is looked at.
+AHEAD, CARRIED, BEAM = 6, 8, 4
+#: Rounds at most in which each edit of an answer that is not enough is exchanged for another.
+SWAPS = 2
 #: Edits that are refitted, in the order of a glance, and the distance in the information criterion up to which more are.
 REFITTED, CLOSE = 12, 30.0
 #: The same where the model fits already, and only what pays well beside it counts.
@@ -46,7 +49,7 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
     A glance ranks all edits; those that come first are refitted, with whatever a glance finds about as good as the best of them.
     The rest stay as the glance left them.
     """
-    adequate = model.adequate(bench.scale)
+    adequate = enough(bench, model)
     glances = _glanced(bench, model, nominal=not adequate)
     refitted, found, best = (FURTHER if adequate else REFITTED), [], np.inf
     for number, glance in enumerate(glances):
@@ -61,8 +64,8 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         best = min(best, found[-1].bic(bench.scale))
     if conventions and model.convention == Convention() and not bench.watch.late():
         bench.watch(refitted, refitted, "other conventions of the data")
-        enough = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
-        found += [one for one in bench.shop.read_otherwise(model, enough) if better_everywhere(model, one)]
+        reached = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
+        found += [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
     bench.tests += len(found)
     return sorted(found, key=lambda one: one.bic(bench.scale))
 
@@ -120,23 +123,84 @@ def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list
     return best, _rivals(bench, given, best, trials)
 
 
+def enough(bench: Bench, model: Model) -> bool:
+    """True when a model fits as well as the noise allows, as a verdict asks."""
+    return fits(model, bench.shop.noise, bench.scale)
+
+
 def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
     firsts = paying(bench, given, trials)
     bench.so_far(given, next(iter(firsts), given), trials)
     if not firsts:
         return given
-    if firsts[0].adequate(bench.scale):
+    if enough(bench, firsts[0]):
         return _further(bench, firsts[0])
-    best = given
-    for start in _promising(bench, firsts):
-        found = _further(bench, start)
-        bench.steps.append(_tried_together(bench, given, found))
-        if best is given or found.bic(bench.scale) < best.bic(bench.scale):
-            best = found
-            bench.so_far(given, best, trials)
-        if best.adequate(bench.scale):
+    best = _beam(bench, given, firsts)
+    for _ in range(SWAPS):
+        swapped = None if enough(bench, best) or bench.watch.late() else _swapped(bench, given, best)
+        if swapped is None:
             break
+        best = swapped
+        bench.so_far(given, best, trials)
+    bench.steps.append(_tried_together(bench, given, best))
+    return _further(bench, best) if enough(bench, best) else best
+
+
+def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
+    """Edits side by side, step by step: a look at every edit of the best few models so far, and refits of the best of those."""
+    driven = [one for one in firsts if isinstance(one.edits[-1], Insertion) and driven_to_nothing(given, one)]
+    level, best = [*dict.fromkeys([*_apart(firsts)[:AHEAD], *driven])], firsts[0]
+    while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
+        level = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])[:BEAM]
+        if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
+            break
+        best = level[0]
+        bench.so_far(given, best, firsts)
     return best
+
+
+def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
+    """The best exchange of one edit for another, refitted; None where none is better."""
+    looks = []
+    for place, edit in enumerate(best.edits):
+        alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
+        if alone is not None and not bench.watch.late():
+            looks += [(alone, one) for one in _glanced(bench, alone)]
+    found = next(iter(_next(bench, looks)), None)
+    return found if found is not None and found.bic(bench.scale) < best.bic(bench.scale) - ALIKE else None
+
+
+def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
+    """Of looks, each with the model that it edits, the best refitted, without twins; those that pay, best first."""
+    bench.tests += len(looks)
+    found: list[Model] = []
+    chosen: list[Model] = []
+    for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
+        if len(chosen) >= CARRIED or bench.watch.late():
+            break
+        if any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen):
+            continue
+        chosen.append(look)
+        edit = look.edits[-1]
+        if isinstance(edit, Convention):
+            continue
+        bench.watch(len(chosen), CARRIED, f"together with {_words(edit)}")
+        model = min(bench.shop.edited(before, edit) or look, look, key=lambda one: one.refit.cost)
+        if significant(before, model, bench.tests, bench.scale) and bench.shop.stable(model):
+            found.append(model)
+    noise = bench.shop.noise
+    if not noise.known and found:
+        bench.scale = min(bench.scale, scale_of(noise, sorted(found, key=lambda one: one.refit.cost), ()))
+    return sorted(found, key=lambda one: one.bic(bench.scale))
+
+
+def _apart(models: list[Model]) -> list[Model]:
+    """Models that say different things of the data, as they come."""
+    chosen: list[Model] = []
+    for one in models:
+        if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
+            chosen.append(one)
+    return chosen
 
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
@@ -151,7 +215,7 @@ def _further(bench: Bench, model: Model) -> Model:
         found = next(iter(paying(bench, model, trials)), None)
         if found is None:
             return model
-        if model.adequate(bench.scale) and found.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
+        if enough(bench, model) and found.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
             return model
         model = found
     return model
@@ -187,10 +251,11 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
 
 
 def _quickly_edited(bench: Bench, model: Model, best: Model) -> list[Model]:
-    """Every edit of a model, refitted from its own values and those of the answer alone."""
-    values = (best.refit.values, model.refit.values)
-    found = [bench.shop.edited(model, edit, quick=values) for edit in bench.shop.insertions(model)]
-    return [one for one in found if one is not None]
+    """Every edit of a model as a look leaves it, the first of them refitted from its own values and those of the answer alone."""
+    looks, values = _glanced(bench, model), (best.refit.values, model.refit.values)
+    edits = [one.edits[-1] for one in looks[:CARRIED]]
+    found = [bench.shop.edited(model, edit, quick=values) for edit in edits if isinstance(edit, Insertion)]
+    return [one for one in (*found, *looks[CARRIED:]) if one is not None]
 
 
 def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
@@ -215,31 +280,14 @@ def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, .
 
 def _tried_together(bench: Bench, given: Model, found: Model) -> str:
     edits = " + ".join(map(_words, found.edits))
-    enough = "" if found.adequate(bench.scale) else ", not enough"
-    return f"tried together: {edits}; cost {given.refit.cost:.4g} -> {found.refit.cost:.4g}{enough}"
+    short = "" if enough(bench, found) else ", not enough"
+    return f"tried together: {edits}; cost {given.refit.cost:.4g} -> {found.refit.cost:.4g}{short}"
 
 
 def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:
     if isinstance(one, Convention) or isinstance(other, Convention):
         return one == other
     return (one.effect, one.change, one.where) == (other.effect, other.change, other.where)
-
-
-def _promising(bench: Bench, firsts: list[Model]) -> list[Model]:
-    """Of first edits those from which a second one leads furthest: a first look at every pair, a quick refit of the best."""
-    chosen: list[Model] = []
-    for one in firsts:
-        if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
-            chosen.append(one)
-    ahead: list[tuple[float, Model]] = []
-    for number, first in enumerate(chosen[:AHEAD]):
-        if bench.watch.late():
-            break
-        bench.watch(number, 2 * min(len(chosen), AHEAD), f"pairs with {_words(first.edits[-1])}")
-        seconds = _glanced(bench, first)
-        bench.tests += len(seconds)
-        ahead.append((min((one.bic(bench.scale) for one in seconds), default=np.inf), first))
-    return [first for _, first in sorted(ahead, key=lambda pair: pair[0])[:BEAM]] or chosen[:1]
 
 
 def _words(edit: Insertion | Convention) -> str:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.gap.convention import Convention
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.linearity import Linearity
 from ibrid.measurement.quantities import span
 from ibrid.measurement.sweep import Sweep

@@ -12,7 +12,7 @@ from scipy.stats import chi2 as chi2_law
 
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.convention import Convention, written_otherwise
+from ibrid.evaluation.reading import usual_first
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
 from ibrid.gap.noise import ADEQUATE, Noise
@@ -20,6 +20,7 @@ from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refit, Refitter
 from ibrid.measurement.amplitudes import coarse
+from ibrid.measurement.labels import Convention, written_otherwise
 from ibrid.measurement.sweep import PointSweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -45,11 +46,6 @@ LEAST_SHARED = 6
 MAPPED_POINTS, MAPPED_FREQUENCIES, MAPPED = 4, 40, 4
 #: Conventions, the best by a glance, that are refitted.
 READ_OTHERWISE = 2
-#: What is thought of the labels of data.
-LABELLED = ("exact", "uncertain")
-#: |ln| within which a label is tried at a usual number, and for how many free numbers any other one counts: a scale of
-#: sqrt 2, sqrt 3 or 3/2 is far more probable than another.
-USUAL, UNUSUAL = 0.04, 2
 #: Factor on a cost that something else reaches, beyond which a glance at a convention is enough.
 HOPELESS = 20.0
 
@@ -244,15 +240,6 @@ class Workshop:
             return None
         refit = self._plain.refit(labelled, [glance.values])
         return None if refit is None else refit.values[name]
-
-
-def usual_first(label: str, value: float) -> Iterator[tuple[float, int]]:
-    """A label's number and the free numbers it counts for: the usual one beside it for none, for itself two."""
-    if LABELS[label].low > 0:
-        peak = min(PEAKS, key=lambda one: abs(log(value / one)))
-        if peak != 1.0 and abs(log(value / peak)) < USUAL:
-            yield peak, 0
-    yield value, UNUSUAL if LABELS[label].low > 0 else 1
 
 
 def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.gap.convention import Convention
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.result import Verdict
 from ibrid.gap.trial import ALIKE, FAR, Model, significant
+from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 
 #: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.

@@ -10,11 +10,9 @@ import numpy as np
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
-from ibrid.fit.settings import require_one_of
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
-from ibrid.gap.convention import Convention
 from ibrid.gap.data import Data, Values
 from ibrid.gap.event_answer import Asked, event_answer
 from ibrid.gap.event_noise import event_noise
@@ -28,11 +26,12 @@ from ibrid.gap.refit import Refitter
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
-from ibrid.gap.trial import LABELLED, Model, Workshop
+from ibrid.gap.trial import Model, Workshop
 from ibrid.gap.verdict import Findings, fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.linearity import Linearity, linearity, small_signal
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import choose_vocabulary
@@ -62,7 +61,6 @@ def find_gap(
     catalogue: Sequence[Effect] = CATALOGUE,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     progress: str | Tell = "interactive",
-    labels: str = "uncertain",
     seconds: float | None = None,
     so_far: Callable[[Gap], None] | None = None,
     events: Events | None = None,
@@ -77,11 +75,11 @@ def find_gap(
         current limit or a dead zone is looked for where it fails.
     values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
-    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held-out points are predicted before and after. A gap is
-        sought with shared parameters and the exact equilibrium alone.
+    holdout_op, vocabulary, seed, port, labels : as of `ibrid.study.Study`, but that labels are uncertain unless it is said
+        here that they are exact; held-out points are predicted before and after. A gap is sought with shared parameters and
+        the exact equilibrium alone.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`.
     suggest : who is asked for edits where something is located that the catalogue does not know.
-    labels : "uncertain": p, q, v, base, signs, node and frame of the data are tried too; "exact": they are believed.
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
@@ -109,7 +107,7 @@ def find_gap(
         raise IbridError(
             "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
         )
-    require_one_of("labels", labels, LABELLED)
+    study = replace(study, labels=options.get("labels", "uncertain"))
     kernel.load()
     require_legal(diagram, study.kinds, equilibrium="exact")
     diagram = study.placed(diagram)
@@ -118,7 +116,7 @@ def find_gap(
     gate = linearity(study.fitted)
     with telling(progress) as tell:
         watch = Watch(tell, seconds, so_far)
-        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch, labels)
+        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     if watch.stopped:
         short = f"Stopped after {seconds:g} s: not everything was tried."
@@ -205,11 +203,10 @@ class _Question:
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
-    labels: str
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
-        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.labels)
+        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
 
     def amplitudes(self, data: AmplitudeData) -> Amplitudes:
         """All amplitudes."""

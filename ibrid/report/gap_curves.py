@@ -11,9 +11,9 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.gap.convention import Convention, rotation
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Gap
+from ibrid.measurement.labels import Convention, rotation
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.report.bode import Curves, draw_bode, line_frequency
 from ibrid.report.numbers import percent

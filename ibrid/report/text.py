@@ -21,6 +21,7 @@ def format_record(record: Record) -> str:
     parts = [list(_head(record))]
     if record.reasons:
         parts.append(_list("why", record.reasons))
+    parts.append(_list("labels of the data that are wrong", [one["sentence"] for one in record.labels]))
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
     if record.parameters:

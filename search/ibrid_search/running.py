@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
@@ -20,7 +22,7 @@ from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
 from ibrid.writing import inside, write_whole
 from ibrid_search.diagnosis import Edited, Looker
-from ibrid_search.evaluation.assess import Assessor
+from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
@@ -43,6 +45,8 @@ from ibrid_search.watcher import Watcher
 
 #: A search that learns goes on for so many batches without a new structure, since a policy may have to learn to make any.
 PATIENT = 4
+#: Starts that are asked for wrong labels.
+DOUBTING = 2
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,8 @@ def search(
     settings : every other number, `ibrid_search.SearchSettings`. progress : "interactive",
         "auto", "terminal", "plain", "notebook", "silent",
         or a Progress.
-    parameters, equilibrium, vocabulary, holdout_op, seed : as of `ibrid.study.Study`. The same seed gives the same archive,
+    parameters, equilibrium, vocabulary, holdout_op, seed, port, labels : as of `ibrid.study.Study`; a label that the starts
+        find wrong is put right before the search begins, and told in the answer's `labels`. The same seed gives the same archive,
         whatever the number of workers.
 
     Returns the Run; the folder holds run.toml, archive.sqlite, best.py, best.json, trajectory.csv, selection.json and
@@ -127,6 +132,9 @@ def search(
     weighted = proposers.weighted()
     if goal.choose == "op" and not study.held:
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
+    labels: tuple[Mapping[str, Any], ...] = ()
+    if doubted := study.labels != "exact":
+        study, labels = _put_right(start, study, settings)
     first, others = _starts(start, study, settings)
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     learnt: dict[str, Any] = {**proposers.weights(), **({"prompt": proposers.prompt} if proposers.models else {})}
@@ -145,6 +153,7 @@ def search(
         "models": list(proposers.models), "prices": [list(pair) for pair in proposers.prices],
         "parameters": study.parameters, "equilibrium": study.equilibrium, "vocabulary": study.vocabulary_name,
         **({"port": study.port.to_json()} if study.port else {}),
+        **({"labels": [one["id"] for one in labels]} if doubted else {}),
         "holdout_op": list(study.held), "require": goal.require, "choose": goal.choose, "workers": workers.number,
         "ray": workers.ray or "", "data": study.sweep.source, "data_sha256": digest(texts["data"]),
         "start_sha256": digest(first), "settings": vars(settings), **learnt,
@@ -162,7 +171,7 @@ def search(
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
-            answer, selection = _concluded(loop, store, assessor, folder, ending)
+            answer, selection = _concluded(loop, store, assessor, folder, ending, labels)
             write_run_page(store, inside(folder, PAGE), vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
@@ -196,6 +205,19 @@ def _starts(start: Diagram | str | None, study: Study, settings: SearchSettings)
     return program_text(first.diagram), tuple(others)
 
 
+def _put_right(
+    start: Diagram | str | None, study: Study, settings: SearchSettings
+) -> tuple[Study, tuple[Mapping[str, Any], ...]]:
+    """The study with the label put right that the best of the starts finds wrong, and what it says of it."""
+    first, others = _starts(start, replace(study, labels="exact"), settings)
+    diagrams = [parse_program(first, "the start"), *(one.diagram for one in others)][:DOUBTING]
+    records = [evaluate(one, study.blind, settings=QUICK) for one in diagrams]
+    fitted = [one for one in records if one.nrmse is not None]
+    labels = min(fitted, key=lambda one: float(one.nrmse or 0.0)).labels if fitted else ()
+    right = Convention.told(labels, study.sweep).undone(study.sweep) if labels else study.sweep
+    return replace(study, sweep=right, labels="exact"), labels
+
+
 def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -> Evaluator:
     if workers == Workers():
         return LocalEvaluator(assessor, wall=settings.wall)
@@ -205,7 +227,12 @@ def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -
 
 
 def _concluded(
-    loop: Loop, store: Store, assessor: Assessor, folder: Path, ending: str
+    loop: Loop,
+    store: Store,
+    assessor: Assessor,
+    folder: Path,
+    ending: str,
+    labels: tuple[Mapping[str, Any], ...],
 ) -> tuple[Record | None, Mapping[str, Any]]:
     """Fit the answer with full effort and write the files that sum the run up."""
     worth = loop.appraisal
@@ -234,5 +261,6 @@ def _concluded(
     ):
         found = again
     store.set_meta("best", str(selection["answer"]))
+    found = replace(found, labels=labels)
     write_best(folder, found)
     return found, selection

@@ -11,9 +11,9 @@ from ibrid_bench.hidden.case import Case, draw_case, write_case
 import ibrid
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.convention import Convention, rotation
 from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
+from ibrid.measurement.labels import Convention, rotation
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.structure.program import parse_program
 

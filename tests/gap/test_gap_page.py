@@ -13,13 +13,13 @@ from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.convention import Convention
 from ibrid.gap.files import gap_json
 from ibrid.gap.missing_transfer import missing_transfer as missing
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.port_transfer import PortCurve, port_curve
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Gap
+from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions
 from ibrid.report.block_diagram import FAMILIES, block_diagram_svg

@@ -10,11 +10,11 @@ import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.evaluation.record import Record
-from ibrid.gap.convention import rotation
 from ibrid.gap.noise import LEAST_UNKNOWN
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
+from ibrid.measurement.labels import rotation
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY

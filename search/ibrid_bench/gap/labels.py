@@ -13,8 +13,8 @@ from pathlib import Path
 from ibrid_bench.hidden.case import Case, draw_case
 from ibrid_bench.ledger import Ledger, resumable
 
-from ibrid.gap.convention import Convention
 from ibrid.gap.workflow import find_gap
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.program import parse_program
 

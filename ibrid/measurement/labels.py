@@ -3,9 +3,10 @@
 Each is undone on the data, then the given model is refitted; a verdict needs the fit to be better at every point.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,19 @@ class Convention:
     def of(cls, label: str, value: float) -> "Convention":
         """A doubted label of `ibrid.structure.outside.LABELS` at its value."""
         return replace(cls(), **{_NUMBERS[label]: value})
+
+    @classmethod
+    def told(cls, labels: Sequence[Mapping[str, Any]], sweep: Sweep) -> "Convention":
+        """Of a sweep, what the `labels` of a record made from it say."""
+        found = cls()
+        for one in labels:
+            if (number := one.get("scale", one.get("angle"))) is not None:
+                found = replace(found, **{_NUMBERS[one["id"]]: number})
+            elif one["id"] == "power_node":
+                found = replace(found, node=_other_node(sweep))
+            else:
+                found = replace(found, **{"sign" if one["id"] == "current_sign" else "q": -1})
+        return found
 
     @property
     def ids(self) -> dict[str, dict[str, float]]:
@@ -130,6 +144,10 @@ def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
     """The conventions without a number to be fitted: signs, the other power node, and pairs of exchanged labels."""
     for sign, q in ((-1, 1), (1, -1), (-1, -1)):
         yield Convention(sign=sign, q=q)
-    yield Convention(node="pcc" if sweep.power_node == "capacitor" else "capacitor")
+    yield Convention(node=_other_node(sweep))
     for one, other in combinations(sweep.names, 2):
         yield Convention(labels=((one, other),))
+
+
+def _other_node(sweep: Sweep) -> PowerNode:
+    return "pcc" if sweep.power_node == "capacitor" else "capacitor"
