@@ -20,6 +20,7 @@ def declare(commands: Any) -> None:
     )
     parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
+    inputs.add_port_option(parser)
     parser.add_argument(
         "--out", metavar="DIR", help="folder for the page, the model and start.json (DATA's name and _start)"
     )
@@ -41,8 +42,8 @@ def run(arguments: Namespace) -> int:
 
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:
-        answer = start(sweep, tell=tell, seed=arguments.seed)
-    answer = write_start(answer, data, folder)
+        answer = start(sweep, tell=tell, seed=arguments.seed, port=inputs.port(arguments.port, sweep))
+    answer = write_start(answer, data, folder, arguments.port)
     for warning in answer.inspection.warnings:
         complain(f"mind: {warning}")
     print(answer.sentence)

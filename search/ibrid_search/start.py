@@ -18,6 +18,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.report.page import record_facts
 from ibrid.report.template import page
 from ibrid.structure.library import textbook
+from ibrid.structure.outside import NOTHING, Outside
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid.writing import write_whole
@@ -97,13 +98,13 @@ class Start:
         }
 
 
-def start(sweep: Sweep, *, tell: Tell, seed: int = 0) -> Start:
-    """Look at the data, at every shipped diagram of one device, and fit the best few.
+def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING) -> Start:
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few.
 
     Raises IbridError where no shipped diagram has a response at these operating points.
     """
     inspection = inspect(sweep)
-    study = Study(sweep, seed=seed)
+    study = Study(sweep, seed=seed, port=port)
     measure = criterion(study, SearchSettings())
     looks = Looker(study, measure).textbooks(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
@@ -123,16 +124,16 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0) -> Start:
     return Start(sweep, inspection, (first, *fitted[1:], *rest), family, measure.floor)
 
 
-def write_start(answer: Start, data: str, folder: Path) -> Start:
+def write_start(answer: Start, data: str, folder: Path, port: str | None = None) -> Start:
     """Write start.json, model.py, model.json and report.html; the answer with the commands that go on from there.
 
-    data : the sweep as the commands are to name it.
+    data, port : the sweep and the file of its port as the commands are to name them.
     """
     record = answer.best.record
     if record is not None:
         write_whole(folder / "model.py", record.program)
         write_whole(folder / "model.json", json.dumps(record.to_json(), indent=1, allow_nan=False) + "\n")
-    answer = replace(answer, next=_next(answer, data, folder))
+    answer = replace(answer, next=_next(answer, data, folder, port))
     write_whole(folder / "start.json", json.dumps(answer.to_json(), indent=1, allow_nan=False) + "\n")
     write_whole(folder / "report.html", start_html(answer))
     return answer
@@ -178,11 +179,12 @@ def _held_out(best: Ranked, study: Study) -> Ranked:
     return Ranked(best.diagram, best.nrmse, best.grade, dict(record.holdout) or None, best.record)
 
 
-def _next(answer: Start, data: str, folder: Path) -> tuple[str, ...]:
+def _next(answer: Start, data: str, folder: Path, port: str | None) -> tuple[str, ...]:
     """Three commands: what the grade asks for first."""
     model, record = str(folder / "model.py"), str(folder / "model.json")
-    search = ["ibrid", "search", data, "--out", str(folder / "search")]
-    gap = ["ibrid", "gap", model, data, "--out", str(folder / "gap")]
+    behind = [] if port is None else ["--port", port]
+    search = ["ibrid", "search", data, *behind, "--out", str(folder / "search")]
+    gap = ["ibrid", "gap", model, data, *behind, "--out", str(folder / "gap")]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
     op = answer.sweep.names[0]
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
