@@ -53,7 +53,10 @@ class Fitted:
 class Data(Protocol):
     """One kind of data, weighed by a noise."""
 
-    noise: Noise
+    @property
+    def noise(self) -> Noise:
+        """What the data are weighed by."""
+        ...
 
     def given(self, diagram: Diagram) -> "Model | None":
         """The given model, fitted; None where it has no response."""

@@ -145,7 +145,10 @@ def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
         if not isinstance(edit, Insertion):
             continue
         names = [name for name in edit.parameters if name in found.best.refit.values]
-        parameters = {name: (found.best.refit.values[name], *(spans.get(name) or (None, None))) for name in names}
+        parameters: dict[str, tuple[float, float | None, float | None]] = {}
+        for name in names:
+            low, high = spans.get(name) or (None, None)
+            parameters[name] = (found.best.refit.values[name], low, high)
         form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
         told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(found, place)))

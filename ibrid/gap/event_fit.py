@@ -216,7 +216,7 @@ class EventMisfit:
                 white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, problem.size)
                 whole = np.zeros((len(white), len(x)), dtype=complex)
                 whole[:, self._place] = white
-                parts += [whole.real, whole.imag]
+                parts += [np.real(whole), np.imag(whole)]
         return np.concatenate([*parts, np.diag(self.beliefs.x_slope(x))])
 
     def white(self, x: np.ndarray) -> list[np.ndarray]:

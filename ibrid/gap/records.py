@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.gap.convention import Convention
 from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
@@ -16,6 +15,7 @@ from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, strengths
+from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion
@@ -190,7 +190,7 @@ class Records:
     def _starts(self, insertion: Insertion, origins: Sequence[Values]) -> list[Values]:
         if isinstance(insertion, LimitPlace):
             return [{**values, **start} for start in insertion.starts for values in origins]
-        return strengths(insertion, origins)
+        return [*strengths(insertion, origins)]
 
     def _worst(self, model: Model) -> str:
         pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)

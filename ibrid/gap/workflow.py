@@ -171,7 +171,7 @@ def _of_events(
     data = Records(noise, kinds, prior, catalogue, options.get("seed", 0), refitter, limits)
     with telling(progress) as tell:
         watch = Watch(tell, seconds, None)
-        ask = _Question(diagram, study, values, prior, catalogue, (), watch, "exact")
+        ask = _Question(diagram, study, values, prior, catalogue, (), watch)
         found = _tried(ask, diagram, data, ())
     if found is None:
         raise IbridError(
@@ -194,15 +194,21 @@ def _rests(events: Events) -> Sweep:
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What is asked of a study."""
+    """What is asked of a study; of records alone nothing was swept, and there is none."""
 
     diagram: Diagram
-    study: Study | None
+    swept: Study | None
     values: Nominal | None
     prior: Prior
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
+
+    @property
+    def study(self) -> Study:
+        """Of the sweeps."""
+        assert self.swept is not None, "records alone ask for no sweep"
+        return self.swept
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
@@ -235,7 +241,7 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     sweep, small = ask.study.sweep, small_signal(ask.study.sweep, gate)
     answer = AmplitudeAnswer(gate, 0 if small is None else min(len(point.frequency) for point in small.points))
     if not len(gate.refused) and small is not None:
-        gap = _answered(replace(ask, study=replace(ask.study, sweep=small)))
+        gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
         return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
     small = small if answer.kept >= FEWEST else None
     data = amplitude_data(ask.study.fitted)
@@ -246,7 +252,7 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     if small is None:
         gap = _linear(ask, at_amplitudes(sweep)[0], {} if nonlinear is None else nonlinear.found.given.refit.values)
         return unnamed(gap, nonlinear, answer)
-    gap = _answered(replace(ask, study=replace(ask.study, sweep=small)))
+    gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
     if gap.verdict == "named" and data is not None:
         again = _nonlinear(ask, gap.diagram, data, answer)
         if again is not None and again.named:
