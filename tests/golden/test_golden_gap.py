@@ -106,4 +106,5 @@ def test_a_gap_has_the_answer_that_it_had(name: str):
 @pytest.mark.parametrize(("sweep", "diagram"), FITS)
 def test_a_fit_ends_in_the_minimum_in_which_it_ended(sweep: str, diagram: str):
     golden = json.loads(GOLDEN.read_text(encoding="utf-8"))["fits"][f"{sweep} {diagram}"]
-    assert fitted(sweep, diagram) == pytest.approx(golden, rel=1e-6, abs=1e-12)
+    # along what no response shows a fit ends within 2e-6 of another processor's
+    assert fitted(sweep, diagram) == pytest.approx(golden, rel=1e-5, abs=1e-12)

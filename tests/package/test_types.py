@@ -24,6 +24,7 @@ import numpy as np
 import ibrid
 import ibrid_search
 from ibrid import FitSettings, IbridError, LargeSignal, ModuleKind, Range, Record, Signal, Sweep
+from ibrid.analysis.power_jacobian import PowerJacobian
 from ibrid.analysis.prediction import Prediction
 from ibrid.analysis.stability import Stability
 from ibrid.export import NonlinearModel
@@ -64,6 +65,7 @@ assert_type(ibrid.read_record("record.json"), Record)
 assert_type(record.nrmse, float | None)
 assert_type(ibrid.predict(record, "p=1,q=0", np.array([50.0])), Prediction)
 assert_type(ibrid.stability(record, scr=[1.5, 3.0]), Stability)
+assert_type(ibrid.power_jacobian(record, "p=1,q=0"), PowerJacobian)
 assert_type(ibrid.nonlinear_model(record), NonlinearModel)
 assert_type(ibrid.write_report(record, "page.html"), Path)
 
