@@ -27,6 +27,8 @@ class Amplitudes:
     One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed.
     """
 
+    ahead = 1
+
     def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")

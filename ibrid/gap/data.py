@@ -58,6 +58,11 @@ class Data(Protocol):
         """What the data are weighed by."""
         ...
 
+    @property
+    def ahead(self) -> int:
+        """First edits, apart in cost, from which every second one is looked at where no single one is enough."""
+        ...
+
     def given(self, diagram: Diagram) -> "Model | None":
         """The given model, fitted; None where it has no response."""
         ...

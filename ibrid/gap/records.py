@@ -41,6 +41,8 @@ class Records:
     refitter : of the sweep, None without one. limits : beside the given model.
     """
 
+    ahead = 1  # a look in time costs seconds
+
     def __init__(
         self,
         noise: EventNoise,
@@ -120,7 +122,8 @@ class Records:
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, fitted from its own and from predicted values with strengths of the effect.
 
-        None for what a glance ranks behind the first few: a fit takes seconds.
+        None for what a glance ranks behind the first few: a fit takes seconds. Limits are always fitted, since what bends the
+        rest of a model, a limit that is missing, makes the glances at it poor.
         """
         key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
         if key not in self._fits:
@@ -132,14 +135,22 @@ class Records:
             )
             first = model.refit.cost + CLOSE * (ranked[0] - model.refit.cost)
             last = first if enough else ranked[min(FITTED, len(ranked)) - 1]
-            if self._glances[key][2] <= last and np.isfinite(self._glances[key][2]):
+            if isinstance(insertion, LimitPlace) or (
+                self._glances[key][2] <= last and np.isfinite(self._glances[key][2])
+            ):
                 changed = self._changed(model, insertion)
                 glance = self._glances[key][1]
-                starts = [
-                    *self._starts(insertion, self._origins(model)),
-                    *([] if glance is None else [glance.refit.values]),
+                groups = [self._starts(insertion, self._origins(model))]
+                groups[0] += [] if glance is None else [glance.refit.values]
+                if isinstance(
+                    insertion, LimitPlace
+                ):  # one that is missing bends the rest: from nominal values by itself
+                    groups.append(self._starts(insertion, ({},)))
+                fits = [
+                    self.fitter.fit(insertion.diagram, self.beside(changed), starts, led=not model.adequate())
+                    for starts in groups
                 ]
-                fit = self.fitter.fit(insertion.diagram, self.beside(changed), starts, led=not model.adequate())
+                fit = min((one for one in fits if one is not None), key=lambda one: one.cost, default=None)
                 fit = None if fit is None else replace(changed, refit=fit)
             self._fits[key] = model.refit, fit
         return self._fits[key][1]

@@ -14,9 +14,8 @@ from ibrid.parts.practice import Insertion
 
 #: Edits at most.
 MOST_EDITS = 3
-#: Where no single edit is enough: first edits, apart in cost, from which every second one is looked at; edits of a step that
-#: are refitted; models from which the next step is looked at.
-AHEAD, CARRIED, BEAM = 6, 8, 4
+#: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
+CARRIED, BEAM = 8, 4
 #: Rounds at most in which each edit of an answer that is not enough is exchanged for another.
 SWAPS = 2
 #: Edits that are refitted, in the order of a glance, and the distance in the information criterion up to which more are.
@@ -136,7 +135,7 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
     if enough(bench, firsts[0]):
         return _further(bench, firsts[0])
     best = _beam(bench, given, firsts)
-    for _ in range(SWAPS):
+    for _ in range(SWAPS if bench.shop.ahead > 1 else 0):
         swapped = None if enough(bench, best) or bench.watch.late() else _swapped(bench, given, best)
         if swapped is None:
             break
@@ -149,9 +148,10 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
 def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     """Edits side by side, step by step: a look at every edit of the best few models so far, and refits of the best of those."""
     driven = [one for one in firsts if isinstance(one.edits[-1], Insertion) and driven_to_nothing(given, one)]
-    level, best = [*dict.fromkeys([*_apart(firsts)[:AHEAD], *driven])], firsts[0]
+    ahead = bench.shop.ahead
+    level, best = [*dict.fromkeys([*_apart(firsts)[:ahead], *(driven if ahead > 1 else ())])], firsts[0]
     while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
-        level = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])[:BEAM]
+        level = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])[: min(BEAM, ahead)]
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
             break
         best = level[0]

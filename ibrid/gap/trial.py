@@ -84,6 +84,8 @@ class Model(Generic[Fit]):
 class Workshop:
     """A small-signal sweep as a kind of `Data`, read in any convention."""
 
+    ahead = 6
+
     def __init__(
         self,
         noise: Noise,
