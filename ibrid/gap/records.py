@@ -113,7 +113,7 @@ class Records:
 
     def _first_fits(self, model: Model, limits: Sequence[LimitPlace]) -> Iterator[Model]:
         glances = [one for one in (self.glanced(model, limit) for limit in limits) if one is not None]
-        for glance in sorted(glances, key=lambda one: one.refit.cost)[:FITTED]:
+        for glance in sorted(glances, key=lambda one: one.refit.cost):
             edit = glance.edits[-1]
             fit = self.edited(model, edit) if isinstance(edit, Insertion) else None
             if fit is not None:
