@@ -17,10 +17,10 @@ from typing import NoReturn
 
 from ibrid import __version__
 from ibrid.commands import (
-    asking,
     diagrams,
     events,
     fitting,
+    follow_up,
     gap,
     importing,
     policy,
@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
         watching,
         policy,
         predicting,
-        asking,
+        follow_up,
         results,
     ):
         family.declare(commands)

@@ -133,7 +133,9 @@ def sentences(found: Sequence[Experiment]) -> tuple[str, ...]:
         if bits < DECISIVE
     ]
     blind = [name for name in found[0].gain if min(one.gain[name] for one in found) > NOTHING]
-    if blind:
+    if len(blind) == len(found[0].gain):
+        said.append("no sweep tells more of the parameters than is known")
+    elif blind:
         said.append(f"no sweep tells more of {', '.join(blind)}")
     return tuple(said)
 

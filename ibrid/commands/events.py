@@ -62,6 +62,7 @@ def run_record(arguments: Namespace) -> int:
     require_place(arguments.out)
 
     from ibrid.measurement.event_csv import write_events
+    from ibrid.measurement.quantities import counted
     from ibrid.plants.sweeping import operating_point, plant_named
     from ibrid.playback.recording import event_of, record_events
 
@@ -80,7 +81,7 @@ def run_record(arguments: Namespace) -> int:
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_events(events, arguments.out, header=header)
-    print(f"{arguments.out}: {len(events.records)} records: {'; '.join(events.names)}")
+    print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
     return 0
 
 

@@ -71,7 +71,7 @@ def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
         noise_floor=floor,
         moved=_moved(model, data),
         could_not_have_seen=unseen(model, data),
-        candidates=tuple(candidate_of(one, found, data.known_stable(one)) for one in found.trials),
+        candidates=tuple(candidate_of(one, found, data.stable(one)) for one in found.trials),
         steps=found.steps,
         noise=found.noise.source,
         noise_level=found.noise.level,

@@ -5,11 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.event_rest import noise_at_rest
+from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
-
-#: Samples at rest from which a noise can be told.
-ENOUGH = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,24 +32,10 @@ def event_noise(events: Events, sweep: Sweep) -> EventNoise:
         floor = LEAST_UNKNOWN * float(np.sqrt(np.mean((record.i - record.i_rest) ** 2)))
         own = record.sigma
         if own is None:
-            level, count = _at_rest(record, events.f0_hz)
+            level, count = noise_at_rest(record, events.f0_hz)
             own, stated = np.full(len(record.time), level), False
             if level > floor:
                 freedom = min(freedom, count)
         sigma[record.name] = np.hypot(own, max(floor, 1e-9))
     source = "the sigma of the records" if stated else "the current at rest before each event"
     return EventNoise(sweep, True, source, events=events, sigma=sigma, told_by=freedom)
-
-
-def _at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
-    """Standard deviation of the current at rest, and its degrees of freedom."""
-    inside = record.time <= record.rest_end
-    time = record.time[inside] - record.time[0]
-    if len(time) < ENOUGH:
-        return 0.0, np.inf
-    columns = [np.ones(len(time)), time / time[-1]]
-    columns += [wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)]
-    basis = np.stack(columns, axis=1)
-    left = record.i[inside] - basis @ np.linalg.lstsq(basis, record.i[inside], rcond=None)[0]
-    freedom = 2.0 * (len(time) - basis.shape[1])
-    return float(np.sqrt((left**2).sum() / freedom)), freedom

@@ -170,6 +170,8 @@ def read_values(path: str | Path) -> dict[str, Any]:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):
         raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {type(values).__name__}')
+    if "schema" in values and "program" in values:
+        raise IbridError(f"{path} is a record, not nominal values; give it in place of the program, without --values")
     return values
 
 

@@ -11,6 +11,7 @@ from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
+from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
@@ -65,11 +66,8 @@ class Records:
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
-        return self._after(model.edits)
-
-    def _after(self, edits: Sequence[Insertion | Convention]) -> tuple[Limit, ...]:
         found = list(self.limits)
-        for edit in edits:
+        for edit in model.edits:
             if isinstance(edit, LimitPlace) and edit.change == "add":
                 found.append(edit.limit)
             elif isinstance(edit, LimitPlace):
@@ -112,12 +110,8 @@ class Records:
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
     def _first_fits(self, model: Model, limits: Sequence[LimitPlace]) -> Iterator[Model]:
-        glances = [one for one in (self.glanced(model, limit) for limit in limits) if one is not None]
-        for glance in sorted(glances, key=lambda one: one.refit.cost):
-            edit = glance.edits[-1]
-            fit = self.edited(model, edit) if isinstance(edit, Insertion) else None
-            if fit is not None:
-                yield fit
+        fits = (self.edited(model, limit) for limit in limits)
+        return (fit for fit in fits if fit is not None)
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, fitted from its own and from predicted values with strengths of the effect.
@@ -127,33 +121,37 @@ class Records:
         """
         key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
         if key not in self._fits:
-            self.glanced(model, insertion)
-            ranked = sorted(cost for other, (_, _, cost) in self._glances.items() if other[0] == key[0])
-            fit = None
-            enough = any(
-                one[0] == key[0] and fit is not None and fit.adequate() for one, (_, fit) in self._fits.items()
-            )
-            first = model.refit.cost + CLOSE * (ranked[0] - model.refit.cost)
-            last = first if enough else ranked[min(FITTED, len(ranked)) - 1]
-            if isinstance(insertion, LimitPlace) or (
-                self._glances[key][2] <= last and np.isfinite(self._glances[key][2])
-            ):
-                changed = self._changed(model, insertion)
-                glance = self._glances[key][1]
-                groups = [self._starts(insertion, self._origins(model))]
-                groups[0] += [] if glance is None else [glance.refit.values]
-                if isinstance(
-                    insertion, LimitPlace
-                ):  # one that is missing bends the rest: from nominal values by itself
-                    groups.append(self._starts(insertion, ({},)))
-                fits = [
-                    self.fitter.fit(insertion.diagram, self.beside(changed), starts, led=not model.adequate())
-                    for starts in groups
-                ]
-                fit = min((one for one in fits if one is not None), key=lambda one: one.cost, default=None)
-                fit = None if fit is None else replace(changed, refit=fit)
-            self._fits[key] = model.refit, fit
+            glance = self.glanced(model, insertion)
+            wanted = isinstance(insertion, LimitPlace) or self._ranks_first(key, model)
+            fit = self._best_fit(model, insertion, glance) if wanted else None
+            self._fits[key] = model.refit, None if fit is None else replace(self._changed(model, insertion), refit=fit)
         return self._fits[key][1]
+
+    def _ranks_first(self, key: _Key, model: Model) -> bool:
+        """Whether a glance at an edit is among the first few, or near the best where an edit explains all already."""
+        ranked = sorted(cost for other, (_, _, cost) in self._glances.items() if other[0] == key[0])
+        fits = (fit for other, (_, fit) in self._fits.items() if other[0] == key[0])
+        near = model.refit.cost + CLOSE * (ranked[0] - model.refit.cost)
+        enough = any(fit is not None and fit.adequate() for fit in fits)
+        cost = self._glances[key][2]
+        return np.isfinite(cost) and cost <= (near if enough else ranked[min(FITTED, len(ranked)) - 1])
+
+    def _best_fit(self, model: Model, insertion: Insertion, glance: Model | None) -> EventFit | None:
+        """The best of fits from the model's values and the glance; of a limit from nominal values before, which end it where they
+        explain all: one that is missing has bent the model, and what looks best before any step is bent as it is."""
+        limits = self.beside(self._changed(model, insertion))
+        groups = [self._starts(insertion, ({},))] if isinstance(insertion, LimitPlace) else []
+        groups.append(
+            [*self._starts(insertion, self._origins(model)), *([] if glance is None else [glance.refit.values])]
+        )
+        best: EventFit | None = None
+        for starts in groups:
+            fit = self.fitter.fit(insertion.diagram, limits, starts, led=not model.adequate())
+            if fit is not None and (best is None or fit.cost < best.cost):
+                best = fit
+            if best is not None and best.p_value() > ADEQUATE:
+                break
+        return best
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
@@ -214,10 +212,6 @@ class Records:
     def stable(self, model: Model) -> bool:
         """True for a model whose simulation stays in every record."""
         return bool(np.isfinite(model.refit.chi2))
-
-    def known_stable(self, model: Model) -> bool | None:
-        """The same: every fit has answered."""
-        return self.stable(model)
 
     def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """() : no transfer stands for a limit."""

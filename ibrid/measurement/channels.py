@@ -15,6 +15,10 @@ _LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
 _QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
 
 
+#: Channels as a user names them: `va=1,vb=VB L1,...`, or role -> name or number.
+ToldChannels = str | Mapping[str, object] | None
+
+
 @dataclass(frozen=True)
 class Channel:
     """What is known of a channel before its samples: name, unit and phase as they are written."""
@@ -24,7 +28,7 @@ class Channel:
     phase: str = ""
 
 
-def channels_told(text: str | Mapping[str, object] | None) -> dict[str, str]:
+def channels_told(text: ToldChannels) -> dict[str, str]:
     """`va=1,vb=VB L1,...` as role -> name or number; SweepError for an unknown role."""
     if not text:
         return {}

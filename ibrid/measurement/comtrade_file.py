@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import SweepError
-from ibrid.measurement.channels import BETWEEN, PHASES, Channel, channels_told, chosen
+from ibrid.measurement.channels import BETWEEN, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.column_words import unit_of
 from ibrid.measurement.event_samples import Samples
 from ibrid.measurement.files import read_bytes
@@ -19,7 +19,7 @@ _PARTS = re.compile(rb"^--- *file type: *(\w+)[^\r\n]*---[ \t]*\r?\n", re.M | re
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
 
 
-def read_comtrade(path: Path, channels: object = None) -> tuple[Samples, float | None]:
+def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, float | None]:
     """The record of a COMTRADE file, and its nominal frequency if it says one.
 
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6`, numbers or names, where names and units do not show them; vab, vbc, vca for
@@ -33,7 +33,7 @@ def read_comtrade(path: Path, channels: object = None) -> tuple[Samples, float |
     where = str(path)
     content = _content(path)
     arrays = guarded(comtrade_arrays, content, f"{where} must be a COMTRADE record")
-    told = channels_told(channels)  # type: ignore[arg-type]
+    told = channels_told(channels)
     known = [Channel(*map(str, row)) for row in zip(arrays["name"], arrays["unit"], arrays["phase"], strict=True)]
     place = chosen(known, told, where)
     between = set(BETWEEN) <= set(place)

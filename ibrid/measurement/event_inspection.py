@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.measurement.event_contradictions import contradictions
+from ibrid.measurement.event_rest import noise_at_rest
 from ibrid.measurement.event_windows import returns_at, windows_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.quantities import hertz
@@ -79,19 +80,6 @@ def inspect_events(events: Events) -> EventsInspection:
     )
 
 
-def current_noise(record: EventRecord, f0_hz: float) -> float:
-    """Standard deviation of each component of the current: the median of sigma, else from the rest.
-
-    There second differences, whose scatter is sqrt(6) sigma, leave out what moves slowly. 0 for fewer than eight samples.
-    """
-    if record.sigma is not None:
-        return float(np.median(record.sigma))
-    resting = record.i[record.time <= record.rest_end]
-    if len(resting) < 8:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(resting, 2, axis=0))) / np.sqrt(6))
-
-
 def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
     later = record.time > record.rest_end
     step = np.diff(record.time)
@@ -109,7 +97,7 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
         "frequency": _frequency(record, angle, back, f0_hz) if alive else None,
         "largest_current": float(i.max()),
     }
-    noise = current_noise(record, f0_hz)
+    noise = noise_at_rest(record, f0_hz)[0] if record.sigma is None else float(np.median(record.sigma))
     rate = 1 / float(np.median(step))
     tells, cannot = _telling(record, facts, rate, noise, f0_hz)
     return RecordInspection(

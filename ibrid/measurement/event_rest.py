@@ -10,10 +10,29 @@ from ibrid.measurement.sweep import OperatingPoint
 CYCLES = 2
 #: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much (per unit).
 _BEYOND, _FLOOR = 8.0, 1e-5
+#: Samples at rest from which a noise can be told.
+ENOUGH = 40
 #: How much the means of half cycles may differ at rest, per unit: voltage, current.
 _WANDER = (0.01, 0.03)
 #: Another frequency than the nominal one is turned out up to here, and where it is this many standard errors.
 _OFFSET_HZ, _ERRORS = 5.0, 5.0
+
+
+def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
+    """Standard deviation of each component of the current at rest, per unit, and its degrees of freedom.
+
+    What is left beside a constant, a slope, and waves of f0 and 2 f0; (0, infinite) where too few samples rest.
+    """
+    inside = record.time <= record.rest_end
+    time = record.time[inside] - record.time[0]
+    if len(time) < ENOUGH:
+        return 0.0, np.inf
+    columns = [np.ones(len(time)), time / time[-1]]
+    columns += [wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)]
+    basis = np.stack(columns, axis=1)
+    left = record.i[inside] - basis @ np.linalg.lstsq(basis, record.i[inside], rcond=None)[0]
+    freedom = 2.0 * (len(time) - basis.shape[1])
+    return float(np.sqrt((left**2).sum() / freedom)), freedom
 
 
 def record_from_rest(

@@ -6,14 +6,14 @@ v and i are those of the PCC, and so is the operating point at rest.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite, pi
-from typing import Any, get_args
+from math import pi
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweep import OperatingPoint, PowerNode, require_header
 from ibrid.showing import brief, shown
 
 
@@ -103,15 +103,7 @@ class Events:
         object.__setattr__(self, "notes", tuple(self.notes))
         if not self.records:
             raise SweepError("events must have at least one record; found none.")
-        twice = [name for k, name in enumerate(self.names) if name in self.names[:k]]
-        if twice:
-            raise SweepError(f"records must have different names; {twice[0]} is there twice.")
-        for name in ("f0_hz", "s_base_va", "v_base_v"):
-            value = getattr(self, name)
-            if value is not None and not (isfinite(value) and value > 0):
-                raise SweepError(f"{name} must be a positive number; found {value}.")
-        if self.power_node not in get_args(PowerNode):
-            raise SweepError(f"power_node must be capacitor or pcc; found {self.power_node}.")
+        require_header(self, "records", ("f0_hz", "s_base_va", "v_base_v"))
 
     @property
     def omega_0(self) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError, near
-from ibrid.measurement.channels import DQ, PHASES, Channel, channels_told, chosen
+from ibrid.measurement.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.event_csv import COLUMNS, event_csv, is_event_csv, parse_event_csv
 from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
@@ -20,7 +20,7 @@ from ibrid.measurement.response import SIDECAR
 from ibrid.measurement.told import base_of
 
 
-def read_events(path: Any, *, channels: str | Mapping[str, object] | None = None, **keys: object) -> Events:
+def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
     """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
 
     path : a CSV of the project (event_csv.read_event_csv), a COMTRADE record (.cfg beside .dat, .cff), another table (text,
@@ -44,7 +44,8 @@ def read_events(path: Any, *, channels: str | Mapping[str, object] | None = None
     path = Path(path)
     beside, notes = _sidecar(path)
     told = {**beside, **keys}
-    channels = channels or told.pop("channels", None)  # type: ignore[assignment]
+    beside_channels = told.pop("channels", None)
+    channels = channels or (None if beside_channels is None else str(beside_channels))
     if path.suffix.lower() in SUFFIXES:
         samples, frequency = read_comtrade(path, channels)
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}

@@ -4,7 +4,7 @@ Everything is per unit on the inverter's base, current out of the inverter, q ax
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, pi
 from typing import Any, Literal, get_args
@@ -151,6 +151,19 @@ class PointSweep:
             )
 
 
+def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
+    """Raise SweepError unless `data.names` differ, the numbers are positive or None, and the power node is known."""
+    twice = sorted(name for name, count in Counter(data.names).items() if count > 1)
+    if twice:
+        raise SweepError(f"{what} must have different names; {twice[0]} is there twice.")
+    for name in numbers:
+        value = getattr(data, name)
+        if value is not None and not (isfinite(value) and value > 0):
+            raise SweepError(f"{name} must be a positive number; found {value}.")
+    if data.power_node not in get_args(PowerNode):
+        raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
+
+
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """The measured operating points of one inverter.
@@ -180,15 +193,7 @@ class Sweep:
         object.__setattr__(self, "notes", tuple(self.notes))
         if not self.points:
             raise SweepError("a sweep must have at least one operating point; found none.")
-        twice = sorted(name for name, count in Counter(self.names).items() if count > 1)
-        if twice:
-            raise SweepError(f"operating points must have different names; {twice[0]} is there twice.")
-        for name in ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"):
-            value = getattr(self, name)
-            if value is not None and not (isfinite(value) and value > 0):
-                raise SweepError(f"{name} must be a positive number; found {value}.")
-        if self.power_node not in get_args(PowerNode):
-            raise SweepError(f"power_node must be capacitor or pcc; found {self.power_node}.")
+        require_header(self, "operating points", ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"))
 
     @property
     def omega_0(self) -> float:

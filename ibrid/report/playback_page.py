@@ -9,7 +9,7 @@ from ibrid.measurement.event_windows import WINDOWS
 from ibrid.measurement.events import EventRecord
 from ibrid.playback.compare import Playback, PlayedRecord
 from ibrid.report.figure import inline_svg
-from ibrid.report.style import INK, MUTED, series
+from ibrid.report.style import MUTED, series
 from ibrid.report.template import page
 
 if TYPE_CHECKING:
@@ -57,12 +57,17 @@ def _draw(
         for window in SHADED:
             if window in windows:
                 plane.axvspan(*windows[window], color=MUTED, alpha=0.12, linewidth=0)
-        plane.plot(record.time, measured[number][1], color=INK, linewidth=1.6, label="measured")
+        plane.plot(record.time, measured[number][1], color=MUTED, linewidth=3.0, alpha=0.6, label="measured")
         if number:
             for index, (label, current) in enumerate(lines.items()):
                 colour, _, dashes = series(index)
                 plane.plot(
-                    record.time, _quantities(record, current)[number][1], color=colour, linestyle=dashes, label=label
+                    record.time,
+                    _quantities(record, current)[number][1],
+                    color=colour,
+                    linestyle=dashes,
+                    linewidth=1.0,
+                    label=label,
                 )
         if limit is not None and number in (1, 2):
             for side in (-limit, limit):

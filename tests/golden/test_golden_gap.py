@@ -87,10 +87,12 @@ def numbers_of(gap: Gap) -> dict[str, list[float]]:
     return {what: [-1.0 if one is None else float(one) for one in found] for what, found in numbers.items()}
 
 
-def fitted(sweep: str, diagram: str) -> dict[str, float]:
+def fitted(sweep: str, diagram: str) -> tuple[dict[str, float], list[str]]:
+    """The error and the parameters, and the names of those that no response shows."""
     data = ibrid.read_sweep(ibrid.benchmarks()[sweep])
     record = ibrid.evaluate(textbook(diagram), data, settings=FitSettings(restarts=1, hops=1))
-    return {"nrmse": float(record.nrmse or 0.0), **next(iter(record.parameters.values()))}
+    unseen = [name for name, interval in next(iter(record.intervals.values())).items() if interval is None]
+    return {"nrmse": float(record.nrmse or 0.0), **next(iter(record.parameters.values()))}, unseen
 
 
 @pytest.mark.parametrize("name", [*CASES, "amplitudes"])
@@ -106,5 +108,9 @@ def test_a_gap_has_the_answer_that_it_had(name: str):
 @pytest.mark.parametrize(("sweep", "diagram"), FITS)
 def test_a_fit_ends_in_the_minimum_in_which_it_ended(sweep: str, diagram: str):
     golden = json.loads(GOLDEN.read_text(encoding="utf-8"))["fits"][f"{sweep} {diagram}"]
-    # along what no response shows a fit ends within 2e-6 of another processor's
-    assert fitted(sweep, diagram) == pytest.approx(golden, rel=1e-5, abs=1e-12)
+    found, unseen = fitted(sweep, diagram)
+    if unseen:  # they scale together: the scale, which no response shows, ends within 2e-6 of another processor's
+        scale = found[unseen[0]] / golden[unseen[0]]
+        assert scale == pytest.approx(1.0, rel=1e-5)
+        found |= {name: found[name] / scale for name in unseen}
+    assert found == pytest.approx(golden, rel=1e-6, abs=1e-12)

@@ -9,7 +9,7 @@ import pytest
 from ibrid.cli import main
 from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.event_inspection import RecordInspection, current_noise, inspect_events
+from ibrid.measurement.event_inspection import RecordInspection, inspect_events
 from ibrid.measurement.event_rest import record_from_rest
 from ibrid.measurement.event_windows import windows_of
 from ibrid.measurement.events import EventRecord, Events
@@ -24,7 +24,11 @@ def record(v: np.ndarray, i: np.ndarray | complex = 0.8 - 0.1j, time: np.ndarray
 
 
 def first_look(v: np.ndarray, i: np.ndarray | complex = 0.8 - 0.1j) -> RecordInspection:
-    return inspect_events(Events((record(v, i),), f0_hz=F0)).records[0]
+    return looked_at(record(v, i))
+
+
+def looked_at(one: EventRecord) -> RecordInspection:
+    return inspect_events(Events((one,), f0_hz=F0)).records[0]
 
 
 def told(*parts: str) -> str:
@@ -94,9 +98,9 @@ def test_the_noise_of_the_current_is_read_at_rest():
     rng = np.random.default_rng(4)
     i = 0.8 + 0.02 * (rng.normal(size=len(TIME)) + 1j * rng.normal(size=len(TIME)))
     noisy = record(DIP, i)
-    assert current_noise(noisy, F0) == pytest.approx(0.02, rel=0.1)
+    assert looked_at(noisy).noise == pytest.approx(0.02, rel=0.1)
     assert "anything finer" in told(*first_look(DIP, i).cannot_tell)
-    assert current_noise(record(DIP, sigma=np.full(len(TIME), 0.3)), F0) == 0.3
+    assert looked_at(record(DIP, sigma=np.full(len(TIME), 0.3))).noise == 0.3
 
 
 CONTRADICTIONS = {

@@ -1,7 +1,7 @@
 """Does `ibrid next` ask well? Poor data of hidden inverters, one more sweep chosen in four ways at equal cost, both structures
 fitted again: are they told apart, and how much smaller are the deviations?
 
-python -m ibrid_bench.asking [--devices 30] [--seed 1]
+python -m ibrid_bench.next_sweep [--devices 30] [--seed 1]
 
 The device has a filter before its PLL; a rival has another effect of the catalogue in its place, and is taken where eight
 frequencies at one operating point leave it within odds of 20 to 1.
@@ -37,7 +37,7 @@ DECIDED = 2 * np.log(20.0)
 
 def main() -> None:
     """A line a device, then the table."""
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.asking")
+    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.next_sweep")
     parser.add_argument("--devices", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
