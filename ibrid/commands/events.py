@@ -95,10 +95,11 @@ def run_playback(arguments: Namespace) -> int:
     require_folder(folder)
     places = {f"the {name} of --out": inside(folder, name) for name in (JSON, PAGE)}
     require_distinct(places, {"MODEL": arguments.model, "EVENTS": arguments.events, "--values": arguments.values})
+    events = inputs.events(arguments.events, arguments.channels, arguments.base)
     model = event_model(arguments.model, arguments.values, arguments.kinds)
     if model.assumed:
         complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
-    found = play(model, inputs.events(arguments.events, arguments.channels, arguments.base))
+    found = play(model, events)
     page = playback_page(found, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(places[f"the {JSON} of --out"], json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")

@@ -16,6 +16,8 @@ CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "f
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
 #: Samples per s that no averaged model needs, and those that are kept, at least.
 MANY, KEPT = 100e3, 25e3
+#: Per unit, far above what a wrong unit makes of kV and kA; what is above is no measurement.
+LARGEST = 1e9
 _THIRD = np.exp(2j * np.pi / 3)
 
 
@@ -78,6 +80,12 @@ def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, flo
     else:
         side = -1j if header.get("q_axis") == "lags" else 1j
         v, i = (one[0] + side * one[1] for one in (v, i))
+    absurd = np.flatnonzero(np.maximum(np.abs(v), np.abs(i)) > LARGEST)
+    if len(absurd):
+        at, most = samples.time[absurd[0]], max(abs(v[absurd[0]]), abs(i[absurd[0]]))
+        raise SweepError(
+            f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
+        )
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
     return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*samples.remarks, *fewer))
 
@@ -94,9 +102,9 @@ def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | N
     sigma shrinks with the root of the sum of squares of the filter, as white noise does.
     """
     step = np.diff(time)
-    rate = 1 / float(np.median(step))
-    if rate <= MANY or np.ptp(step) > 0.02 / rate:
+    if not len(step) or 1 <= MANY * np.median(step) or np.ptp(step) > 0.02 * np.median(step):
         return time, v, i, sigma, ()
+    rate = 1 / float(np.median(step))
     k = int(rate / KEPT + 1e-3)
     low_pass = np.asarray(firwin(20 * k + 1, 1 / k, window="blackman"), dtype=float)
     v, i = (resample_poly(one, 1, k, window=low_pass, padtype="edge") for one in (v, i))

@@ -11,9 +11,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 
 from ibrid_bench.attack.binaries import binaries_tried
@@ -22,7 +24,7 @@ from ibrid_bench.attack.kills import killed_runs
 from ibrid_bench.attack.limits import attempts
 from ibrid_bench.attack.names import payloads
 from ibrid_bench.attack.programs import EVIL
-from ibrid_bench.attack.reading import plain, records_tried, runs_tried
+from ibrid_bench.attack.reading import events_tried, plain, records_tried, runs_tried
 
 from ibrid import cli
 from ibrid.analysis.linear_model import linear_model
@@ -135,7 +137,17 @@ def archives(folder: Path, until: float) -> Row:
 
 def binaries(folder: Path, until: float) -> Row:
     """Foreign binary files."""
-    return _tried("damaged MAT files", 150, until, lambda n, seed: binaries_tried(folder, n, seed))
+    return _tried("damaged binary files (MAT, HDF5, xlsx, Parquet, COMTRADE)", 300, until, lambda n, seed: binaries_tried(
+        folder, n, seed))  # fmt: skip
+
+
+def events(folder: Path, until: float) -> Row:
+    """Damaged records of events, inspected and played back."""
+    whole = folder / "events.csv"
+    told = ("--event", "dip:0.6,at=0.05,for=0.05", "--length", "0.15", "--rate", "2000")
+    cli.main(["record", "paper_like", "--op", OP, *told, "--out", str(whole)])
+    return _tried("damaged records of events, inspected and played back", 300, until, lambda n, seed: events_tried(
+        whole, folder, n, seed))  # fmt: skip
 
 
 def links(folder: Path, until: float) -> Row:
@@ -181,18 +193,21 @@ def refusals(folder: Path, until: float) -> Row:
     return row
 
 
-def kills(folder: Path, until: float) -> Iterator[Row]:
+def kills(folder: Path, until: float) -> list[Row]:
     """SIGKILL, alone and with workers of Ray."""
-    now = time.monotonic()
+    now, rows = time.monotonic(), []
     for workers, number, share in ((1, 40, 0.3), (2, 60, 1.0)):
         end = now + share * (until - now)
-        found = killed_runs(DATA, folder, number, seed=workers, until=end, workers=workers)
+        killed = killed_runs(DATA, folder, number, seed=workers, until=end, workers=workers)
         crew = "with workers of Ray" if workers > 1 else "in one process"
-        yield Row(f"kill -9 {crew}, {found.later} after the first stored result", found.kills, [], found.lost)
+        attack = f"kill -9 {crew}, {killed.later} after the first stored result"
+        rows.append(Row(attack, killed.kills, [], killed.lost))
+    return rows
 
 
-ATTACKS: dict[str, Callable[[Path, float], "Row | Iterable[Row]"]] = {
-    one.__name__: one for one in (programs, names, records, archives, binaries, links, evil, refusals, kills)
+ATTACKS: dict[str, Callable[[Path, float], Row | list[Row]]] = {
+    attack.__name__: attack
+    for attack in (programs, names, links, evil, refusals, events, archives, binaries, records, kills)
 }
 
 
@@ -205,6 +220,21 @@ def _tried(attack: str, number: int, until: float, make: Callable[[int, int], It
     return row
 
 
+def _rows(name: str, until: float) -> list[Row]:
+    """The rows of one attack, in a folder of its own."""
+    with tempfile.TemporaryDirectory(prefix="ibrid-attack-") as folder:
+        made = ATTACKS[name](Path(folder), until)
+    return [made] if isinstance(made, Row) else made
+
+
+def _told(rows: list[Row]) -> list[Row]:
+    for row in rows:
+        print(row.cells, flush=True)
+        for sentence in (*row.failed, *row.lost):
+            print(f"  {sentence}", file=sys.stderr)
+    return rows
+
+
 def main() -> int:
     """Attack, print, write the page; 1 when something failed or was lost."""
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.attack")
@@ -214,15 +244,14 @@ def main() -> int:
     arguments = parser.parse_args()
     chosen = [arguments.only] if arguments.only else list(ATTACKS)
     end, rows = time.monotonic() + 60 * arguments.minutes, []
-    for left, name in zip(range(len(chosen), 0, -1), chosen, strict=True):
-        until = time.monotonic() + (end - time.monotonic()) / left
-        with tempfile.TemporaryDirectory(prefix="ibrid-attack-") as folder:
-            made = ATTACKS[name](Path(folder), until)
-            for row in [made] if isinstance(made, Row) else made:
-                rows.append(row)
-                print(row.cells, flush=True)
-                for sentence in (*row.failed, *row.lost):
-                    print(f"  {sentence}", file=sys.stderr)
+    beside = [name for name in chosen if name == kills.__name__]  # which waits for processes most of its time
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as lane:
+        waited = [lane.submit(_rows, name, end) for name in beside]
+        in_turn = [name for name in chosen if name not in beside]
+        for left, name in zip(range(len(in_turn), 0, -1), in_turn, strict=True):
+            rows += _told(_rows(name, time.monotonic() + (end - time.monotonic()) / left))
+        for answer in waited:
+            rows += _told(answer.result())
     if arguments.page and not arguments.only:
         table = "\n".join(
             ["| attack | tried | failed | lost |", "| --- | --- | --- | --- |", *(row.cells for row in rows)]

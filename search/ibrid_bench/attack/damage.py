@@ -5,7 +5,7 @@ import json
 import random
 import sqlite3
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,44 @@ def damaged_bytes(content: bytes, rng: random.Random, alphabet: bytes = bytes(ra
     if rng.random() < 0.1:
         del changed[rng.randrange(max(len(changed), 1)) :]
     return bytes(changed)
+
+
+#: Ways to change a column of numbers, from most legal to least.
+_COLUMNS: tuple[Callable[[float], float | str], ...] = (
+    lambda value: -value, lambda value: 1e3 * value, lambda value: value / 1e6, lambda value: 0.0, lambda value: 1.0,
+    lambda value: 1e300, lambda value: round(value, 1), lambda value: value + 377.0, lambda value: "nan",
+)  # fmt: skip
+
+
+def damaged_table(text: str, rng: random.Random) -> bytes:
+    """A CSV with header lines, changed so that most of it still reads: a column or a piece of one scaled, flat, moved or of
+    another sign, rows lost, doubled or exchanged, header lines lost; or bytes of it changed."""
+    if rng.random() < 0.2:
+        return damaged_bytes(text.encode(), rng, b"0123456789.,-+eEnaif:#\n \xff")
+    lines = text.splitlines()
+    start = next(number for number, line in enumerate(lines) if not line.startswith("#")) + 1
+    for _ in range(rng.choice((1, 1, 2))):
+        first, last = sorted((rng.randrange(start, len(lines)), rng.randrange(start, len(lines) + 1)))
+        way = rng.choice(("column", "column", "column", "lost", "doubled", "exchanged", "header"))
+        if way == "column":
+            column, change = rng.randrange(1, 6), rng.choice(_COLUMNS)
+            first, last = (start, len(lines)) if rng.random() < 0.5 else (first, last)
+            for number in range(first, last):
+                cells = lines[number].split(",")
+                cells[column] = str(change(float(cells[column])))
+                lines[number] = ",".join(cells)
+        elif way == "lost":
+            del lines[first : last - (last - first == len(lines) - start)]
+        elif way == "doubled":
+            lines[first:first] = lines[first:last]
+        elif way == "exchanged":
+            lines[first:last] = lines[first:last][::-1]
+        else:
+            del lines[rng.randrange(start - 1)]
+            start -= 1
+        if len(lines) <= start or start < 2:
+            break
+    return "\n".join(lines).encode()
 
 
 def damaged_json(data: Any, rng: random.Random) -> tuple[bytes, str]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ibrid_bench.attack.damage import damaged_json, damaged_run
+from ibrid_bench.attack.damage import damaged_json, damaged_run, damaged_table
 
 from ibrid import cli
 from ibrid.errors import IbridError
@@ -59,6 +59,17 @@ def runs_tried(
         )
         if wrong := _commanded(words, damaged, folder):
             yield f"run {index} ({told}): {wrong}"
+
+
+def events_tried(events: Path, folder: Path, number: int, seed: int) -> Iterator[str]:
+    """Damage a file of records `number` times, look at it or play it back; yields what was unforeseen."""
+    rng, whole = random.Random(seed), events.read_text(encoding="utf-8")
+    path = folder / "damaged.csv"
+    for index in range(number):
+        path.write_bytes(damaged_table(whole, rng))
+        words = rng.choice((("inspect", "RECORD"), ("playback", "gfl", "RECORD", "--out", "OUT.playback")))
+        if wrong := _commanded(words, path, folder):
+            yield f"events {index}: {wrong}"
 
 
 def _in_python(path: Path) -> str:
