@@ -102,7 +102,7 @@ def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | N
     sigma shrinks with the root of the sum of squares of the filter, as white noise does.
     """
     step = np.diff(time)
-    if not len(step) or 1 <= MANY * np.median(step) or np.ptp(step) > 0.02 * np.median(step):
+    if not len(step) or MANY * np.median(step) >= 1 or np.ptp(step) > 0.02 * np.median(step):
         return time, v, i, sigma, ()
     rate = 1 / float(np.median(step))
     k = int(rate / KEPT + 1e-3)

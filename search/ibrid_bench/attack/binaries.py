@@ -46,10 +46,12 @@ def whole_files() -> list[tuple[str, bytes, Callable[[Path], object]]]:
     table = pd.DataFrame({"f": np.geomspace(1, 1000, 16), **{f"Y{k}": rng.normal(size=16) for k in range(8)}})
     table.to_excel(streams[4], index=False)
     table.to_parquet(streams[5])
-    readers = (read_mat, read_mat, read_mat, read_tables, read_tables, read_tables)
-    suffixes = ("mat", "mat", "mat", "h5", "xlsx", "parquet")
-    files = [(*pair, stream.getvalue()) for *pair, stream in zip(suffixes, readers, streams, strict=True)]
-    return [*((suffix, content, reader) for suffix, reader, content in files), ("cff", _comtrade(), _read_comtrade)]
+    suffixes: tuple[tuple[str, Callable[[Path], object]], ...] = (
+        ("mat", read_mat), ("mat", read_mat), ("mat", read_mat), ("h5", read_tables), ("xlsx", read_tables),
+        ("parquet", read_tables),
+    )  # fmt: skip
+    files = [(suffix, stream.getvalue(), read) for (suffix, read), stream in zip(suffixes, streams, strict=True)]
+    return [*files, ("cff", _comtrade(), _read_comtrade)]
 
 
 def binaries_tried(folder: Path, number: int, seed: int) -> Iterator[str]:
