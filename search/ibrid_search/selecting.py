@@ -67,6 +67,7 @@ def select(
     alike = _alike(steps, best, error, floor)
     record = record_of(answer)
     return {
+        "schema": "ibrid.selection/1",
         "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
         "equally_good": alike,
         "answer": answer,

@@ -1,17 +1,21 @@
-"""Records and runs of others, damaged anyhow, are read whole or refused in one sentence; `make attack` tries thousands."""
+"""Records, runs and events of others, damaged anyhow, are read or refused in one sentence; `make attack` tries thousands."""
 
+import json
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from ibrid_bench.attack.reading import plain, records_tried, runs_tried
+from ibrid_bench.attack.reading import events_tried, plain, records_tried, runs_tried
+from ibrid_search.report.selection import read_selection
 
 import ibrid
 from ibrid import cli
+from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
 from ibrid.plants.benchmarks import benchmarks
+from ibrid.schemas import breach
 
 DATA = str(benchmarks()["paper_like"])
 OPTIONS = ("--proposer", "random", "--start", "naive", "--budget", "4", "--workers", "1", "--seed", "3")
@@ -46,3 +50,19 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_damaged_runs_are_read_or_refused_in_a_sentence(run: Path, tmp_path: Path):
     assert list(runs_tried(run, DATA, tmp_path, 16, seed=1, options=OPTIONS)) == []
+
+
+def test_a_selection_is_as_its_schema_says_and_a_number_beyond_every_float_is_a_sentence(run: Path, tmp_path: Path):
+    found = json.loads((run / "selection.json").read_text())
+    assert breach(found, "selection") is None
+    found["front"][0]["damping"] = 10**400
+    (tmp_path / "selection.json").write_text(json.dumps(found))
+    with pytest.raises(IbridError, match=r"damping.*; finish the run again$"):
+        read_selection(tmp_path / "selection.json")
+
+
+def test_damaged_events_are_played_or_refused_in_a_sentence(tmp_path: Path):
+    events = tmp_path / "events.csv"
+    told = ["--event", "dip:0.6,at=0.05,for=0.05", "--length", "0.15", "--rate", "2000"]
+    assert cli.main(["record", "paper_like", "--op", "p=1,q=0.3", *told, "--out", str(events)]) == 0
+    assert list(events_tried(events, tmp_path, 40, seed=4)) == []

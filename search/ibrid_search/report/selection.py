@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid.schemas import writable
+from ibrid.schemas import breach
 from ibrid_search.step import Step
 from ibrid_search.trajectory import ROUNDING, TIE, best_step, eligible
 
@@ -46,24 +46,22 @@ def read_selection(path: Path) -> Selection | None:
     """The selection of a run, None where it has none yet; IbridError, one sentence, for a file that is damaged."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        if not writable(found):
-            raise ValueError
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):
         raise IbridError(f"{path}: must be the JSON of a selection; it cannot be read, finish the run again") from None
-    try:
-        return Selection(
-            front=tuple(map(_choice, found["front"])),
-            equally_good=tuple(int(number) for number in found.get("equally_good") or ()),
-            answer=None if found.get("answer") is None else int(found["answer"]),
-            why=str(found.get("why") or ""),
-            residual=tuple(map(str, found.get("residual_modules") or ())),
-            rivals=tuple(str(rival["words"]) for rival in found.get("rivals") or ()),
-            rival_steps=tuple(int(rival["step"]) for rival in found.get("rivals") or ()),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError):
-        raise IbridError(f"{path}: must hold a front of steps with their numbers; finish the run again") from None
+    if broken := breach(found, "selection"):
+        raise IbridError(f"{path}: {broken}; finish the run again")
+    rivals = found.get("rivals") or ()
+    return Selection(
+        front=tuple(map(_choice, found["front"])),
+        equally_good=tuple(found.get("equally_good") or ()),
+        answer=found.get("answer"),
+        why=found.get("why") or "",
+        residual=tuple(found.get("residual_modules") or ()),
+        rivals=tuple(rival["words"] for rival in rivals),
+        rival_steps=tuple(rival["step"] for rival in rivals),
+    )
 
 
 def plain_selection(steps: Iterable[Step]) -> Selection:
@@ -93,28 +91,16 @@ def _merits(step: Step) -> tuple[float, float, float]:
 def _choice(entry: Mapping[str, Any]) -> Choice:
     known = {"step", "nrmse", "order", "free_parameters", "stable", "holdout", "note"}
     return Choice(
-        step=int(entry["step"]),
-        nrmse=_number(entry.get("nrmse")),
-        order=_whole(entry.get("order")),
-        free=_whole(entry.get("free_parameters")),
-        stable=None if entry.get("stable") is None else bool(entry["stable"]),
-        holdout=_number(entry.get("holdout")),
+        step=entry["step"],
+        nrmse=entry.get("nrmse"),
+        order=entry.get("order"),
+        free=entry.get("free_parameters"),
+        stable=entry.get("stable"),
+        holdout=entry.get("holdout"),
         more={
-            name: _number(value)
+            name: value
             for name, value in entry.items()
-            if name not in known and (value is None or _is_number(value))
+            if name not in known and (value is None or type(value) in (int, float))
         },
-        note=str(entry.get("note") or ""),
+        note=entry.get("note") or "",
     )
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if _is_number(value) and math.isfinite(value) else None
-
-
-def _whole(value: Any) -> int | None:
-    return int(value) if _is_number(value) and math.isfinite(value) else None
