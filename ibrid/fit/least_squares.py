@@ -120,6 +120,7 @@ class Descent:
         lost = ~np.isfinite(points.cost)
         return Batch(points, np.full(len(points.x), self.damping), np.where(lost, Ending.NO_RESPONSE, Ending.NONE))
 
+    @np.errstate(over="ignore", invalid="ignore")  # a start that overflows has an infinite cost, and is not taken
     def go(self, model: SumOfSquares, batch: Batch, steps: int) -> Batch:
         """Up to so many steps of every start that has not ended."""
         low, high = model.box
