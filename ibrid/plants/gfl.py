@@ -5,15 +5,15 @@ loops also control of a DC link and of the magnitude of the voltage. Nothing her
 the block diagrams, so a sweep of this model is an independent truth for them.
 """
 
-from dataclasses import dataclass, fields
-from math import isfinite, pi
+from dataclasses import dataclass
+from math import pi
 from typing import Literal
 
 import casadi as ca
 
 from ibrid.errors import IbridError
 from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
-from ibrid.plants.output_filter import FilterKind, OutputFilter, output_filter
+from ibrid.plants.output_filter import FilterKind, OutputFilter, closed, output_filter, require_range
 
 Decoupling = Literal["pll", "nominal", "none"]
 ActiveLoop = Literal["power", "dc_link"]
@@ -74,16 +74,9 @@ class GFLParameters:
     kI_ac: float | None = None
 
     def __post_init__(self) -> None:
-        positive = {"L_F", "kI_pll", "kI_power", "kI_current", "omega_c_pll", "omega_c_power"}
-        positive |= {"C_dc", "kI_dc", "kI_ac"}
-        positive |= {"C_F", "L_g"} if self.filter == "LCL" else set()
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None or isinstance(value, str):
-                continue
-            if not isfinite(value) or value < 0 or (field.name in positive and value == 0):
-                least = "positive" if field.name in positive else "zero or positive"
-                raise IbridError(f"{field.name} of a grid-following inverter must be {least}; found {value:g}.")
+        may_be_zero = {"R_F", "R_g", "kP_pll", "kP_power", "kP_current", "kP_dc", "kP_ac"}
+        may_be_zero |= {"feedforward", "L_decoupling", "k_damping"} | ({"C_F", "L_g"} if self.filter == "L" else set())
+        require_range(self, may_be_zero, "grid-following")
         if lacking := [name for name in self._gains if getattr(self, name) is None]:
             raise IbridError(f"a grid-following inverter with these loops needs {', '.join(lacking)}; found none.")
 
@@ -132,13 +125,7 @@ def gfl_dynamics(parameters: GFLParameters, omega_0: float) -> Dynamics:
         states.moves(v_dc, (r[0] - ca.dot(u_r, plant.i_ti)) / (_given(m.C_dc) * v_dc))
     plant.drive(u_r, omega)
 
-    x, pq = states.x, ca.SX.sym("pq", 2)
-    return Dynamics(
-        states=tuple(states.names),
-        f=ca.Function("f", [x, v_DQ, r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
-        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
-        asked=ca.Function("asked", [x, v_DQ, r, pq], [plant.power - pq]),
-    )
+    return closed(states, plant, delta, v_DQ, r)
 
 
 def _current_reference(m: GFLParameters, states: States, plant: OutputFilter, r: ca.SX) -> tuple[ca.SX, ca.SX | None]:

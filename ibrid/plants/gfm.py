@@ -5,20 +5,19 @@ amplitude. Nothing here is linearised and nothing is shared with the block diagr
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from math import cos, isfinite, sin
+from dataclasses import dataclass
+from math import cos, sin
 from types import MappingProxyType
 from typing import ClassVar
 
 import casadi as ca
 
-from ibrid.errors import IbridError
 from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
-from ibrid.plants.output_filter import FilterKind, OutputFilter, output_filter
+from ibrid.plants.output_filter import LCLParameters, OutputFilter, closed, output_filter, require_range
 
 
 @dataclass(frozen=True, kw_only=True)
-class GFMParameters:
+class GFMParameters(LCLParameters):
     """Filter and cascade of every grid-forming inverter here; per unit on its own base unless a unit is given.
 
     L_F, R_F, C_F, L_g, R_g : LCL filter, p and q measured at its capacitor.
@@ -32,11 +31,6 @@ class GFMParameters:
 
     may_be_zero: ClassVar[frozenset[str]] = frozenset({"R_F", "R_g", "kP_voltage", "kP_current", "X_virtual"})
 
-    L_F: float
-    R_F: float
-    C_F: float
-    L_g: float
-    R_g: float
     kP_voltage: float
     kI_voltage: float
     kP_current: float
@@ -45,17 +39,8 @@ class GFMParameters:
     k_damping: float
     omega_damping: float
 
-    @property
-    def filter(self) -> FilterKind:
-        """The output filter."""
-        return "LCL"
-
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isfinite(value) or value < 0 or (value == 0 and field.name not in self.may_be_zero):
-                least = "zero or positive" if field.name in self.may_be_zero else "positive"
-                raise IbridError(f"{field.name} of a grid-forming inverter must be {least}; found {value:g}.")
+        require_range(self, self.may_be_zero, "grid-forming")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,19 +108,13 @@ def gfm_dynamics(parameters: GFMParameters, omega_0: float) -> Dynamics:
     Source: S. D'Arco, J. A. Suul and O. B. Fosso, EPSR 122 (2015), for the cascade; the classes for what drives it.
     """
     m, states = parameters, States()
-    v_DQ, pq = ca.SX.sym("v_DQ", 2), ca.SX.sym("pq", 2)
+    v_DQ = ca.SX.sym("v_DQ", 2)
     delta = states.add("angle.integral")
     plant = output_filter(m, states, R(delta) @ v_DQ, omega_0)
     made = _SYNCHRONISATIONS[type(m)](m, states, plant, omega_0)
     states.moves(delta, made.omega - omega_0)
     plant.drive(_command(m, states, plant, made, omega_0), made.omega)
-    x = states.x
-    return Dynamics(
-        states=tuple(states.names),
-        f=ca.Function("f", [x, v_DQ, made.r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
-        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
-        asked=ca.Function("asked", [x, v_DQ, made.r, pq], [ca.vertcat(plant.power - pq, *made.further(pq))]),
-    )
+    return closed(states, plant, delta, v_DQ, made.r, made.further)
 
 
 def _droop(m: DroopParameters, states: States, plant: OutputFilter, omega_0: float) -> _Synchronisation:

@@ -3,18 +3,17 @@
 Its frequency is a weighted sum of what a PLL and what a power droop would make of it; the rest is grid-following.
 """
 
-from dataclasses import dataclass, fields
-from math import isfinite
+from dataclasses import dataclass
 
 import casadi as ca
 
 from ibrid.errors import IbridError
 from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
-from ibrid.plants.output_filter import FilterKind, output_filter
+from ibrid.plants.output_filter import LCLParameters, closed, output_filter, require_range
 
 
 @dataclass(frozen=True, kw_only=True)
-class HybridParameters:
+class HybridParameters(LCLParameters):
     """omega - omega_0 = weight (kP_pll + kI_pll/s) e_q + (1 - weight) m_p (p* - p_f); per unit unless a unit is given.
 
     L_F, R_F, C_F, L_g, R_g : LCL filter, p and q measured at its capacitor.
@@ -26,11 +25,6 @@ class HybridParameters:
     Raises IbridError when a value is not finite or out of range.
     """
 
-    L_F: float
-    R_F: float
-    C_F: float
-    L_g: float
-    R_g: float
     weight: float
     kP_pll: float
     kI_pll: float
@@ -41,16 +35,8 @@ class HybridParameters:
     kP_current: float
     kI_current: float
 
-    @property
-    def filter(self) -> FilterKind:
-        """The output filter."""
-        return "LCL"
-
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isfinite(value) or value <= 0:
-                raise IbridError(f"{field.name} of a hybrid inverter must be positive; found {value:g}.")
+        require_range(self, (), "hybrid")
         if self.weight >= 1:
             raise IbridError(
                 f"weight of a hybrid inverter must lie below 1, which is a PLL alone; found {self.weight:g}."
@@ -60,7 +46,7 @@ class HybridParameters:
 def hybrid_dynamics(parameters: HybridParameters, omega_0: float) -> Dynamics:
     """The nonlinear model; omega_0 in rad/s, set-points [p*, q*]."""
     m, states = parameters, States()
-    v_DQ, r, pq = (ca.SX.sym(name, 2) for name in ("v_DQ", "r", "pq"))
+    v_DQ, r = ca.SX.sym("v_DQ", 2), ca.SX.sym("r", 2)
     delta = states.add("angle.integral")
     plant = output_filter(m, states, R(delta) @ v_DQ, omega_0)
     p = low_pass(states, "p_filter.filtered", m.omega_c_power, plant.power[0])
@@ -80,10 +66,4 @@ def hybrid_dynamics(parameters: HybridParameters, omega_0: float) -> Dynamics:
     speed = 1 + deviation / omega_0
     u_r = m.kP_current * (i_ref - plant.i_ti) + m.kI_current * gamma + speed * m.L_F * J(plant.i_ti)
     plant.drive(u_r, omega_0 + deviation)
-    x = states.x
-    return Dynamics(
-        states=tuple(states.names),
-        f=ca.Function("f", [x, v_DQ, r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
-        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
-        asked=ca.Function("asked", [x, v_DQ, r, pq], [plant.power - pq]),
-    )
+    return closed(states, plant, delta, v_DQ, r)

@@ -1,12 +1,14 @@
 """The output filter of a reference inverter in the frame of its controller: equation (2) of the paper, LCL or L."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, fields
+from math import isfinite
+from typing import Any, Literal, Protocol
 
 import casadi as ca
 
-from ibrid.plants.dynamics import J, States
+from ibrid.errors import IbridError
+from ibrid.plants.dynamics import Dynamics, J, R, States
 
 FilterKind = Literal["LCL", "L"]
 
@@ -26,6 +28,33 @@ class FilterParameters(Protocol):
     def L_g(self) -> float: ...
     @property
     def R_g(self) -> float: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class LCLParameters:
+    """An LCL filter, per unit, at whose capacitor p and q are measured."""
+
+    L_F: float
+    R_F: float
+    C_F: float
+    L_g: float
+    R_g: float
+
+    @property
+    def filter(self) -> FilterKind:
+        """The output filter."""
+        return "LCL"
+
+
+def require_range(parameters: Any, may_be_zero: Collection[str], whose: str) -> None:
+    """Raise IbridError unless all numbers of an inverter are finite and positive, or zero where they may be."""
+    for field in fields(parameters):
+        value = getattr(parameters, field.name)
+        if value is None or not isinstance(value, int | float):
+            continue
+        if not isfinite(value) or value < 0 or (value == 0 and field.name not in may_be_zero):
+            least = "zero or positive" if field.name in may_be_zero else "positive"
+            raise IbridError(f"{field.name} of a {whose} inverter must be {least}; found {value:g}.")
 
 
 @dataclass(frozen=True)
@@ -66,3 +95,24 @@ def output_filter(m: FilterParameters, states: States, v: ca.SX, omega_0: float)
         states.moves(i_g, omega_0 / m.L_g * (e - v - m.R_g * i_g) - omega * J(i_g))
 
     return OutputFilter(v, e, i_ti, i_g, drive_lcl)
+
+
+def closed(
+    states: States,
+    plant: OutputFilter,
+    delta: ca.SX,
+    v_DQ: ca.SX,
+    r: ca.SX,
+    further: Callable[[ca.SX], list[ca.SX]] = lambda pq: [],
+) -> Dynamics:
+    """The model of an inverter whose states all have their rates.
+
+    delta : angle of its frame. r : set-points. further : what these obey beside the power asked for.
+    """
+    x, pq = states.x, ca.SX.sym("pq", 2)
+    return Dynamics(
+        states=tuple(states.names),
+        f=ca.Function("f", [x, v_DQ, r], [states.x_dot], ["x", "v_DQ", "r"], ["x_dot"]),
+        g=ca.Function("g", [x, v_DQ], [R(delta).T @ plant.i_g], ["x", "v_DQ"], ["i_DQ"]),
+        asked=ca.Function("asked", [x, v_DQ, r, pq], [ca.vertcat(plant.power - pq, *further(pq))]),
+    )
