@@ -27,7 +27,6 @@ def _kind(name: str, law: str, signal: Signal, state_space: Callable[[], Matrice
         inputs={"in_": signal},
         outputs={"out": signal},
         states=states,
-        parameters={},
         state_space=state_space,
         dc_gain=1.0 if states else None,
         extended=True,

@@ -100,7 +100,6 @@ INTEGRATOR = ModuleKind(
     inputs={"in_": Signal.SCALAR},
     outputs={"out": Signal.SCALAR},
     states=("integral",),
-    parameters={},
     state_space=_integrator,
     reference=APPENDIX,
 )

@@ -26,7 +26,6 @@ DEAD_TIME = ModuleKind(
     "time takes from the command against the converter's current, smoothed by the ripple",
     inputs={"i": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
-    states=(),
     parameters={
         "D": Range(
             1e-5, 0.5, 0.02, "pu", "lost voltage: 4/pi x dead time x switching frequency x V_dc/2 over the base"
@@ -54,7 +53,6 @@ TURN = ModuleKind(
     "uncompensated (phi < 0 where it compensates too little)",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
-    states=(),
     parameters={"phi": Range(-1.0, 1.0, -0.05, "rad", "angle by which a vector is turned ahead")},
     state_space=_turn,
     extended=True,

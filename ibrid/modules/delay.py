@@ -84,7 +84,6 @@ DELAY = ModuleKind(
     law="out = exp(-s T_d) in_ on each axis, in the controller's frame",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
-    states=(),
     parameters={"T_d": Range(1e-6, 5e-4, 1e-4, "s", "delay", divides=True)},
     state_space=_pass_through,
     dc_gain=1.0,

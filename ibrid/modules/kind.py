@@ -101,10 +101,10 @@ class ModuleKind(Behaviour):
     law: str
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
-    states: tuple[str, ...]
-    parameters: Mapping[str, Range]
     state_space: Callable[..., Matrices]
     reference: str
+    states: tuple[str, ...] = ()
+    parameters: Mapping[str, Range] = field(default_factory=dict)
     dc_gain: float | None = None
     equilibrium: Mapping[str, str] = field(default_factory=dict)
     delay: str | None = None

@@ -26,7 +26,6 @@ def _memoryless(
         law=law,
         inputs=inputs,
         outputs=outputs,
-        states=(),
         parameters=parameters,
         state_space=state_space,
         reference="paper, appendix A.6",

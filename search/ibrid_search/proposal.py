@@ -11,6 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
+from ibrid_search.edits import edit_between
 from ibrid_search.oddities import implausible
 from ibrid_search.step import Step
 from ibrid_search.store import Store
@@ -96,6 +97,11 @@ class Proposal:
     diagnosis: str = ""
     usage: Mapping[str, Any] = field(default_factory=dict)
     failure: str = ""
+
+    @classmethod
+    def between(cls, parent: Diagram, diagram: Diagram, note: str, **told: Any) -> "Proposal":
+        """The edit that turns the parent into another diagram; `told` : further fields."""
+        return cls(edit_between(program_text(parent), program_text(diagram)), note, **told)
 
 
 @runtime_checkable

@@ -13,7 +13,6 @@ from ibrid_bench.search.inverters import DIAGRAMS, inverter
 from ibrid_search.edits import apply_edit
 from ibrid_search.oddities import implausible
 from ibrid_search.proposal import SCALES, Proposal
-from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
 from scripted_search import context_of, record_of, study
 from sharing import shared
@@ -45,7 +44,7 @@ def moves_of(diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY) -> Iterator
     for view in views:
         for family in FAMILIES:
             for move in family.moves(view):
-                yield family.name, move, edited(view, move)
+                yield family.name, move, view.after(move)
 
 
 @shared
@@ -267,7 +266,7 @@ def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
     )
     view = view_of(NAIVE, VOCABULARY)
     assert view is not None
-    context = context_of(NAIVE, seen={hash_of(edited(view, FILTERED))}.__contains__)
+    context = context_of(NAIVE, seen={hash_of(view.after(FILTERED))}.__contains__)
     assert {Rules(families, looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {
         "a delay"
     }
@@ -551,7 +550,7 @@ def test_a_run_begins_with_the_naive_program_and_no_other(name):
 
 
 OFFLINE = [
-    *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning", "edited")),
+    *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning")),
     *sorted((SEARCH.parents[1] / "ibrid" / "parts").glob("*.py")),
     *(SEARCH.parents[1] / "ibrid" / "structure" / f"{name}.py" for name in ("drafting", "roles")),
     SEARCH / "oddities.py",

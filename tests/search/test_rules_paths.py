@@ -3,7 +3,6 @@
 import pytest
 from collecting import each_of
 from ibrid_search.oddities import oddities
-from ibrid_search.proposers.edited import edited
 from ibrid_search.proposers.rules import FAMILIES
 from scripted_search import naive_record
 from sharing import shared
@@ -81,6 +80,12 @@ def moves_of(diagram: ibrid.Diagram) -> dict[str, tuple[View, Move]]:
     }
 
 
+def made(found: tuple[View, Move]) -> ibrid.Diagram:
+    """The diagram after a move in its view."""
+    view, move = found
+    return view.after(move)
+
+
 def _done(_: object) -> None:
     """What a move's change returns."""
 
@@ -91,7 +96,7 @@ def path(name: str) -> tuple[ibrid.Diagram, ...]:
     found = [NAIVE]
     for note in PATHS[name]:
         view, move = moves_of(found[-1])[note]
-        found.append(edited(view, move))
+        found.append(view.after(move))
     return tuple(found)
 
 
@@ -116,7 +121,7 @@ def test_every_textbook_inverter_but_variations_of_these_has_a_path():
 
 def test_a_dc_link_follows_the_command_through_every_edit():
     for view, move in moves_of(ibrid.textbook("gfl_dc_link")).values():
-        after = edited(view, move)
+        after = view.after(move)
         draft = Draft(after, VOCABULARY)
         for link in draft.named("DC_link"):
             assert set(draft.sources(f"{link}.u")) == set(draft.sources("plant.u_r")), move.note
@@ -130,13 +135,13 @@ def test_a_dc_link_that_takes_something_else_is_left_alone():
     assert followers(draft) == frozenset()
     view = view_of(draft.diagram(), VOCABULARY)
     assert view is not None
-    after = edited(view, Move("a delay", lambda one: _done(one.insert_before("plant.u_r", "Delay", "x"))))
+    after = view.after(Move("a delay", lambda one: _done(one.insert_before("plant.u_r", "Delay", "x"))))
     assert Draft(after, VOCABULARY).sources("dc_link.u") == ["plant.e"]
 
 
 def test_the_current_of_a_dc_link_is_that_of_the_converter_whatever_the_controller_measures():
     for note, (view, move) in moves_of(ibrid.textbook("gfl_dc_link")).items():
-        draft = Draft(edited(view, move), VOCABULARY)
+        draft = Draft(view.after(move), VOCABULARY)
         for link in draft.named("DC_link"):
             plant = draft.kind("plant").outputs
             assert draft.sources(f"{link}.i") == ["plant.i_ti" if "i_ti" in plant else "plant.i_g"], note
@@ -161,7 +166,7 @@ def test_an_edit_of_nothing_leaves_two_devices_as_they_are(device):
     both = ibrid.textbook("parallel_gfl_gfm")
     view = view_of(both, VOCABULARY, device=device)
     assert view is not None
-    assert ibrid.program_text(edited(view, Move("nothing", lambda draft: None))) == ibrid.program_text(both)
+    assert ibrid.program_text(view.after(Move("nothing", lambda draft: None))) == ibrid.program_text(both)
 
 
 @pytest.mark.parametrize("device", [0, 1])
@@ -173,7 +178,7 @@ def test_an_edit_of_one_device_leaves_the_other_as_it_is(device):
     changed = 0
     for family in FAMILIES:
         for move in family.moves(view):
-            after = edited(view, move)
+            after = view.after(move)
             if not ibrid.violations(after):
                 same = view_of(after, VOCABULARY, device=1 - device)
                 assert same is not None
@@ -187,7 +192,7 @@ def test_a_name_that_the_other_device_has_is_given_another():
     view = view_of(both, VOCABULARY)
     assert view is not None
     taken = Move("a filter", lambda draft: _done(draft.insert_before("gfl_pll.e_q", "LPF1", "gfm_p_filter")))
-    after = edited(view, taken)
+    after = view.after(taken)
     assert ibrid.violations(after) == ()
     assert {"gfm_p_filter", "gfm_p_filter_2"} <= {one.name for one in after.instances}
 
@@ -197,20 +202,20 @@ def test_a_second_device_without_a_controller_can_be_taken_away_again():
     assert ibrid.violations(two) == ()
     assert len(views_of(two, VOCABULARY)) == 2
     (note,) = [note for note in moves_of(two) if note.startswith("without the device of")]
-    assert ibrid.compare(edited(*moves_of(two)[note]), ibrid.textbook("gfl")).same
+    assert ibrid.compare(made(moves_of(two)[note]), ibrid.textbook("gfl")).same
 
 
 def test_a_device_with_a_controller_is_not_taken_away_in_one_edit():
     both = ibrid.textbook("parallel_gfl_gfm")
     for note, (view, move) in moves_of(both).items():
-        after = edited(view, move)
+        after = view.after(move)
         assert ibrid.violations(after) or len(views_of(after, VOCABULARY)) == 2, note
 
 
 def second_device_beside(name: str) -> list[ibrid.Diagram]:
     """Of a textbook program all that the family makes."""
     (view,) = views_of(ibrid.textbook(name), VOCABULARY)
-    return [edited(view, move) for family in FAMILIES if family.name == "second device" for move in family.moves(view)]
+    return [view.after(move) for family in FAMILIES if family.name == "second device" for move in family.moves(view)]
 
 
 def test_of_two_devices_the_layers_that_are_missing_are_those_of_the_more_complete_one():
@@ -228,7 +233,7 @@ def test_a_second_device_is_no_way_round_a_controller():
 def note_of(name: str, part: str) -> ibrid.Diagram:
     """A textbook program after the only edit whose note has this part."""
     ((view, move),) = [found for note, found in moves_of(ibrid.textbook(name)).items() if part in note]
-    return edited(view, move)
+    return view.after(move)
 
 
 def test_a_blend_of_pll_and_droop_adds_their_frequencies_everywhere():
@@ -248,15 +253,15 @@ def test_a_pll_beside_a_droop_is_the_same_blend():
     put_into_frame(draft, "plant", f"{gain}.out", f"{angle}.out")
     formed = draft.diagram()
     assert ibrid.violations(formed) == ()
-    one = edited(*moves_of(formed)["a PLL beside the droop"])
+    one = made(moves_of(formed)["a PLL beside the droop"])
     other = note_of("gfl_exact", "a droop of the active power beside the PLL")
     assert ibrid.compare(one, other).same
 
 
 def test_a_current_loop_alone_keeps_the_outer_loops_as_its_reference():
     view, move = moves_of(NAIVE)[POWERS]
-    powers = edited(view, move)
-    after = edited(*moves_of(powers)["a PI controller of the current, alone"])
+    powers = view.after(move)
+    after = made(moves_of(powers)["a PI controller of the current, alone"])
     (seen,) = views_of(after, VOCABULARY)
     assert seen.roles.current_loop == "current"
     assert set(seen.roles.outer) == {"p_loop", "q_loop"}
@@ -266,14 +271,14 @@ def test_a_current_loop_alone_keeps_the_outer_loops_as_its_reference():
 def test_under_the_papers_vocabulary_the_voltage_magnitude_is_the_d_component():
     (view,) = views_of(ibrid.textbook("gfl"), PAPER_VOCABULARY)
     (move,) = [move for family in FAMILIES if family.name == "AC voltage" for move in family.moves(view)]
-    kinds = {one.kind for one in edited(view, move).instances}
+    kinds = {one.kind for one in view.after(move).instances}
     assert "SliceD" in kinds
     assert "Magnitude" not in kinds
 
 
 def test_a_grid_forming_controller_may_give_up_its_power_loops_for_a_voltage_loop():
     hybrid = ibrid.textbook("hybrid_gfl_gfm")
-    after = edited(*moves_of(hybrid)["a PI controller of the filter voltage, in place of the outer loops"])
+    after = made(moves_of(hybrid)["a PI controller of the filter voltage, in place of the outer loops"])
     assert ibrid.violations(after) == ()
     (seen,) = views_of(after, VOCABULARY)
     assert seen.roles.voltage_loop == "voltage"

@@ -21,7 +21,6 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import split_port
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.edited import edited, proposal_of
 
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
@@ -58,12 +57,16 @@ class Pruning:
 
         ranked = sorted((edits[index] for index in rng.permutation(len(edits))), key=doubt, reverse=True)
         if self.loss is not None:
-            looked = [(self.loss(context, after), edit) for edit in ranked if context.is_new(after := edited(*edit))]
+            looked = [
+                (self.loss(context, after), (view, move))
+                for view, move in ranked
+                if context.is_new(after := view.after(move))
+            ]
             ranked = [edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE]
         for view, move in chain(_plain(views, record), ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
-            found = edited(view, move)
+            found = view.after(move)
             if context.is_new(found):
-                return proposal_of(view, move, found)
+                return Proposal.between(view.whole, found, view.words(move))
         return Proposal("", failure="everything that could be taken away has been tried")
 
 

@@ -6,9 +6,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.drafting import Draft
-from ibrid.structure.program import program_text
 from ibrid.structure.wiring import split_port
-from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
 
 #: Drawn edits before the proposer gives up for this parent.
@@ -37,8 +35,7 @@ class RandomEdits:
             draft.tidy()
             diagram = draft.diagram()
             if context.is_new(diagram):
-                edit = edit_between(program_text(parent), program_text(diagram))
-                return Proposal(edit, note="; ".join(notes))
+                return Proposal.between(parent, diagram, "; ".join(notes))
         return Proposal("", failure=f"{TRIES} random edits led to no new legal structure")
 
 
@@ -135,11 +132,14 @@ def _in_line(kind: ModuleKind) -> bool:
     return set(kind.inputs) == {"in_"} and kind.inputs["in_"] in kind.outputs.values()
 
 
-def _remove(draft: Draft, rng: np.random.Generator) -> str:
+def _beside_the_plant(draft: Draft, rng: np.random.Generator) -> str | None:
     names = [name for name in draft.instances if name not in _plants(draft)]
-    if not names:
+    return _one(rng, names) if names else None
+
+
+def _remove(draft: Draft, rng: np.random.Generator) -> str:
+    if (name := _beside_the_plant(draft, rng)) is None:
         return ""
-    name = _one(rng, names)
     kind = draft.kind(name)
     if _in_line(kind) and rng.random() < 0.7:
         draft.bypass(name)
@@ -149,10 +149,8 @@ def _remove(draft: Draft, rng: np.random.Generator) -> str:
 
 
 def _exchange(draft: Draft, rng: np.random.Generator) -> str:
-    names = [name for name in draft.instances if name not in _plants(draft)]
-    if not names:
+    if (name := _beside_the_plant(draft, rng)) is None:
         return ""
-    name = _one(rng, names)
     kind = draft.kind(name)
     same = [
         one.name

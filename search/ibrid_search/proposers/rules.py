@@ -14,7 +14,6 @@ from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
 from ibrid_search.merit import ABOVE_NOISE, GROSS
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.edited import edited, proposal_of
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2
@@ -67,7 +66,7 @@ class Rules:
                 families.remove(family)
                 continue
             view, move = _popped(moves.of(family), rng)
-            found = edited(view, move)
+            found = view.after(move)
             if context.is_new(found):
                 edits.append(_Edit(view, move, found, family.name))
         if not edits:
@@ -86,7 +85,8 @@ class _Edit:
 
     @property
     def proposal(self) -> Proposal:
-        return proposal_of(self.view, self.move, self.diagram, self.family)
+        words = self.view.words(self.move)
+        return Proposal.between(self.view.whole, self.diagram, words, usage={"family": self.family})
 
 
 def _most_promising(edits: Sequence[_Edit], context: Context, rng: np.random.Generator) -> Proposal:

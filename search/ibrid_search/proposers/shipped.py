@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.structure.program import program_text
 from ibrid_search.diagnosis import Edited
-from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
 
 
@@ -27,6 +25,5 @@ class Shipped:
         """An edit that turns the parent into that diagram."""
         for start in self.starts:
             if context.is_new(start.diagram):
-                edit = edit_between(program_text(context.parent.diagram), program_text(start.diagram))
-                return Proposal(edit, note=start.words)
+                return Proposal.between(context.parent.diagram, start.diagram, start.words)
         return Proposal("", failure="every shipped diagram that a first look speaks for has been tried")
