@@ -1,10 +1,12 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
 from argparse import ArgumentParser, ArgumentTypeError
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
     from ibrid.structure.outside import Outside
+
+Number = TypeVar("Number", int, float)
 
 PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
 EVENTS_HELP = (
@@ -138,15 +142,16 @@ def is_record(text: str) -> bool:
     return path.is_file() and path.suffix.lower() == ".json" and '"ibrid.record/' in path.read_text("utf-8", "replace")
 
 
+def _number(text: str, kind: type[Number], fits: Callable[[Number], bool], what: str) -> Number:
+    with suppress(ValueError):
+        if fits(value := kind(text)):
+            return value
+    raise ArgumentTypeError(f"must be {what}, found {text!r}")
+
+
 def positive(text: str) -> float:
     """A positive finite number, for argparse."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 < value < float("inf"):
-        raise ArgumentTypeError(f"must be a positive number, found {text!r}")
-    return value
+    return _number(text, float, lambda value: 0 < value < inf, "a positive number")
 
 
 def count(text: str) -> int:
@@ -158,24 +163,12 @@ def count(text: str) -> int:
 
 def natural(text: str) -> int:
     """A whole number from 0 on, for argparse."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise ArgumentTypeError(f"must be a whole number, 0 or more, found {text!r}")
-    return value
+    return _number(text, int, lambda value: value >= 0, "a whole number, 0 or more")
 
 
 def finite(text: str) -> float:
     """A finite number, for argparse."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if value != value or abs(value) == float("inf"):
-        raise ArgumentTypeError(f"must be a finite number, found {text!r}")
-    return value
+    return _number(text, float, isfinite, "a finite number")
 
 
 def overrides(settings: Iterable[str]) -> dict[str, float | str]:

@@ -33,9 +33,7 @@ def columns_of(names: list[str], where: str) -> Columns:
             f"{where} must hold column names separated by commas, beginning with op,p,q,freq_hz; "
             f"found {names[0][:60]!r}, {_separator_hint(names[0])}"
         )
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise SweepError(f"{where}: column {twice[0]!r} must be there once; found it twice, remove one.")
+    require_once(names, where)
     families = [(Quantity(letter, frame == "pn"), frame) for frame in ENTRIES for letter in "YZ"]
     quantity, frame = max(families, key=lambda family: _matches(names, *family))
     matrix = _matrix_columns(quantity, frame)
@@ -63,6 +61,12 @@ def columns_of(names: list[str], where: str) -> Columns:
         matrix=matrix,
         sigma=tuple(given) or (("sigma",) if "sigma" in names else ()),
     )
+
+
+def require_once(names: list[str], where: str) -> None:
+    """Raise SweepError for a name that two columns have."""
+    if twice := [name for k, name in enumerate(names) if name in names[:k]]:
+        raise SweepError(f"{where}: column {twice[0]!r} must be there once; found it twice, remove one.")
 
 
 def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ...]:

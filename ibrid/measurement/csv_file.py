@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity, to_ours
 from ibrid.measurement.csv_columns import ENTRIES, columns_of
-from ibrid.measurement.csv_table import Table, fields_of, read_table
+from ibrid.measurement.csv_table import Table, comments_and_body, fields_of, read_table, require_body
 from ibrid.measurement.files import read_lines, write_atomically
 from ibrid.measurement.header import Header, header_of, header_values, known_keys, read_keys
 from ibrid.measurement.noise import sigma_of_mean
@@ -44,17 +44,13 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
 
 def parse_csv(lines: Sequence[str], path: Path, keys: Mapping[str, object]) -> Sweep:
     """The same from the lines of a file; path : for errors, and the sweep's source."""
-    marked = [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
-    found, notes = read_keys([(number, lines[number - 1].lstrip()[1:]) for number in marked], str(path))
+    comments, body = comments_and_body(lines)
+    found, notes = read_keys(comments, str(path))
     header = header_of({**found, **known_keys(keys)}, str(path), notes)
-    comments = set(marked)
-    body = [number for number, line in enumerate(lines, 1) if number not in comments and line and not line.isspace()]
-    if not body:
-        raise SweepError(f"{path} must hold a line of column names and rows of numbers; found only comments.")
+    require_body(body, str(path))
     head, *numbers = body
     columns = columns_of(fields_of(head, lines[head - 1], path), f"{path} line {head}")
-    if not numbers:
-        raise SweepError(f"{path} must hold rows of numbers; found only the column names in line {head}.")
+    require_body(body, str(path), rows=True)
     table = read_table(numbers, [lines[number - 1] for number in numbers], columns, path)
     return sweep_of_table(table, header, columns.quantity, path)
 

@@ -86,6 +86,28 @@ def read_table(numbers: Sequence[int], lines: Sequence[str], columns: Columns, p
     )
 
 
+def comments_and_body(lines: Sequence[str]) -> tuple[list[tuple[int, str]], list[int]]:
+    """Comment lines with their numbers, without the mark, and the numbers of the others that are not empty."""
+    comments = [(number, line.lstrip()[1:]) for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
+    hidden = {number for number, _ in comments}
+    return comments, [number for number, line in enumerate(lines, 1) if number not in hidden and line.strip()]
+
+
+def require_body(body: Sequence[int], where: str, *, rows: bool = False) -> None:
+    """Raise SweepError unless there is a line of column names, and `rows` below it."""
+    if not body:
+        raise SweepError(f"{where} must hold a line of column names and rows of numbers; found only comments.")
+    if rows and len(body) == 1:
+        raise SweepError(f"{where} must hold rows of numbers; found only the column names in line {body[0]}.")
+
+
+def require_cells(fields: Sequence[str], count: int, where: str) -> None:
+    """Raise SweepError unless a row has a cell for each column."""
+    if len(fields) != count:
+        hint = "decimal commas?" if len(fields) > count else "is the line cut off?"
+        raise SweepError(f"{where} must have {count} values, one per column; found {len(fields)}, {hint}")
+
+
 def fields_of(number: int, line: str, path: Path) -> list[str]:
     """The cells of a line; SweepError where its quotes do not close."""
     if '"' not in line:
@@ -163,9 +185,7 @@ def _plausible(rows: np.ndarray, columns: Columns, gaps: bool) -> bool:
 
 def _row(number: int, fields: list[str], columns: Columns, path: Path) -> tuple:
     where = f"{path} line {number}"
-    if len(fields) != columns.count:
-        hint = "decimal commas?" if len(fields) > columns.count else "is the line cut off?"
-        raise SweepError(f"{where} must have {columns.count} values, one per column; found {len(fields)}, {hint}")
+    require_cells(fields, columns.count, where)
 
     def cell(name: str) -> float:
         return number_of(fields[columns.place[name]], f"{where}: {name}")

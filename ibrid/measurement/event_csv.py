@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import SweepError, near
-from ibrid.measurement.csv_table import fields_of
+from ibrid.measurement.csv_columns import require_once
+from ibrid.measurement.csv_table import comments_and_body, fields_of, require_body, require_cells
 from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.files import read_lines, write_atomically
@@ -40,23 +41,18 @@ def is_event_csv(lines: Sequence[str]) -> bool:
 
 def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]) -> Events:
     """The same from the lines of a file; where : for errors, and the source of the events."""
-    marked = [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
-    comments = [(number, lines[number - 1].lstrip()[1:]) for number in marked]
+    comments, body = comments_and_body(lines)
     found, notes = read_keys(comments, where, KEYS, CHOICES)
     for key in keys:
         if key not in KEYS:
             raise SweepError(f"{key} is not something to say about events; {near(key, KEYS)}")
     told = {**found, **{key: value for key, value in keys.items() if value is not None}}
     header = values_of(told, where, CHOICES)
-    hidden = set(marked)
-    body = [number for number, line in enumerate(lines, 1) if number not in hidden and line and not line.isspace()]
-    if not body:
-        raise SweepError(f"{where} must hold a line of column names and rows of numbers; found only comments.")
+    require_body(body, where)
     head, *numbers = body
     names = fields_of(head, lines[head - 1], Path(where))
     frame = _frame(names, header.get("frame"), f"{where} line {head}")
-    if not numbers:
-        raise SweepError(f"{where} must hold rows of numbers; found only the column names in line {head}.")
+    require_body(body, where, rows=True)
     rows = _rows(names, numbers, [lines[number - 1] for number in numbers], where)
     return events_of(_samples(rows, np.array(numbers), frame, where), {**header, "frame": frame}, where, notes)
 
@@ -95,9 +91,7 @@ def _written(record: EventRecord, with_sigma: bool) -> list[list[str]]:
 
 def _frame(names: list[str], said: object, where: str) -> str:
     """Whether columns are dq or phases; SweepError for missing, unknown or contradicting ones."""
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise SweepError(f"{where}: column {twice[0]!r} must be there once; found it twice, remove one.")
+    require_once(names, where)
     frame = str(said) if said else max(COLUMNS, key=lambda one: len(set(COLUMNS[one]) & set(names)))
     needed = ("record", "t", *COLUMNS[frame])
     missing = [name for name in needed if name not in names]
@@ -137,9 +131,7 @@ def _rows(names: list[str], numbers: Sequence[int], lines: Sequence[str], where:
 
 
 def _row(names: list[str], fields: list[str], where: str) -> list[str | float]:
-    if len(fields) != len(names):
-        hint = "decimal commas?" if len(fields) > len(names) else "is the line cut off?"
-        raise SweepError(f"{where} must have {len(names)} values, one per column; found {len(fields)}, {hint}")
+    require_cells(fields, len(names), where)
     return [
         field
         if name == "record"

@@ -138,6 +138,7 @@ class Events:
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """
-        from ibrid.measurement.read_events import events_dataframe  # above this file
+        from ibrid.measurement.event_csv import event_csv  # above this file, as is the next
+        from ibrid.measurement.frames import dataframe
 
-        return events_dataframe(self)
+        return dataframe(self, event_csv(self))

@@ -1,4 +1,4 @@
-"""Sweeps from and to DataFrames and arrays."""
+"""Sweeps from DataFrames and arrays, and the rows of a file as a DataFrame."""
 
 import io
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_file import parse_csv, sweep_csv
+from ibrid.measurement.csv_file import parse_csv
 from ibrid.measurement.foreign_table import frame_table
 from ibrid.measurement.frd import from_responses
 from ibrid.measurement.importing import import_tables
@@ -36,16 +36,15 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
     return import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys).answered()
 
 
-def dataframe(sweep: Sweep) -> Any:
-    """See `Sweep.to_dataframe`."""
+def dataframe(data: Any, text: str) -> Any:
+    """A sweep or events, whose file has this text, as a DataFrame; see `Sweep.to_dataframe`."""
     try:
         import pandas
     except ImportError:
-        raise SweepError(
-            "a DataFrame is made by pandas; pip install pandas, or write the sweep to a CSV file."
-        ) from None
-    lines = [line for line in sweep_csv(sweep).splitlines() if not line.startswith("#")]
+        what = f"the {type(data).__name__.lower()}"
+        raise SweepError(f"a DataFrame is made by pandas; pip install pandas, or write {what} to a CSV file.") from None
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
     frame = pandas.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
-    said = {name: getattr(sweep, name) for name in _ATTRIBUTES}
+    said = {name: getattr(data, name, None) for name in _ATTRIBUTES}
     frame.attrs.update({name: value for name, value in said.items() if value is not None})
     return frame

@@ -1,6 +1,5 @@
 """One door for records of events: the suffix, and where that leaves doubt the columns, choose the reader."""
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,13 @@ import numpy as np
 from ibrid.errors import SweepError, near
 from ibrid.measurement.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
-from ibrid.measurement.event_csv import COLUMNS, event_csv, is_event_csv, parse_event_csv
+from ibrid.measurement.event_csv import COLUMNS, is_event_csv, parse_event_csv
 from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.files import read_lines
 from ibrid.measurement.foreign_table import ForeignTable, frame_table, read_tables
-from ibrid.measurement.header import read_keys, values_of
-from ibrid.measurement.response import SIDECAR
+from ibrid.measurement.header import values_of
+from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.told import base_of
 
 
@@ -42,8 +41,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
-    beside, notes = _sidecar(path)
-    told = {**beside, **keys}
+    beside, notes = sidecar_keys(path, (*KEYS, "channels"), CHOICES)
+    told: dict[str, object] = {**beside, **keys}
     beside_channels = told.pop("channels", None)
     channels = channels or (None if beside_channels is None else str(beside_channels))
     if path.suffix.lower() in SUFFIXES:
@@ -68,21 +67,6 @@ def is_events_file(path: Path) -> bool:
         return path.suffix.lower() in ("", ".csv", ".txt") and is_event_csv(read_lines(path))
     except SweepError:
         return False
-
-
-def events_dataframe(events: Events) -> Any:
-    """See `Events.to_dataframe`."""
-    try:
-        import pandas
-    except ImportError:
-        raise SweepError(
-            "a DataFrame is made by pandas; pip install pandas, or write the events to a CSV file."
-        ) from None
-    lines = [line for line in event_csv(events).splitlines() if not line.startswith("#")]
-    frame = pandas.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
-    said = {name: getattr(events, name) for name in ("f0_hz", "power_node", "s_base_va", "v_base_v")}
-    frame.attrs.update({name: value for name, value in said.items() if value is not None})
-    return frame
 
 
 def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
@@ -140,13 +124,3 @@ def _numbers(table: ForeignTable, name: str) -> np.ndarray:
     if values.dtype.kind != "f" or not np.isfinite(values).all():
         raise SweepError(f"{table.where}: column {name} must be numbers in every row; found text or gaps.")
     return values
-
-
-def _sidecar(path: Path) -> tuple[dict[str, object], tuple[str, ...]]:
-    """Keys and notes of `<path>.meta`; empty without one."""
-    sidecar = path.with_name(path.name + SIDECAR)
-    if not sidecar.exists():
-        return {}, ()
-    lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
-    keys, notes = read_keys(lines, str(sidecar), (*KEYS, "channels"), CHOICES)
-    return dict(keys), notes

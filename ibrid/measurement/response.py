@@ -1,6 +1,6 @@
 """One operating point from a frequency response that came without columns for its steady state."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity, to_ours
 from ibrid.measurement.files import read_lines
-from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, header_of, point_of, read_keys
+from ibrid.measurement.header import CHOICES, HEADER_KEYS, POINT_KEYS, header_of, point_of, read_keys
 from ibrid.measurement.sweep import PointSweep, Sweep
 
 SIDECAR = ".meta"
@@ -69,10 +69,12 @@ def sweep_of_response(
     )
 
 
-def sidecar_keys(path: Path) -> tuple[dict[str, str], tuple[str, ...]]:
+def sidecar_keys(
+    path: Path, known: Iterable[str] = HEADER_KEYS + POINT_KEYS, choices: Mapping[str, tuple[str, ...]] = CHOICES
+) -> tuple[dict[str, str], tuple[str, ...]]:
     """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty without one."""
     sidecar = path.with_name(path.name + SIDECAR)
     if not sidecar.exists():
         return {}, ()
     lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
-    return read_keys(lines, str(sidecar), HEADER_KEYS + POINT_KEYS)
+    return read_keys(lines, str(sidecar), known, choices)

@@ -244,9 +244,10 @@ class Sweep:
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """
-        from ibrid.measurement.frames import dataframe  # above this file
+        from ibrid.measurement.csv_file import sweep_csv  # above this file, as is the next
+        from ibrid.measurement.frames import dataframe
 
-        return dataframe(self)
+        return dataframe(self, sweep_csv(self))
 
     def _repr_html_(self) -> str:
         """Operating points and the four admittances, for notebooks."""
