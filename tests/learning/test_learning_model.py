@@ -17,7 +17,7 @@ from ibrid_policy.learning.checkpoint import read_checkpoint, write_checkpoint
 from ibrid_policy.learning.sampling import sample_answers
 from ibrid_policy.learning.scoring import score
 from ibrid_policy.learning.settings import LearningSettings
-from ibrid_policy.learning.trainer import Group, Trained, Trainer, fingerprint
+from ibrid_policy.learning.trainer import Group, RewardTrainer, Trained, fingerprint
 from many_models import made
 from toy_policy import ASK, END, FIRST, tiny_model
 
@@ -117,7 +117,7 @@ def chance(model, token: int) -> float:
         return torch.softmax(model(input_ids=torch.tensor([[ASK]])).logits[0, -1], -1)[token].item()
 
 
-def taught(trainer: Trainer, most: int) -> Trained:
+def taught(trainer: RewardTrainer, most: int) -> Trained:
     """Updates that reward token 4 until it is nearly always said, `most` at most; the last of them."""
     trained, seed = None, 0
     while trained is None or (chance(trainer.model, 4) < 0.8 and seed < most):
@@ -129,7 +129,7 @@ def taught(trainer: Trainer, most: int) -> Trained:
 def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
     model = tiny_model(FIRST + 6)
     assert chance(model, 4) < 0.3
-    trained = taught(Trainer(model, LearningSettings(rate=0.03)), most=16)
+    trained = taught(RewardTrainer(model, LearningSettings(rate=0.03)), most=16)
     assert chance(model, 4) >= 0.8
     assert trained.divergence > 0.5  # it has left the start
 
@@ -145,7 +145,7 @@ def test_one_epoch_moves_weights_by_the_gradient_of_the_objective(optimizer, rat
     told = torch.cat([plain_logprobs(model, [ASK], one.tokens) for one in group.answers])
     objective = (told * torch.tensor(group.advantages).float()).mean()  # ratio and weight are 1, its gradient the same
     gradient = torch.autograd.grad(objective, list(model.parameters()))
-    trainer = Trainer(model, LearningSettings(optimizer=optimizer, rate=rate, longest_gradient=1e9))
+    trainer = RewardTrainer(model, LearningSettings(optimizer=optimizer, rate=rate, longest_gradient=1e9))
     trained = trainer.update([group])
     norm = torch.sqrt(sum((one**2).sum() for one in gradient)).item()
     assert trained.gradient == pytest.approx(norm, rel=1e-4)
@@ -158,7 +158,7 @@ def test_a_step_along_the_gradient_is_no_longer_than_the_rate_times_the_longest_
     model = tiny_model(FIRST + 3)
     before = {name: one.detach().clone() for name, one in model.named_parameters()}
     settings = LearningSettings(optimizer="sgd", rate=0.05, longest_gradient=0.01)
-    trained = Trainer(model, settings).update([a_group(model, lambda token: float(token))])
+    trained = RewardTrainer(model, settings).update([a_group(model, lambda token: float(token))])
     moved = torch.sqrt(sum(((one.detach() - before[name]) ** 2).sum() for name, one in model.named_parameters())).item()
     assert trained.gradient > 0.01
     assert moved == pytest.approx(0.05 * 0.01, rel=1e-3)
@@ -167,7 +167,7 @@ def test_a_step_along_the_gradient_is_no_longer_than_the_rate_times_the_longest_
 def test_dropped_answers_and_other_epochs_count_as_they_should():
     model = tiny_model(FIRST + 3)
     group = a_group(model, lambda token: float(token))
-    trained = Trainer(model, LearningSettings(rate=0.05, epochs=6)).update([group])
+    trained = RewardTrainer(model, LearningSettings(rate=0.05, epochs=6)).update([group])
     assert 0 < trained.clipped <= 1  # six large steps leave the clip
     assert trained.weight == pytest.approx(1.0, abs=1e-5)
 
@@ -177,7 +177,7 @@ def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothin
     with torch.no_grad():
         stale.lm_head.weight.mul_(1.3)
         strange.lm_head.weight.mul_(60)
-    trainer = Trainer(model, LearningSettings(rate=1e-3, stop=0.1))
+    trainer = RewardTrainer(model, LearningSettings(rate=1e-3, stop=0.1))
     before = fingerprint(model)
     trained = trainer.update([a_group(model, float, served=strange)])
     assert not trained.updated
@@ -193,7 +193,7 @@ def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothin
 def test_the_divergence_holds_a_policy_back():
     def course(weight: float) -> float:
         model = tiny_model(FIRST + 6)
-        trainer = Trainer(model, LearningSettings(rate=0.02, divergence=weight))
+        trainer = RewardTrainer(model, LearningSettings(rate=0.02, divergence=weight))
         for seed in range(8):
             trainer.update([a_group(model, lambda token: float(token == 4), seed=seed)])
         return chance(model, 4)
@@ -206,17 +206,17 @@ def test_the_divergence_holds_a_policy_back():
 
 @pytest.mark.parametrize("optimizer", ["adam", "sgd"])
 def test_a_trainer_that_is_restored_goes_on_as_if_nothing_had_been(tmp_path, optimizer):
-    def go_on(trainer: Trainer, seeds: range) -> str:
+    def go_on(trainer: RewardTrainer, seeds: range) -> str:
         for seed in seeds:
             trainer.update([a_group(trainer.model, float, seed=seed)])
         return fingerprint(trainer.model)
 
     settings = LearningSettings(optimizer=optimizer, rate=0.01)
-    whole = go_on(Trainer(tiny_model(6), settings), range(6))
-    first = Trainer(tiny_model(6), settings)
+    whole = go_on(RewardTrainer(tiny_model(6), settings), range(6))
+    first = RewardTrainer(tiny_model(6), settings)
     go_on(first, range(3))
     write_checkpoint(tmp_path / "state", first.state())
-    second = Trainer(tiny_model(6), settings)
+    second = RewardTrainer(tiny_model(6), settings)
     state = read_checkpoint(tmp_path / "state")
     assert state is not None
     second.restore(state)
@@ -236,7 +236,7 @@ def test_a_damaged_checkpoint_is_one_sentence(tmp_path):
 
 
 def test_a_checkpoint_of_other_shapes_is_refused_though_they_could_be_stretched():
-    trainer = Trainer(tiny_model(6), LearningSettings())
+    trainer = RewardTrainer(tiny_model(6), LearningSettings())
     state = trainer.state()
     name = "lm_head.weight"
     state["weights"][name] = state["weights"][name][:1]
@@ -248,7 +248,7 @@ def test_threads_and_the_random_state_are_left_as_they_were():
     before = torch.get_rng_state()
     model = tiny_model(6)
     with threads(2):
-        Trainer(model, LearningSettings(rate=0.01)).update([a_group(model, float)])
+        RewardTrainer(model, LearningSettings(rate=0.01)).update([a_group(model, float)])
         assert torch.get_num_threads() == 2
     assert torch.equal(before, torch.get_rng_state())
 
@@ -260,7 +260,7 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
         model.lm_head.weight.mul_(20)  # adapters leave it as it is, and so small it says next to nothing
     said = chance(model, 4)
     base = {name: one.detach().clone() for name, one in model.named_parameters()}
-    trainer = Trainer(model, LearningSettings(rate=0.02, lora=4))
+    trainer = RewardTrainer(model, LearningSettings(rate=0.02, lora=4))
     assert chance(model, 4) == pytest.approx(said, abs=1e-6)
     assert 0 < sum(one.numel() for one in trainer.trained.values()) < sum(one.numel() for one in base.values())
     taught(trainer, most=24)
@@ -275,7 +275,7 @@ def test_the_divergence_is_from_the_start_with_adapters_and_without(lora):
     pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
     model = tiny_model(FIRST + 6, layers=2)
     group = a_group(model, float)
-    trainer = Trainer(model, LearningSettings(rate=0.02, lora=lora))
+    trainer = RewardTrainer(model, LearningSettings(rate=0.02, lora=lora))
     first = trainer.update([group])
     assert first.divergence == pytest.approx(0.0, abs=1e-6)
     assert first.gradient > 0
@@ -293,7 +293,7 @@ def test_merged_weights_are_those_of_a_plain_model_that_says_the_same(tmp_path, 
     model, question = made(name), torch.tensor([[4, 5, 6, 7]])
     names = {key for key, _ in model.named_parameters()}
     before = model(input_ids=question).logits.detach()
-    trainer = Trainer(model, LearningSettings(rate=0.05, lora=4))
+    trainer = RewardTrainer(model, LearningSettings(rate=0.05, lora=4))
     trainer.update([a_group(model, float)])
     said = model(input_ids=question).logits.detach()
     assert (said - before).abs().max() > 0.01
@@ -308,8 +308,8 @@ def test_merged_weights_are_those_of_a_plain_model_that_says_the_same(tmp_path, 
 def test_adapters_wider_than_every_layer_are_one_sentence(name):
     pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
     with pytest.raises(IbridError, match=r"^adapters of rank 1000000 are wider .* a rank of 16 or less"):
-        Trainer(made(name), LearningSettings(lora=1_000_000))
-    trainer = Trainer(made(name), LearningSettings(lora=16))
+        RewardTrainer(made(name), LearningSettings(lora=1_000_000))
+    trainer = RewardTrainer(made(name), LearningSettings(lora=16))
     assert len(trainer.trained) >= 2 * 2 * 4  # two matrices for each of four layers or more in both blocks
     assert not any("lm_head" in one or "embed" in one for one in trainer.trained)
 
@@ -317,4 +317,4 @@ def test_adapters_wider_than_every_layer_are_one_sentence(name):
 def test_adapters_without_peft_are_one_sentence(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "peft", None)
     with pytest.raises(IbridError, match=r"need the package peft; pip install 'ibrid\[lora\]'"):
-        Trainer(tiny_model(6), LearningSettings(lora=4))
+        RewardTrainer(tiny_model(6), LearningSettings(lora=4))

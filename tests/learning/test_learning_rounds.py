@@ -1,7 +1,8 @@
 """Which step is which answer, and what it may see: both follow from the steps alone."""
 
 import numpy as np
-from ibrid_policy.learning.rounds import Place, Rounds
+from ibrid_policy.learning.rounds import AnswerPlace as Place
+from ibrid_policy.learning.rounds import Rounds
 from ibrid_search.step import Status, Step
 
 

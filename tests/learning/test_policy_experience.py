@@ -24,7 +24,7 @@ from ibrid_policy.experience.inverter import draw_inverter, drawn_choices
 from ibrid_policy.experience.shards import IN_A_SHARD, Processes, RayCluster, make_shards, read_shards, shard_path
 from ibrid_policy.lessons import batches, lesson_of, lessons_of, scale_of, weight_of
 from ibrid_policy.record_words import residual_words, sector, size_level, total_level
-from ibrid_policy.residual import Residual, residual_of
+from ibrid_policy.residual import ResidualMeans, residual_of
 from ibrid_policy.tokens import TOKENS
 
 from ibrid.errors import IbridError
@@ -228,7 +228,7 @@ def test_blurred_batches_repeat_with_their_seed(examples):
 def test_a_residual_survives_json_and_says_the_same_words():
     sweep = read_sweep(benchmarks()["paper_like"])
     residual = residual_of(evaluate(textbook("naive"), sweep, settings=BRIEF), sweep)
-    again = Residual.from_json(json.loads(json.dumps(residual.to_json())))
+    again = ResidualMeans.from_json(json.loads(json.dumps(residual.to_json())))
     assert residual_words(again) == residual_words(residual)
     TOKENS.encode(residual_words(residual))
 
@@ -252,14 +252,14 @@ def test_levels_grow_with_what_they_count():
 
 
 def test_scales_follow_from_what_an_edit_touches(examples):
-    from ibrid_policy.edit import Edit
+    from ibrid_policy.edit import NumberedEdit
     from ibrid_policy.numbering import numbered
 
     view = numbered(textbook("gfl"), VOCABULARY)
-    assert scale_of(Edit(), view) == "local"
-    assert scale_of(Edit(added=("LPF1",)), view) == "module"
+    assert scale_of(NumberedEdit(), view) == "local"
+    assert scale_of(NumberedEdit(added=("LPF1",)), view) == "module"
     plant = next(number for number, kind in enumerate(view.kinds) if kind.name == "LCL")
-    assert scale_of(Edit(swapped=((plant, "LFilter"),)), view) == "structural"
+    assert scale_of(NumberedEdit(swapped=((plant, "LFilter"),)), view) == "structural"
 
 
 def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):

@@ -8,7 +8,7 @@ import pytest
 import random_diagrams
 from collecting import each_of
 from ibrid_policy.diagram_words import diagram_of, diagram_words
-from ibrid_policy.edit import Edit, difference, made
+from ibrid_policy.edit import NumberedEdit, difference, made
 from ibrid_policy.edit_words import edit_words, read_edit
 from ibrid_policy.grammar import LONGEST, Grammar
 from ibrid_policy.numbering import numbered
@@ -168,7 +168,7 @@ def test_modules_with_fixed_numbers_stay_as_they_are():
         difference(numbered(textbook("naive"), VOCABULARY), fixed, VOCABULARY)
 
 
-def walked(view, kinds, rng: np.random.Generator) -> Edit | None:
+def walked(view, kinds, rng: np.random.Generator) -> NumberedEdit | None:
     """An edit drawn by chance from the grammar; None when it comes to no end."""
     grammar = Grammar(view, kinds)
     for _ in range(LONGEST):

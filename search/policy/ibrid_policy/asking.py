@@ -24,7 +24,7 @@ NOTHING_NEW = (Status.UNCHANGED, Status.DUPLICATE)
 
 
 @dataclass(frozen=True)
-class Answer:
+class JudgedAnswer:
     """`status` : what the proposal would end as if it was handed in; PENDING for a candidate to be fitted. `program`, `hash` :
     of the child, where it is one. `look` : None where none was taken."""
 
@@ -37,11 +37,11 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Asked:
+class JudgedAnswers:
     """All answers to a question, and the one that is handed in. `seconds` : of the first looks."""
 
-    answers: tuple[Answer, ...]
-    chosen: Answer
+    answers: tuple[JudgedAnswer, ...]
+    chosen: JudgedAnswer
     seconds: float
 
     @property
@@ -61,7 +61,7 @@ class Asked:
 
 def asked(
     policy: Policy, drawn: Sequence[Sampled], context: Context, rng: np.random.Generator, *, look: bool, best: bool
-) -> Asked:
+) -> JudgedAnswers:
     """Judge the answers that a policy gave to a question, one at least, and choose among them.
 
     look : take a first look at each that leads to something new. best : hand in the one that these looks find best; else, and
@@ -74,18 +74,18 @@ def asked(
     seconds = time.perf_counter() - began
     looked = [(one.look.worth, place) for place, one in enumerate(answers) if one.look is not None]
     if best and looked:
-        return Asked(answers, answers[min(looked)[1]], seconds)
+        return JudgedAnswers(answers, answers[min(looked)[1]], seconds)
     first = next((one for one in answers if one.status not in NOTHING_NEW), answers[-1])
-    return Asked(answers, first, seconds)
+    return JudgedAnswers(answers, first, seconds)
 
 
-def _judged(policy: Policy, drawn: Sequence[Sampled], context: Context) -> tuple[Answer, ...]:
+def _judged(policy: Policy, drawn: Sequence[Sampled], context: Context) -> tuple[JudgedAnswer, ...]:
     proposals = [(one, policy.proposal(one, context)) for one in drawn]
     found = ((one, proposal, verdict_of(proposal, context)) for one, proposal in proposals)
-    return tuple(Answer(one, proposal, end.status, end.program, end.hash) for one, proposal, end in found)
+    return tuple(JudgedAnswer(one, proposal, end.status, end.program, end.hash) for one, proposal, end in found)
 
 
-def _looked_at(answers: Sequence[Answer], context: Context, rng: np.random.Generator) -> tuple[Answer, ...]:
+def _looked_at(answers: Sequence[JudgedAnswer], context: Context, rng: np.random.Generator) -> tuple[JudgedAnswer, ...]:
     """Two answers with one structure share a look."""
     looks: dict[str, Look] = {}
     for one in answers:

@@ -21,7 +21,7 @@ class Rewiring:
 
 
 @dataclass(frozen=True)
-class Edit:
+class NumberedEdit:
     """What changes in a diagram of n modules.
 
     `swapped` : (module, new kind), its wires kept where the ports have the same names. `removed` : modules, their wires too.
@@ -98,7 +98,7 @@ def owners_after(
     return found
 
 
-def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "exact") -> Edit:
+def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "exact") -> NumberedEdit:
     """The edit that makes `child` of `parent`: modules of the same name are the same module.
 
     Raises LanguageError when it would have to change fixed numbers or boxes.
@@ -142,7 +142,7 @@ def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equi
     for slot, owner in target.owner.items():
         groups.setdefault(owner, []).append(moved(slot))
     then = {slot: min(group) for group in groups.values() for slot in group}
-    return Edit(
+    return NumberedEdit(
         tuple(sorted((number, kind.name) for number, kind in swapped.items())),
         tuple(sorted(removed)),
         tuple(kind.name for kind in added),
@@ -151,7 +151,7 @@ def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equi
     )
 
 
-def made(parent: Numbered, edit: Edit, vocabulary: Vocabulary) -> Diagram:
+def made(parent: Numbered, edit: NumberedEdit, vocabulary: Vocabulary) -> Diagram:
     """The diagram after an edit; nothing is tidied and nothing is checked."""
     draft = Draft(parent.diagram, vocabulary)
     names = list(parent.names)

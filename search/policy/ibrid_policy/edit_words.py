@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_policy.diagram_words import input_words, output_words, sharing_words
-from ibrid_policy.edit import Edit, owners_after
+from ibrid_policy.edit import NumberedEdit, owners_after
 from ibrid_policy.grammar import Grammar
 from ibrid_policy.numbering import Numbered
 from ibrid_policy.tokens import (
@@ -25,7 +25,7 @@ from ibrid_policy.tokens import (
 )
 
 
-def edit_words(edit: Edit, parent: Numbered, vocabulary: Vocabulary) -> list[str]:
+def edit_words(edit: NumberedEdit, parent: Numbered, vocabulary: Vocabulary) -> list[str]:
     """The answer that stands for an edit."""
     known = {kind.name: kind for kind in vocabulary}
     kinds = list(parent.kinds)
@@ -62,7 +62,7 @@ def edit_words(edit: Edit, parent: Numbered, vocabulary: Vocabulary) -> list[str
     return [*words, END]
 
 
-def read_edit(words: Sequence[str], parent: Numbered, vocabulary: Vocabulary) -> Edit:
+def read_edit(words: Sequence[str], parent: Numbered, vocabulary: Vocabulary) -> NumberedEdit:
     """The edit of an answer; LanguageError at the first word that the grammar does not allow there."""
     reader = Grammar(parent, vocabulary)
     for word in words:

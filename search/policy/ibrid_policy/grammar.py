@@ -15,7 +15,7 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.check import HIGHEST_ORDER
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid_policy.diagram_words import output_words
-from ibrid_policy.edit import Edit, exchangeable, is_plant, owners_after
+from ibrid_policy.edit import NumberedEdit, exchangeable, is_plant, owners_after
 from ibrid_policy.numbering import IN, OUT, OUTER, Numbered, Port, Slot
 from ibrid_policy.sharing import Sharing
 from ibrid_policy.tokens import (
@@ -62,10 +62,10 @@ class Grammar:
         self._allowed: list[str] | None = None
 
     @property
-    def edit(self) -> Edit:
+    def edit(self) -> NumberedEdit:
         """What was read."""
         before = owners_after(self.parent, self.swapped, self.removed, self.added)
-        return Edit(
+        return NumberedEdit(
             tuple(sorted((number, kind.name) for number, kind in self.swapped.items())),
             tuple(sorted(self.removed)),
             tuple(kind.name for kind in self.added),

@@ -9,7 +9,7 @@ import numpy as np
 from ibrid_search.proposal import SCALES
 
 from ibrid.structure.program import parse_program
-from ibrid_policy.edit import Edit, difference
+from ibrid_policy.edit import NumberedEdit, difference
 from ibrid_policy.edit_words import edit_words
 from ibrid_policy.experience.examples import SETTINGS, Example
 from ibrid_policy.grammar import LONGEST, Grammar
@@ -25,7 +25,7 @@ _BLURRED, _LEFT_OUT = 0.08, 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class LessonAnswer:
     """`tokens` : of an edit, the end included. `allowed` : what the grammar allowed at each place. `scale` : how far it
     reaches. `weight` : how much it counts, 0 to 1."""
 
@@ -40,7 +40,7 @@ class Lesson:
     """`question` : tokens, the scale the last but one. `answers` : edits that repair the same parent."""
 
     question: np.ndarray
-    answers: tuple[Answer, ...]
+    answers: tuple[LessonAnswer, ...]
 
     @property
     def length(self) -> int:
@@ -64,7 +64,7 @@ def lesson_of(example: Example) -> Lesson | None:
     except LanguageError:
         return None
     return Lesson(
-        np.array(question, np.int64), (Answer(np.array(answer, np.int64), allowed, scale, weight_of(example)),)
+        np.array(question, np.int64), (LessonAnswer(np.array(answer, np.int64), allowed, scale, weight_of(example)),)
     )
 
 
@@ -102,7 +102,7 @@ def weight_of(example: Example) -> float:
     return 0.05 + 0.95 * (1 - exp(-2 * max(example.gain, 0.0) / full))
 
 
-def scale_of(edit: Edit, view: Numbered) -> str:
+def scale_of(edit: NumberedEdit, view: Numbered) -> str:
     """local: wires and shared parameters; module: up to two modules; structural: more, or the filter."""
     touched = len(edit.swapped) + len(edit.removed) + len(edit.added)
     plant = any("u_r" in view.kinds[number].inputs for number, _ in edit.swapped)
@@ -110,7 +110,7 @@ def scale_of(edit: Edit, view: Numbered) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class LessonBatch:
     """Lessons side by side, each row a question and its answers, padded at the end; arrays (B, L).
 
     `target` : the next token where it belongs to an answer, else -1. `weight` : of it. `position` : as if each answer
@@ -133,7 +133,9 @@ class Batch:
         return (before & alike)[:, None]
 
 
-def batches(lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, blurred: bool = True) -> Iterator[Batch]:
+def batches(
+    lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, blurred: bool = True
+) -> Iterator[LessonBatch]:
     """All lessons once, those of like length together, in random order."""
     lengths = np.array([one.length for one in lessons]) * (rng.uniform(0.9, 1.1, len(lessons)) if blurred else 1.0)
     order = np.argsort(lengths, kind="stable")
@@ -142,7 +144,7 @@ def batches(lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, b
         yield batch_of([lessons[one] for one in groups[index]], rng, blurred=blurred)
 
 
-def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bool = True) -> Batch:
+def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bool = True) -> LessonBatch:
     """Lessons side by side; what is not blurred is asked for the scale of its first answer."""
     shape = (len(lessons), max(one.length for one in lessons))
     tokens, target = np.full(shape, TOKENS.ids[PAD], np.int64), np.full(shape, -1, np.int64)
@@ -164,7 +166,7 @@ def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bo
     allowed = np.zeros((len(places), len(TOKENS)), dtype=bool)
     for row, one in enumerate(places):
         allowed[row, one] = True
-    return Batch(tokens, target, weight, position, part, allowed)
+    return LessonBatch(tokens, target, weight, position, part, allowed)
 
 
 def asked_scale(scale: str, rng: np.random.Generator) -> str:

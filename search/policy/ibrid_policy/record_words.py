@@ -8,7 +8,7 @@ from ibrid.modules.vocabulary import PAPER_VOCABULARY, Vocabulary
 from ibrid.structure.wiring import split_port
 from ibrid_policy.diagram_words import diagram_words
 from ibrid_policy.numbering import Numbered
-from ibrid_policy.residual import Residual
+from ibrid_policy.residual import ResidualMeans
 from ibrid_policy.tokens import (
     ANSWER,
     BOUND,
@@ -30,7 +30,7 @@ TELLING_ERROR, TELLING_LIKENESS = 0.01, 0.6
 MOST_BOUNDS = 6
 
 
-def question_words(view: Numbered, residual: Residual, scale: str, setting: tuple[str, str, str]) -> list[str]:
+def question_words(view: Numbered, residual: ResidualMeans, scale: str, setting: tuple[str, str, str]) -> list[str]:
     """All words of a question. setting : vocabulary ("paper" or "extended"), equilibrium, parameters."""
     vocabulary, equilibrium, parameters = setting
     return [
@@ -50,7 +50,7 @@ def vocabulary_word(kinds: Vocabulary) -> str:
     return "paper" if {kind.name for kind in kinds} <= {kind.name for kind in PAPER_VOCABULARY} else "extended"
 
 
-def residual_words(residual: Residual) -> list[str]:
+def residual_words(residual: ResidualMeans) -> list[str]:
     """The levels of a residual: the whole, the bands, then each band and entry."""
     words = [f"points:{min(residual.points, MOST_POINTS)}", f"total:{total_level(residual.total)}"]
     for band in range(len(BAND_NAMES)):
@@ -88,7 +88,7 @@ def _level(value: float, edges: tuple[float, ...], levels: int) -> int:
     return min(int(np.searchsorted(edges, value, side="right")), levels - 1)
 
 
-def _bounds(view: Numbered, residual: Residual) -> list[str]:
+def _bounds(view: Numbered, residual: ResidualMeans) -> list[str]:
     words: list[str] = []
     for name in residual.at_bound[:MOST_BOUNDS]:
         owner, parameter = split_port(name)

@@ -17,7 +17,7 @@ _SHAPE = (len(BAND_NAMES), len(ENTRIES))
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
+class ResidualMeans:
     """Means over operating points; arrays (4 bands, 4 entries), not a number where nothing was measured.
 
     `total` : NRMSE. `share` : of the squared error, by band (4,). `error` : relative to the measured norm of the part.
@@ -70,7 +70,7 @@ class Residual:
         )
 
 
-def residual_of(record: Record, sweep: Sweep) -> Residual:
+def residual_of(record: Record, sweep: Sweep) -> ResidualMeans:
     """The residual of a record with a fit, at the operating points that were fitted."""
     names = tuple(record.nrmse_by_op)
     measured = [sweep.point(name) for name in names]
@@ -82,7 +82,9 @@ def residual_of(record: Record, sweep: Sweep) -> Residual:
     error, turn, size, angle = (_mean([part[index] for part in parts]) for index in range(4))
     share = np.array([record.share_by_band.get(name) or 0.0 for name in BAND_NAMES])
     at_bound = tuple(dict.fromkeys(one.split()[0] for one in record.at_bound))
-    return Residual(len(names), float(record.nrmse or 0.0), share, np.real(error), turn, np.real(size), angle, at_bound)
+    return ResidualMeans(
+        len(names), float(record.nrmse or 0.0), share, np.real(error), turn, np.real(size), angle, at_bound
+    )
 
 
 def _responses(record: Record, sweep: Sweep, names: Sequence[str]) -> list[np.ndarray]:

@@ -14,7 +14,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.program import program_text
 from ibrid_policy.backend import device, require, threads
-from ibrid_policy.edit import Edit, made
+from ibrid_policy.edit import NumberedEdit, made
 from ibrid_policy.edit_words import read_edit
 from ibrid_policy.grammar import LONGEST, Grammar
 from ibrid_policy.interface import Sampled
@@ -91,7 +91,7 @@ class SmallPolicy:
         return [Grammar(view, _spoken(context)) for _ in range(number)]
 
 
-def note_of(edit: Edit, view: Numbered) -> str:
+def note_of(edit: NumberedEdit, view: Numbered) -> str:
     """What an edit changes, in a line."""
     parts = [f"{kind} for {view.kinds[number].name} {view.names[number]}" for number, kind in edit.swapped]
     if edit.added:

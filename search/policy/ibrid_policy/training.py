@@ -11,7 +11,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid_policy.backend import device, read_saved, require
-from ibrid_policy.lessons import Batch, Lesson, batches
+from ibrid_policy.lessons import Lesson, LessonBatch, batches
 
 CHECKPOINT = "checkpoint.pt"
 #: What helps when it is damaged.
@@ -107,7 +107,7 @@ class Trainer:
             raise IbridError(f"{path}: does not fit ({' '.join(str(error).split())[:120]}); {DELETE}") from None
         return True
 
-    def _batches(self) -> Iterator[Batch]:
+    def _batches(self) -> Iterator[LessonBatch]:
         """The batches from the present step on."""
         size, steps = self.settings.batch, self.settings.steps
         in_a_pass = -(-len(self.lessons) // size)
@@ -118,7 +118,7 @@ class Trainer:
                 if place >= skipped and self.step < steps:
                     yield batch
 
-    def _learn(self, batch: Batch) -> float:
+    def _learn(self, batch: LessonBatch) -> float:
         torch = require("torch")
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate_at(self.step)
@@ -130,7 +130,7 @@ class Trainer:
         return float(loss.detach())
 
 
-def answer_loss(model: Any, batch: Batch) -> Any:
+def answer_loss(model: Any, batch: LessonBatch) -> Any:
     """Mean of -log p over the tokens of the answers, each with its weight, among what the grammar allows; a torch scalar.
 
     What the grammar decides need not be learnt, and is asked of the model in the same way later.

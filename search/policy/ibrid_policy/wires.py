@@ -11,7 +11,7 @@ from ibrid_policy.tokens import CUT, WIRE
 
 
 @dataclass
-class Block:
+class RewiredInput:
     """An input that is being rewired."""
 
     target: Port
@@ -44,7 +44,7 @@ class Wires:
             elif number not in removed:
                 self.inputs += [(number, port) for port in kinds[number].inputs]
         self.at = -1
-        self.blocks: list[Block] = []
+        self.blocks: list[RewiredInput] = []
 
     @property
     def bare(self) -> bool:
@@ -59,13 +59,13 @@ class Wires:
             if not self.sources[port]:
                 return
 
-    def block(self, target: Port) -> Block | None:
+    def block(self, target: Port) -> RewiredInput | None:
         """What has been done to this input."""
         return self.blocks[-1] if self.blocks and self.blocks[-1].target == target else None
 
     def candidates(self, mark: str, target: Port) -> Iterator[Port]:
         """Outputs that may be cut from an input, or wired to it: in the order of their numbers."""
-        block = self.block(target) or Block(target, [], [])
+        block = self.block(target) or RewiredInput(target, [], [])
         have, done = self.sources[target], block.cut if mark == CUT else block.wired
         last = max(done, default=(OUTER - 1, ""))
         if mark == CUT:
@@ -83,7 +83,7 @@ class Wires:
     def change(self, mark: str, target: Port, source: Port) -> None:
         """Cut or wire an output."""
         if self.block(target) is None:
-            self.blocks.append(Block(target, [], []))
+            self.blocks.append(RewiredInput(target, [], []))
         block = self.blocks[-1]
         if mark == CUT:
             block.cut.append(source)

@@ -22,7 +22,7 @@ from ibrid_policy.experience.choices import Choices, in_the_paper
 from ibrid_policy.experience.damage import legal, merged, spoiled, taken_apart
 from ibrid_policy.experience.drawn_diagram import drawn_diagram
 from ibrid_policy.experience.inverter import Inverter, draw_inverter, drawn_choices
-from ibrid_policy.residual import Residual, residual_of
+from ibrid_policy.residual import ResidualMeans, residual_of
 
 #: Effort of a fit: the true values are tried beside the starts, so few starts do.
 BRIEF = FitSettings(
@@ -61,7 +61,7 @@ class Example:
 
     parent: str
     child: str
-    residual: Residual
+    residual: ResidualMeans
     setting: str
     what: str
     gain: float | None
@@ -76,7 +76,7 @@ class Example:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Example":
         """Back from plain data."""
-        return cls(**{**data, "residual": Residual.from_json(data["residual"])})
+        return cls(**{**data, "residual": ResidualMeans.from_json(data["residual"])})
 
 
 def held_out_family(choices: Choices) -> str:
@@ -147,7 +147,7 @@ def _of(rng: np.random.Generator, inverter: Inverter, setting: Setting, number: 
 class _Fitted:
     diagram: Diagram
     error: float
-    residual: Residual
+    residual: ResidualMeans
 
     def gain_of(self, other: "_Fitted") -> float:
         return log(max(self.error, LEAST_ERROR) / max(other.error, LEAST_ERROR))

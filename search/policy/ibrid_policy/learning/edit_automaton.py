@@ -37,7 +37,7 @@ class Slot:
     partial: tuple[str, ...] = ()
 
 
-class Draft:
+class ProgramDraft:
     """A program with the lines of SEARCH taken out and those of REPLACE put in, as far as they are written.
 
     `kinds` : module -> kind. `undriven` : inputs that nothing drives. `idle` : modules that drive nothing. `owed` : modules that
@@ -87,7 +87,7 @@ class EditAutomaton:
         self.kind_of = {one.name: find_kind(one.kind, self.study.kinds) for one in context.parent.diagram.instances}
         self.parent = judge_program("\n".join(self.program) + "\n", self.study).hash
         self._alternatives: dict[Slot, Mapping[str, Slot]] = {}
-        self._drafts: dict[Slot, Draft] = {}
+        self._drafts: dict[Slot, ProgramDraft] = {}
 
     def alternatives(self, slot: Slot) -> Mapping[str, Slot]:
         """Text -> slot after it; nothing when the edit is whole."""
@@ -170,16 +170,16 @@ class EditAutomaton:
     def _after(self, slot: Slot, line: str) -> Slot:
         return Slot("replace", slot.begin, slot.end, (*slot.written, line))
 
-    def _draft(self, slot: Slot) -> Draft:
+    def _draft(self, slot: Slot) -> ProgramDraft:
         plain = Slot("", slot.begin, slot.end, slot.written)
         if plain not in self._drafts:
-            self._drafts[plain] = Draft(self._lines(slot), self.known, self.kind_of)
+            self._drafts[plain] = ProgramDraft(self._lines(slot), self.known, self.kind_of)
         return self._drafts[plain]
 
     def _lines(self, slot: Slot) -> list[str]:
         return [*self.program[: slot.begin], *slot.written, *self.program[slot.end :]]
 
-    def _has_plant(self, draft: Draft) -> bool:
+    def _has_plant(self, draft: ProgramDraft) -> bool:
         return any(kind.family == PLANT for kind in (*draft.kinds.values(), *draft.owed.values()))
 
     def _makes_sense(self, slot: Slot) -> bool:

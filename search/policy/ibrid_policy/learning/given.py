@@ -7,7 +7,7 @@ from typing import Any
 
 from ibrid_search.step import Status, Step, rl_reward
 
-from ibrid_policy.asking import Asked
+from ibrid_policy.asking import JudgedAnswers
 from ibrid_policy.interface import Sampled
 from ibrid_policy.learning.advantages import Rewarded, gain, rewarded
 from ibrid_policy.learning.settings import LearningSettings
@@ -27,7 +27,7 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Question:
+class GivenQuestion:
     """`step` : the first that holds an answer to it. `prompt` : its tokens. `given` : the answers, as many as a group has."""
 
     step: Step
@@ -46,7 +46,7 @@ def kept_answer(sampled: Sampled) -> dict[str, Any]:
     return {"tokens": list(sampled.tokens), "logprobs": list(sampled.logprobs)}
 
 
-def kept_answers(found: Asked) -> dict[str, Any]:
+def kept_answers(found: JudgedAnswers) -> dict[str, Any]:
     """Of all answers to a question that first looks judged: one that leads to something new has the reward that its look says, at
     least; without a response it failed."""
     told, seen = [], set()
@@ -61,7 +61,7 @@ def kept_answers(found: Asked) -> dict[str, Any]:
     return {"answers": told}
 
 
-def questions(batch: Sequence[Step], steps: Sequence[Step], settings: LearningSettings) -> Iterator[Question]:
+def questions(batch: Sequence[Step], steps: Sequence[Step], settings: LearningSettings) -> Iterator[GivenQuestion]:
     """The questions of a batch in their order; `steps` are all of the run."""
     for first in range(0, len(batch), settings.handed_in):
         members = batch[first : first + settings.handed_in]
@@ -69,7 +69,7 @@ def questions(batch: Sequence[Step], steps: Sequence[Step], settings: LearningSe
         found = _looked(members[0], settings) if settings.judge == "look" else _fitted(members, batch[0].number, steps)
         given = tuple(Given(sampled, one, _worth(sampled, one, parent, settings)) for sampled, one in found)
         prompt = next((tuple(kept(one)["prompt"]) for one in members if "prompt" in kept(one)), ())
-        yield Question(members[0], prompt, given)
+        yield GivenQuestion(members[0], prompt, given)
 
 
 def _fitted(members: Sequence[Step], first: int, steps: Sequence[Step]) -> Iterator[tuple[Sampled | None, Rewarded]]:

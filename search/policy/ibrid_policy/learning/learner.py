@@ -19,8 +19,8 @@ from ibrid_policy.backend import threads
 from ibrid_policy.interface import Policy, Sampled
 from ibrid_policy.learning.advantages import batch_advantages
 from ibrid_policy.learning.checkpoint import CHECKPOINT
-from ibrid_policy.learning.given import KEPT, Question, kept, kept_answer, kept_answers, questions
-from ibrid_policy.learning.rounds import Place, Rounds
+from ibrid_policy.learning.given import KEPT, GivenQuestion, kept, kept_answer, kept_answers, questions
+from ibrid_policy.learning.rounds import AnswerPlace, Rounds
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.state import LearningState
 from ibrid_policy.learning.updates import Update, counted, mean_of_known
@@ -147,7 +147,7 @@ class Learner(TakesPart):
 
     # --- sampling ----------------------------------------------------------------------------------------------------
 
-    def _group(self, place: Place, context: Context) -> list[Sampled]:
+    def _group(self, place: AnswerPlace, context: Context) -> list[Sampled]:
         """All answers of the context under way."""
         if self._answers is None or self._answers[0] != place.context:
             if self._prompt is None or self._prompt[0] != place.context:
@@ -169,7 +169,7 @@ class Learner(TakesPart):
 
     # --- learning ----------------------------------------------------------------------------------------------------
 
-    def _of(self, question: Question, advantages: np.ndarray, context: Context) -> "Group":
+    def _of(self, question: GivenQuestion, advantages: np.ndarray, context: Context) -> "Group":
         """The answers to a question that teach something."""
         known = np.isfinite(advantages)
         answers = [one.sampled for one, has in zip(question.given, known, strict=True) if has and one.sampled]

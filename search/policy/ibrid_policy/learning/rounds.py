@@ -11,7 +11,7 @@ from ibrid_search.step import Step
 
 
 @dataclass(frozen=True)
-class Place:
+class AnswerPlace:
     """`batch`, `context` (counted through the whole run) and `member` of an answer, all from 0."""
 
     batch: int
@@ -68,10 +68,10 @@ class Rounds:
         return self.count // self.batch
 
     @property
-    def next(self) -> Place:
+    def next(self) -> AnswerPlace:
         """Where the next answer belongs."""
         context, member = divmod(self.count, self.group)
-        return Place(context // self.contexts, context, member)
+        return AnswerPlace(context // self.contexts, context, member)
 
     @property
     def leader(self) -> int | None:

@@ -12,7 +12,7 @@ from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, Update, read_updates, updates_json
 
 if TYPE_CHECKING:
-    from ibrid_policy.learning.trainer import Trainer
+    from ibrid_policy.learning.trainer import RewardTrainer
 
 
 @runtime_checkable
@@ -36,14 +36,14 @@ class LearningState:
         self.stopped = ""
 
     @cached_property
-    def trainer(self) -> "Trainer":
+    def trainer(self) -> "RewardTrainer":
         """Made when it is needed, since torch is slow to import; with the weights of an earlier sitting.
 
         Raises IbridError for a model that cannot be loaded, or a checkpoint that is damaged or another model's.
         """
-        from ibrid_policy.learning.trainer import Trainer
+        from ibrid_policy.learning.trainer import RewardTrainer
 
-        trainer = Trainer(self.policy.model(), self.settings, self.seed)
+        trainer = RewardTrainer(self.policy.model(), self.settings, self.seed)
         state = None if self.path is None else read_checkpoint(self.path)
         if state is not None:
             self._restore(trainer, state)
@@ -77,7 +77,7 @@ class LearningState:
         if isinstance(self.policy, Publishes):
             self.policy.publish()
 
-    def _restore(self, trainer: "Trainer", state: Mapping[str, Any]) -> None:
+    def _restore(self, trainer: "RewardTrainer", state: Mapping[str, Any]) -> None:
         if state.get("start") != trainer.start:
             raise IbridError(
                 f"{self.path}: belongs to a model with other weights; resume with the one it was made with"

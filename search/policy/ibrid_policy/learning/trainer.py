@@ -51,7 +51,7 @@ class Trained:
     updated: bool
 
 
-class Trainer:
+class RewardTrainer:
     """Steps up the objective of `ibrid_policy.learning.objective`; everything on the device and in the threads of `settings`."""
 
     def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
