@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from ibrid_bench.recipes import recipes
+
 from ibrid.measurement.csv_file import write_sweep
-from ibrid.plants.benchmarks import recipes
 
 
 def main() -> None:

@@ -2,8 +2,8 @@
 
 import numpy as np
 from ibrid_bench.markdown import markdown_table
+from ibrid_bench.recipes import Benchmark, recipes
 
-from ibrid.plants.benchmarks import Benchmark, recipes
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import state_space

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from collecting import each_of
 from fitted import TRUE, benchmark, changed, drawn, evaluated, measured, objective_value, problem_of, x_of
+from ibrid_bench.recipes import recipes
 from scipy.optimize import Bounds, minimize
 
 import ibrid
@@ -19,7 +20,6 @@ from ibrid.fit.starts import StartDrawer, high_frequency_seed
 from ibrid.fit.twins import find_swaps, twins_of
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, random_stable
-from ibrid.plants.benchmarks import recipes
 
 RECIPES = {recipe.name: recipe for recipe in recipes()}
 #: Its C_F of 2.5 lies outside the box that the paper prints, [1e-5, 1].

@@ -7,6 +7,7 @@ from typing import cast
 import numpy as np
 import pytest
 from collecting import each_of
+from ibrid_bench.recipes import recipes
 
 from ibrid.measurement import (
     OperatingPoint,
@@ -21,7 +22,6 @@ from ibrid.measurement.angle_law import angle_reading
 from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.tail import inductive_tail
-from ibrid.plants.benchmarks import recipes
 from ibrid.plants.equilibrium import capacitor_voltage
 from ibrid.plants.output_filter import FilterParameters
 from ibrid.plants.sweeping import sweep as sweep_of

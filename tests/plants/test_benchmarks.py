@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
+from ibrid_bench.recipes import recipes
 
 from ibrid.measurement.csv_file import read_csv
 from ibrid.plants import benchmarks
-from ibrid.plants.benchmarks import recipes
 
 RECIPES = {recipe.name: recipe for recipe in recipes()}
 

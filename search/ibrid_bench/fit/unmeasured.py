@@ -6,12 +6,12 @@ from zlib import crc32
 
 import numpy as np
 from ibrid_bench.fit.devices import FREQUENCY
+from ibrid_bench.recipes import recipes
 
 from ibrid.analysis.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.noise import add_noise
-from ibrid.plants.benchmarks import recipes
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import operating_point, state_space, sweep
 from ibrid.structure.program import parse_program

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import casadi as ca
+from ibrid_bench.hidden.blocks import Symbols, band_pass, notch
 
-from ibrid.plants.dynamics import J, States, Symbols, band_pass, low_pass, notch
+from ibrid.plants.dynamics import J, States, low_pass
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,13 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
+from ibrid_bench.hidden.blocks import Symbols
 from ibrid_bench.hidden.controller import Measured, SecondOrder, current_reference, phase_locked_loop, voltage_command
 from ibrid_bench.hidden.nonlinear import dead_zone, limited
 from ibrid_bench.hidden.parameters import Device, Structure
 from ibrid_bench.hidden.plant import arriving, beside_the_inverter, l_filter, lcl_filter
 
-from ibrid.plants.dynamics import J, R, States, Symbols
+from ibrid.plants.dynamics import J, R, States
 
 _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 

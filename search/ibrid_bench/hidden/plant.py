@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
+from ibrid_bench.hidden.blocks import Symbols
 
-from ibrid.plants.dynamics import J, States, Symbols
+from ibrid.plants.dynamics import J, States
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from collections.abc import Iterator, Mapping
 from math import pi
 from pathlib import Path
 
+from ibrid_bench.recipes import recipes
 from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, hidden_inverter
 
 from ibrid.errors import IbridError, near
 from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.plants.benchmarks import benchmarks, recipes
+from ibrid.plants.benchmarks import benchmarks
 from ibrid.plants.published import BEYOND, PAPER_LIKE
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import is_stable, sweep
