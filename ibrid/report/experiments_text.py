@@ -6,8 +6,7 @@ import numpy as np
 
 from ibrid.analysis.experiments import DECISIVE, Experiment
 from ibrid.report.numbers import number
-from ibrid.report.prediction_text import wrapped
-from ibrid.report.text import table
+from ibrid.report.text import table, wrapped
 
 #: Sweeps and parameters that are listed.
 LISTED, NAMED = 6, 4

@@ -64,7 +64,12 @@ def gap_page(gap: Gap) -> str:
 
 def _events_page(gap: Gap) -> str:
     """The page where there are records of events and no sweep."""
-    facts = {
+    return page("gap_events.html", _said(gap) | {"moved": _moved(gap), "far_limit": FAR, "records": _records(gap)})
+
+
+def _said(gap: Gap) -> dict[str, Any]:
+    """The verdict and the effects."""
+    return {
         "gap": gap,
         "headline": headline(gap),
         "repaired": repaired(gap),
@@ -72,11 +77,7 @@ def _events_page(gap: Gap) -> str:
         "far": len(far(gap)),
         "effects": [_effect(gap, effect) for effect in gap.effects],
         "changed": difference(gap.given, gap.program, AROUND),
-        "moved": _moved(gap),
-        "far_limit": FAR,
-        "records": _records(gap),
     }
-    return page("gap_events.html", facts)
 
 
 def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
@@ -113,17 +114,10 @@ def gap_html(gap: Gap) -> str:
 def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
     """What the page and the notebook share."""
     given, after = readable(gap.given), readable(gap.program)
-    return {
-        "gap": gap,
-        "headline": headline(gap),
-        "repaired": repaired(gap),
-        "grade": gap.repaired.grade,
-        "far": len(far(gap)),
+    return _said(gap) | {
         "worst": views[0],
         "comparable": comparable(gap),
-        "effects": [_effect(gap, effect) for effect in gap.effects],
         "summary": errors_by_point(gap, views),
-        "changed": difference(gap.given, gap.program, AROUND),
         "drawn": None if given is None or after is None else _drawn(gap, given, after),
         "given_drawn": _given_drawn(gap, given, after),
         "framed": bool(given and after and (_only_in(given, after) or _only_in(after, given))),

@@ -62,23 +62,28 @@ def draw_poles(axes: Sequence["Axes"], record: Record) -> None:
     reach = 2.0 * max(10.0, float(np.abs(everything[:, 0]).max(initial=0.0)))
     height = 2.0 * max(10.0, float(everything[:, 1].max(initial=0.0)) / (2 * np.pi))
     right = max(0.5, 3.0 * float(everything[:, 0].max(initial=0.0)))
-    plane.set_xscale("symlog", linthresh=LINEAR)
-    plane.set_yscale("symlog", linthresh=LINEAR)
-    plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
-    plane.axvline(0, color=DANGER, linewidth=1.0)
+    pole_plane(plane, reach, right, height)
     _damping_lines(plane, height)
     for index, (name, found) in enumerate(poles.items()):
         colour, marker, _ = series(index)
         upper = found[found[:, 1] >= 0]
         plane.plot(upper[:, 0], upper[:, 1] / (2 * np.pi), linestyle="none", marker=marker, markersize=6.5,
                    markerfacecolor="none", markeredgewidth=1.4, color=colour, label=name)  # fmt: skip
-    plane.set_xlim(-reach, right)
-    plane.set_ylim(-0.4, height)
     plane.set_xticks(_decades(-reach, right))
     plane.set_yticks(_decades(0.0, height))
+    plane.minorticks_off()
+
+
+def pole_plane(plane: "Axes", reach: float, right: float, height: float) -> None:
+    """Scales, names and limits (1/s, Hz) of the upper half plane, the unstable part shaded."""
+    plane.set_xscale("symlog", linthresh=LINEAR)
+    plane.set_yscale("symlog", linthresh=LINEAR)
+    plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
+    plane.axvline(0, color=DANGER, linewidth=1.0)
+    plane.set_xlim(-reach, right)
+    plane.set_ylim(-0.4, height)
     plane.set_xlabel("real part  (1/s)")
     plane.set_ylabel("imaginary part / 2π  (Hz)")
-    plane.minorticks_off()
 
 
 def _damping_lines(plane: "Axes", height: float) -> None:

@@ -1,13 +1,12 @@
 """What `ibrid predict` prints: stability, modes and bands of each predicted operating point, at most 110 columns wide."""
 
-import textwrap
 from collections.abc import Sequence
 
 from ibrid.analysis.modes import QUANTILE, Mode, least_damped
 from ibrid.analysis.prediction import Prediction
 from ibrid.measurement.quantities import hertz
 from ibrid.report.numbers import number, percent
-from ibrid.report.text import WIDTH, table
+from ibrid.report.text import listed, table
 
 #: Modes that are listed for each operating point.
 LISTED = 5
@@ -15,20 +14,10 @@ LISTED = 5
 
 def format_predictions(predictions: Sequence[Prediction]) -> str:
     """A table of points, a table of modes, and the warnings."""
-    parts = [_points(predictions), *(_modes(one) for one in predictions)]
+    parts = [_points(predictions), *(mode_table(f"at {one.op.name}", one.modes) for one in predictions)]
     warnings = list(dict.fromkeys(sentence for one in predictions for sentence in one.warnings))
-    parts += [warning_lines(warnings)] if warnings else []
+    parts += [listed("warnings", warnings)] if warnings else []
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
-
-
-def warning_lines(warnings: Sequence[str]) -> list[str]:
-    """Warnings under their heading."""
-    return ["warnings:", *(line for one in warnings for line in wrapped(f"  - {one}", "    "))]
-
-
-def wrapped(text: str, indent: str) -> list[str]:
-    """Lines of a sentence, all but the first indented."""
-    return textwrap.wrap(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def mode_words(mode: Mode) -> list[str]:
@@ -63,7 +52,8 @@ def _points(predictions: Sequence[Prediction]) -> list[str]:
     return table(["operating point", "ideal grid", "frequencies", "widest 95 % band"], rows, right=(2,))
 
 
-def _modes(one: Prediction) -> list[str]:
-    rows = [mode_words(mode) for mode in shown_modes(one.modes)]
+def mode_table(where: str, modes: Sequence[Mode]) -> list[str]:
+    """The modes of a model that matter, under their heading."""
+    rows = [mode_words(mode) for mode in shown_modes(modes)]
     head = ["frequency", "damping ratio", "real part (1/s)", "states that take part"]
-    return [f"modes at {one.op.name} (95 % bands)", *table(head, rows, right=(0,))]
+    return [f"modes {where} (95 % bands)", *table(head, rows, right=(0,))]

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ibrid.analysis.stability import GridCase, PointStability
+from ibrid.report.modes import pole_plane
 from ibrid.report.style import DANGER, INK, MUTED, series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Linear part of the root locus's scales: 1/s for the real part, Hz for the frequency.
-LINEAR = 1.0
 #: Circles of the eigenloci's plane that are drawn.
 RINGS = (0.1, 0.3, 1.0, 3.0)
 #: Size of an eigenvalue beyond which its locus is cut off.
@@ -32,10 +31,7 @@ def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
     right = max(2.0, 3.0 * float(real.max()))
     reach = 2.0 * max(10.0, float(-real.min()))
     height = 2.0 * max(10.0, float(hertz.max()))
-    plane.set_xscale("symlog", linthresh=LINEAR)
-    plane.set_yscale("symlog", linthresh=LINEAR)
-    plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
-    plane.axvline(0, color=DANGER, linewidth=1.0)
+    pole_plane(plane, reach, right, height)
     colour, _, _ = series(0)
     plane.plot(real[upper], hertz[upper], linestyle="none", marker=".", markersize=3, color=colour)
     for row, marker in ((0, "o"), (len(ratios) - 1, "s")):
@@ -48,12 +44,8 @@ def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
         lift = 7 if found.mode.frequency == highest else -11
         plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-8, lift),
                        textcoords="offset points", ha="right", color=DANGER)  # fmt: skip
-    plane.set_xlim(-reach, right)
-    plane.set_ylim(-0.4, height)
     plane.set_xticks([-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1))
     plane.set_yticks([0.0] + [10.0**n for n in range(9) if 10.0**n <= height])
-    plane.set_xlabel("real part  (1/s)")
-    plane.set_ylabel("imaginary part / 2π  (Hz)")
     plane.minorticks_off()
 
 

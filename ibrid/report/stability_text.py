@@ -5,8 +5,8 @@ from ibrid.analysis.modes import least_damped
 from ibrid.analysis.stability import GridCase, PointStability, Stability
 from ibrid.measurement.quantities import hertz, span
 from ibrid.report.numbers import interval, number, percent
-from ibrid.report.prediction_text import mode_words, shown_modes, warning_lines, wrapped
-from ibrid.report.text import table
+from ibrid.report.prediction_text import mode_table
+from ibrid.report.text import listed, table, wrapped
 
 
 def format_stability(found: Stability) -> str:
@@ -19,8 +19,8 @@ def format_stability(found: Stability) -> str:
 def _point(one: PointStability, sentence: str) -> str:
     parts = [wrapped(sentence, "  "), _grids(one), wrapped(passivity_words(one), "  ")]
     parts += [_critical(one)] if one.critical else []
-    parts.append(_modes(one))
-    parts += [warning_lines(one.warnings)] if one.warnings else []
+    parts.append(mode_table(f"on an ideal grid at {one.op}", one.ideal))
+    parts += [listed("warnings", one.warnings)] if one.warnings else []
     return "\n\n".join("\n".join(part) for part in parts)
 
 
@@ -87,9 +87,3 @@ def _critical(one: PointStability) -> list[str]:
         rows.append([number(found.scr, 5), nyquist, band, found.unstable, kind, states])
     head = ["critical SCR", "by Nyquist", "95 %", "unstable", "mode", "states that take part"]
     return table(head, rows, right=(0, 1))
-
-
-def _modes(one: PointStability) -> list[str]:
-    rows = [mode_words(mode) for mode in shown_modes(one.ideal)]
-    head = ["frequency", "damping ratio", "real part (1/s)", "states that take part"]
-    return [f"modes on an ideal grid at {one.op} (95 % bands)", *table(head, rows, right=(0,))]

@@ -20,24 +20,24 @@ def format_record(record: Record) -> str:
     """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
     parts = [list(_head(record))]
     if record.reasons:
-        parts.append(_list("why", record.reasons))
-    parts.append(_list("labels of the data that are wrong", [one["sentence"] for one in record.labels]))
+        parts.append(listed("why", record.reasons))
+    parts.append(listed("labels of the data that are wrong", [one["sentence"] for one in record.labels]))
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
     if record.parameters:
         parts.append(_parameters(parameter_rows(record)))
     if record.poles:
         parts.append(_modes(record))
-    parts.append(_list("what the data say about the parameters", record.identifiability))
-    parts.append(_list("warnings", record.warnings))
+    parts.append(listed("what the data say about the parameters", record.identifiability))
+    parts.append(listed("warnings", record.warnings))
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
 
 def _head(record: Record) -> Iterator[str]:
-    yield from _wrapped(f"{graded(record) or record.outcome}: {verdict(record)}", "")
+    yield from wrapped(f"{graded(record) or record.outcome}: {verdict(record)}", "")
     settings = record.settings
     if settings.get("data"):
-        yield from _wrapped(f"data       {settings['data']}", " " * 11)
+        yield from wrapped(f"data       {settings['data']}", " " * 11)
     if record.modules:
         yield (
             f"model      {counted(record.modules, 'module')}, {counted(record.sums, 'sum')}, order {record.order}, "
@@ -45,9 +45,9 @@ def _head(record: Record) -> Iterator[str]:
         )
     made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
             ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip
-    yield from _wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)
+    yield from wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)
     if record.stable:
-        yield from _wrapped(f"stability  {stability(record)}", " " * 11)
+        yield from wrapped(f"stability  {stability(record)}", " " * 11)
 
 
 def _errors(record: Record) -> list[str]:
@@ -122,13 +122,15 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[in
     return [line(head), "  ".join("-" * widths[index] for index in kept), *map(line, rows)]
 
 
-def _list(title: str, sentences: Sequence[str]) -> list[str]:
+def listed(title: str, sentences: Sequence[str]) -> list[str]:
+    """Sentences under their heading; nothing without any."""
     if not sentences:
         return []
-    return [f"{title}:", *(line for one in sentences for line in _wrapped(f"  - {one}", "    "))]
+    return [f"{title}:", *(line for one in sentences for line in wrapped(f"  - {one}", "    "))]
 
 
-def _wrapped(text: str, indent: str) -> list[str]:
+def wrapped(text: str, indent: str) -> list[str]:
+    """Lines of a sentence, all but the first indented."""
     return textwrap.wrap(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
