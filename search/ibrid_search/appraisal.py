@@ -35,16 +35,25 @@ class Appraisal:
         self.criterion, self.published = criterion, published
         self._store, self._kinds = store, kinds
         self._records: dict[int, Record] = {}
+        self.longer: dict[int, Record] = {}  # of steps that were fitted again with full effort
         self._odd: dict[int, Oddities] = {}
         self._error: dict[int, float] = {}
 
     def record(self, number: int) -> Record:
         """The record of a step; IbridError when it has none."""
+        if number in self.longer:
+            return self.longer[number]
         if number not in self._records:
             if len(self._records) > RECORDS:
                 self._records.clear()
             self._records[number] = self._store.record(number, self._kinds)
         return self._records[number]
+
+    def fitted_longer(self, number: int, record: Record) -> None:
+        """From now on the record of a step is this one, of a longer fit."""
+        self.longer[number] = record
+        self._error.pop(number, None)
+        self._odd.pop(number, None)
 
     def error(self, number: int) -> float:
         """Error of a fitted step, as the run measures it."""

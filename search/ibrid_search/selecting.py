@@ -119,7 +119,7 @@ def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | N
     low, high = record.settings["frequency_hz"]
     return Finalist(
         step=step.number,
-        nrmse=float(step.nrmse or 0.0),
+        nrmse=float(record.nrmse or 0.0),
         order=int(step.order or 0),
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),

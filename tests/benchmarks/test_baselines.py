@@ -1,6 +1,6 @@
 """Baselines of the search: each finds a case with a closed form, and the table shows all of them with their errors."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -226,6 +226,7 @@ class Found:
     evaluations: int = 40
     finished: bool = True
     seconds: float = 3.0
+    selection: Any = field(default_factory=dict)
     trajectory: tuple = ((0, 0.9, 0.9), (1, 1e-9, 1e-9))
 
 

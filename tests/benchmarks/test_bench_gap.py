@@ -64,7 +64,8 @@ def answered(case: Case, verdict: str, *effects: dict[str, Any], repaired: bool 
     gap = {"verdict": verdict, "effects": list(effects), "program": record.program}
     several = len(case.truth["effects"])
     row = score(case, Diagnosis(gap, record, 2.0), SEEN * several)
-    return {"key": "a/trial", "kind": case.truth["kind"], "data": "60dB", "frequencies": 16, "points": 2, **row}
+    cell = {"data": "60dB", "frequencies": 16, "points": 2, "effects": []}
+    return {"key": "a/trial", "kind": case.truth["kind"], **cell, **row}
 
 
 # the table

@@ -1,6 +1,6 @@
 """The table of every reference inverter: what is hidden in them, what a row says, and that nothing is measured twice."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +174,7 @@ class Found:
     evaluations: int = 40
     finished: bool = True
     seconds: float = 3.0
+    selection: Any = field(default_factory=dict)
     trajectory: tuple = ((0, 0.9, 0.9), (7, 1e-9, 1e-9))
 
 

@@ -4,7 +4,7 @@ import importlib.util
 import json
 import re
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, log10, sqrt
 from pathlib import Path
 from typing import Any
@@ -234,6 +234,7 @@ class Found:
 
     answer_program: str
     trajectory: tuple = ((1, 0.9, 0.9), (2, 0.8, 0.8), (3, 0.04, 0.04), (4, 0.1, 0.04))
+    selection: Any = field(default_factory=dict)
     best: Any = None
     evaluations: int = 4
     seconds: float = 3.0

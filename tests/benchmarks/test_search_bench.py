@@ -1,7 +1,7 @@
 """The benchmark of the search scores answers against what is hidden, keeps what it has measured, and says what failed."""
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,9 @@ from ibrid_bench.search import speed_table
 from ibrid_bench.search.__main__ import main
 from ibrid_bench.search.inverters import hardware, inverter
 from ibrid_bench.search.page import page
-from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, first_at, perform, score, succeeded
+from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, finding, first_at, perform, score, succeeded
 from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
-from ibrid_bench.search.tables import heading, seed_line, summary
+from ibrid_bench.search.tables import findings, heading, seed_line, summary
 from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
 from ibrid_search.settings import SearchSettings
 
@@ -35,6 +35,7 @@ class Found:
     evaluations: int = 40
     finished: bool = True
     seconds: float = 3.0
+    selection: Any = field(default_factory=dict)
     trajectory: tuple = ((0, 0.9, 0.9), (1, None, 0.9), (2, 0.04, 0.04), (3, 0.05, 0.04), (4, 1e-9, 1e-9))
 
 
@@ -159,6 +160,16 @@ def test_without_a_truth_there_is_no_verdict():
     assert seed_line({**row, "table": "inverters", "inverter": "x", "data": "clean", "proposer": "rules", "seed": 0})
 
 
+def test_what_is_not_found_is_listed_or_preferred_where_the_data_do_not_decide():
+    found, absent, unknown = {"success": True}, {"success": False}, {"success": None}
+    listed, preferred = absent | {"rival_f1": 0.95}, absent | {"bic_over_truth": -3.0, "rival_f1": 0.5}
+    rows = (found, listed, preferred, absent | {"bic_over_truth": 40.0}, absent, unknown)
+    assert [finding(row) for row in rows] == ["yes", "listed", "preferred", "no", "no", "-"]
+    assert findings(rows) == "1 of 5, 1 listed, 1 preferred"
+    assert findings((found, absent)) == "1 of 2"
+    assert findings((unknown,)) == "-"
+
+
 def test_every_search_has_its_own_name_and_the_baseline_beside_it():
     found = list(trials(range(10)))
     assert len({one.key for one in found}) == len(found)
@@ -171,6 +182,7 @@ def test_every_search_has_its_own_name_and_the_baseline_beside_it():
         assert len({(one.table, one.inverter, one.noise_db, one.seed) for one in together}) == 1
     assert {one.inverter for one in trials(range(1), 5, only=["droop"])} == {"droop"}
     assert {one.table for one in trials(range(1), 5, only=["paper"])} == {"paper"}
+    assert {one.noise_db for one in trials(range(1), 5, data=["40 dB"])} == {40.0}
     assert len(list(trials(range(1), 5, few=True))) < len(list(trials(range(1), 5)))
 
 
@@ -180,15 +192,15 @@ def test_a_finished_benchmark_measures_nothing_again(tmp_path, capsys):
     program = inverter("l_filter").program
     assert main(arguments, search=answering(program, seen)) == 0
     first = capsys.readouterr().out
-    assert len(seen) == 12
-    assert first.count("yes") == 12
+    assert len(seen) == 18
+    assert first.count("yes") == 18
     assert "2 of 2" in first
-    assert len((tmp_path / NAME).read_text(encoding="utf-8").splitlines()) == 12
+    assert len((tmp_path / NAME).read_text(encoding="utf-8").splitlines()) == 18
     assert main(arguments, search=answering(program, seen)) == 0
-    assert len(seen) == 12
+    assert len(seen) == 18
     assert capsys.readouterr().out == first
     assert main([*arguments, "--proposer", "other"], search=answering(program, seen)) == 0
-    assert len(seen) == 16
+    assert len(seen) == 24
 
 
 def test_a_search_that_fails_is_said_and_tried_again(tmp_path, capsys):

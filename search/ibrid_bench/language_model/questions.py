@@ -14,6 +14,8 @@ from ibrid_search.proposers.rules import Rules
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.store import Store
 
+from ibrid.structure.library import textbook_text
+
 #: A grid-following inverter, a grid-forming one, and one with a DC link.
 INVERTERS = ("paper_like", "gfm_droop", "gfl_dc_link")
 #: Numbers of the questions of a search that are kept: its parent is the naive diagram first, a candidate of some parts then.
@@ -54,7 +56,9 @@ def questions(name: str, search: Callable[..., Any], places: Sequence[int] = PLA
     listener = Listener(Rules())
     with tempfile.TemporaryDirectory(prefix="ibrid-questions-") as folder:
         run = Path(folder) / "run"
-        search(inverter(name).sweep, run, proposer=listener, budget=BUDGET, seed=SEED, **MODE)
+        search(
+            inverter(name).sweep, run, start=textbook_text("naive"), proposer=listener, budget=BUDGET, seed=SEED, **MODE
+        )
         with Store.open(run / ARCHIVE, read_only=True) as store:
             steps = list(store.steps())
     asked = [step.number for step in steps if step.number > 0 and step.proposer == listener.name]

@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"a table ({', '.join((*TABLES, SPEED))}) or an inverter",
     )
+    parser.add_argument("--data", action="append", default=[], metavar="NOISE", help='"clean", "50 dB" and so on (all)')
     parser.add_argument("--proposer", action="append", default=[], metavar="NAME", help="instead of rules and random")
     parser.add_argument("--workers", type=count, default=2, help="workers of each search (2)")
     parser.add_argument("--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort")
@@ -63,7 +64,9 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
     wanted: list[Trial] = []
     if tables or not options.only:
         seeds, proposers = range(options.first, options.first + (options.seeds or 10)), options.proposer or PROPOSERS
-        wanted = list(trials(seeds, options.budget, only=tables, proposers=proposers, few=options.quick))
+        wanted = list(
+            trials(seeds, options.budget, only=tables, proposers=proposers, data=options.data, few=options.quick)
+        )
     if options.page is not None:
         require_place(options.page)
     ledger = Ledger(options.out)

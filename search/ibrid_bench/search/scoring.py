@@ -1,5 +1,6 @@
 """One search of the benchmark made, and its answer scored against what was hidden and by data it never saw."""
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from math import log
@@ -8,6 +9,8 @@ from typing import Any, Protocol
 
 from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.trials import Trial
+from ibrid_search.open_structures import open_structures
+from ibrid_search.rivals import ODDS
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
@@ -51,6 +54,8 @@ class Answer(Protocol):
     def answer_program(self) -> str: ...
     @property
     def finished(self) -> bool: ...
+    @property
+    def selection(self) -> Mapping[str, Any]: ...
 
 
 #: `ibrid.search`, or what stands for it in tests: (sweep, folder, options) -> answer.
@@ -65,6 +70,7 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int, start: 
     hidden = trial.hidden()
     if start is None and trial.start is not None:
         start = textbook(trial.start)
+    began = time.process_time()
     run = search(
         hidden.sweep,
         folder,
@@ -79,7 +85,9 @@ def perform(trial: Trial, folder: Path, *, search: Search, workers: int, start: 
     )
     if not run.finished:  # the first Ctrl-C ends a search softly, but a part of one is no result
         raise KeyboardInterrupt
-    return {"key": trial.key, **asdict(trial), "data": trial.data, "workers": workers, **score(trial, hidden, run)}
+    took = {"workers": workers, "processor_seconds": round(time.process_time() - began, 3) if workers == 1 else None}
+    row = {"key": trial.key, **asdict(trial), "data": trial.data, **took, **score(trial, hidden, run)}
+    return row | {"rival_f1": _best_listed(trial.truth(hidden), run, folder)}
 
 
 def made_before(trial: Trial, ledger: Rows, folder: Path, *, search: Search, workers: int) -> Row:
@@ -120,6 +128,31 @@ def score(trial: Trial, hidden: Hidden, run: Answer) -> Row:
     row["first"] = first_at(run.trajectory, limit_of(trial, row))
     row["success"] = None if truth is None else succeeded(trial, row)
     return row
+
+
+def _best_listed(truth: Diagram | None, run: Answer, folder: Path) -> float | None:
+    """The best F1, of modules or connections the lower one, among the rivals that an answer is listed with."""
+    if truth is None or not run.selection.get("rivals"):
+        return None
+    _, (_, *rivals) = open_structures(folder)
+    overlaps = [compare(rival.diagram, truth) for rival in rivals]
+    return max(min(one.modules.f1, one.connections.f1) for one in overlaps)
+
+
+def finding(row: Mapping[str, Any]) -> str:
+    """What a search comes to, in a word: "yes", "no", or "-" without a truth.
+
+    Where the truth is not found the data may not decide: it is "listed" among the rivals of the answer, or the answer is
+    "preferred", since the Bayesian information criterion speaks for the truth by odds of no more than `ODDS`.
+    """
+    if row["success"] is None:
+        return "-"
+    if row["success"]:
+        return "yes"
+    if (row.get("rival_f1") or 0.0) >= FOUND:
+        return "listed"
+    bic = row.get("bic_over_truth")
+    return "preferred" if bic is not None and bic <= 2 * log(ODDS) else "no"
 
 
 def fitted(trial: Trial, hidden: Hidden, diagram: Diagram) -> Record:

@@ -1,9 +1,12 @@
 """Results of searches as lines: one for each seed when it is there, one for each group of seeds at the end."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from statistics import median_high
 from typing import Any
+
+from ibrid_bench.search.scoring import finding
 
 Row = Mapping[str, Any]
 
@@ -22,7 +25,7 @@ def seed_line(row: Row) -> str:
         str(row["evaluations"]),
         "-" if row["first"] is None else str(row["first"]),
         f"{row['seconds']:.1f}",
-        verdict_words(row["success"]),
+        finding(row),
     )
     return _line(f"{_name(row)} {row['seed']}", cells)
 
@@ -52,14 +55,13 @@ def groups(rows: Iterable[Row]) -> list[list[Row]]:
 
 
 def _group_line(rows: Sequence[Row]) -> str:
-    known = [row["success"] for row in rows if row["success"] is not None]
     cells = (
         *(_number(median_of(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
         _pair(median_of(rows, "modules_f1"), median_of(rows, "connections_f1")),
         f"{median_of(rows, 'evaluations'):.0f}",
         median_to_limit(rows),
         f"{median_of(rows, 'seconds'):.1f}",
-        f"{sum(known)} of {len(known)}" if known else "-",
+        findings(rows),
     )
     return _line(_name(rows[0]), cells)
 
@@ -74,6 +76,16 @@ def error_words(value: float | None) -> str:
 def verdict_words(success: bool | None) -> str:
     """yes, no, or "-" where there is no verdict."""
     return {None: "-", True: "yes", False: "no"}[success]
+
+
+def findings(rows: Sequence[Row]) -> str:
+    """How many found it, and of the others how often the data do not decide: "7 of 10, 2 listed"; "-" without a truth."""
+    counts = Counter(finding(row) for row in rows)
+    known = counts.total() - counts.pop("-", 0)
+    if not known:
+        return "-"
+    undecided = [f"{counts[word]} {word}" for word in ("listed", "preferred") if counts[word]]
+    return ", ".join([f"{counts['yes']} of {known}", *undecided])
 
 
 def median_of(rows: Sequence[Row], name: str) -> float | None:

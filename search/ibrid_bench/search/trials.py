@@ -23,7 +23,8 @@ DIAGNOSIS, DIAGNOSIS_BUDGET = "diagnosis", 100
 PROPOSERS = (DIAGNOSIS, "rules", "random")
 #: Hidden pairs of inverters: the search is told so.
 PAIRS = ("parallel_gfl_gfm",)
-NOISE_DB = (None, 60.0, 40.0)
+#: Noise on the data of the benchmark, and of all other hidden inverters; None: clean.
+NOISE_DB, OTHERS_DB = (None, 60.0, 40.0), (None, 50.0, 40.0)
 
 #: The inverter of the first two tables.
 BENCHMARK = "paper_like"
@@ -90,12 +91,13 @@ def trials(
     *,
     only: Sequence[str] = (),
     proposers: Sequence[str] = PROPOSERS,
+    data: Sequence[str] = (),
     few: bool = False,
 ) -> Iterator[Trial]:
     """All searches, seed by seed and proposer beside proposer.
 
-    budget : evaluations of each; None: the usual ones. only : names of tables or inverters; none: all. few : one
-    inverter of each sort instead of all of them.
+    budget : evaluations of each; None: the usual ones. only : names of tables or inverters; none: all. data : "clean",
+    "50 dB" and so on; none: all. few : one inverter of each sort instead of all of them.
     Raises IbridError, at the first one asked for, when a name is unknown.
     """
     known = (*TABLES, *inverter_names(), *_hardware_names())
@@ -106,9 +108,10 @@ def trials(
         if not only or table in only or name in only:
             for seed in seeds:
                 for proposer in proposers:
-                    yield Trial(
-                        table, name, proposer, seed, budget or _usual_budget(table, proposer, noise_db), noise_db
-                    )
+                    limit = budget or _usual_budget(table, proposer, noise_db)
+                    trial = Trial(table, name, proposer, seed, limit, noise_db)
+                    if not data or trial.data in data:
+                        yield trial
 
 
 def _usual_budget(table: str, proposer: str, noise_db: float | None) -> int:
@@ -123,8 +126,8 @@ def _cases(few: bool) -> Iterator[tuple[str, str, float | None]]:
         yield "structure", BENCHMARK, noise_db
     others = ("l_filter", "delay", "droop", "unusual", "random_00") if few else inverter_names()[1:]
     for name in others:
-        yield "inverters", name, None
-        yield "inverters", name, 50.0
+        for noise_db in OTHERS_DB:
+            yield "inverters", name, noise_db
     for name in _hardware_names():
         yield "hardware", name, None
 
