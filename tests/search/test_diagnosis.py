@@ -52,6 +52,13 @@ def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
     assert "parallel_gfl_gfm" not in {look.edit.part for look in looks}
 
 
+def test_a_shipped_diagram_of_kinds_that_the_vocabulary_lacks_gets_no_look():
+    study = Study(ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"]), vocabulary="paper")
+    looks = Looker(study, criterion(study, SearchSettings())).textbooks()
+    assert "gfl_dc_link" not in {look.edit.part for look in looks}
+    assert "gfl" in {look.edit.part for look in looks}
+
+
 def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
     looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
     assert [look.edit.part for look in looks] == ["parallel_gfl_gfm"]
