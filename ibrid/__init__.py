@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
     from ibrid.export.formats import export
     from ibrid.export.nonlinear_model import nonlinear_model
     from ibrid.fit.settings import FitSettings
+    from ibrid.gap.joint_fit import evaluate_events
     from ibrid.gap.workflow import find_gap
     from ibrid.measurement.csv_file import write_sweep
     from ibrid.measurement.event_csv import write_events
@@ -49,10 +50,11 @@ if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compare
 
 __all__ = [
     "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "Events", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
-    "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "export", "find_gap",
-    "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian", "predict", "program_text",
-    "read_events", "read_program", "read_record", "read_sweep", "search", "stability", "structure_hash", "sweep", "textbook",
-    "textbook_names", "violations", "write_events", "write_report", "write_sweep",
+    "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "evaluate_events",
+    "export", "find_gap", "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian",
+    "predict", "program_text", "read_events", "read_program", "read_record", "read_sweep", "search", "stability",
+    "structure_hash", "sweep", "textbook", "textbook_names", "violations", "write_events", "write_report",
+    "write_sweep",
 ]  # fmt: skip
 
 _HOME = {
@@ -74,6 +76,7 @@ _HOME = {
     "compare": "ibrid.structure.compare",
     "evaluate": "ibrid.evaluation.evaluate",
     "export": "ibrid.export.formats",
+    "evaluate_events": "ibrid.gap.joint_fit",
     "find_gap": "ibrid.gap.workflow",
     "from_frd": "ibrid.measurement.frd",
     "from_system": "ibrid.measurement.frd",

@@ -1,22 +1,34 @@
-"""`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep and show the record."""
+"""`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep, to records of events or to both, and show the record."""
 
 from argparse import Namespace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
 from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
+    from ibrid.fit.settings import FitSettings
+    from ibrid.measurement.events import Events
+    from ibrid.measurement.sweep import Sweep
 
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser("evaluate", help="fit a diagram to a sweep: parameters, errors, identifiability")
+    parser = commands.add_parser(
+        "evaluate", help="fit a diagram to a sweep or to records of events: parameters, errors"
+    )
     parser.add_argument("program", metavar="PROGRAM", help=inputs.PROGRAM_HELP)
-    parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    parser.add_argument("data", metavar="DATA", help=f"{inputs.DATA_HELP}; or records of events")
+    parser.add_argument("--events", metavar="EVENTS", help="records of events, fitted together with DATA")
+    parser.add_argument(
+        "--values", metavar="FILE", help="with records: values to begin at (JSON), also of limits: current_limit.i_max"
+    )
+    inputs.add_events_options(parser)
     parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
     parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
     parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
@@ -50,18 +62,36 @@ def run(arguments: Namespace) -> int:
         {"--json": arguments.json, "--report": arguments.report},
         {"PROGRAM": arguments.program, "DATA": inputs.sweep_file(arguments.data)},
     )
-    diagram, sweep = inputs.program(arguments.program), inputs.measured(arguments.data)
+    sweep, events = inputs.measured_or_events(arguments)
+    record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
+    printed = give_json(record.to_json(), arguments.json)
+    if arguments.report is not None:
+        from ibrid.report.page import write_report
 
-    from dataclasses import replace
+        write_report(record, arguments.report, sweep=sweep, events=events)
+    if record.outcome != "ok":
+        return _say_why(record, arguments.program)
+    if not printed:
+        from ibrid.report.text import format_record
 
-    from ibrid.evaluation.evaluate import evaluate
+        print(format_record(record).rstrip("\n"))
+    return 0
+
+
+def _settings(arguments: Namespace) -> "FitSettings":
     from ibrid.fit.settings import FitSettings
 
     settings = FitSettings(seeds=arguments.seeds)
-    if arguments.seconds is not None:
-        settings = replace(settings, seconds=arguments.seconds)
-    record = evaluate(
-        diagram,
+    return settings if arguments.seconds is None else replace(settings, seconds=arguments.seconds)
+
+
+def _fitted(arguments: Namespace, sweep: "Sweep | None") -> "Record":
+    from ibrid.evaluation.evaluate import evaluate
+
+    if sweep is None or arguments.values is not None:
+        raise IbridError("--values is for records of events; give them with --events, or leave it out")
+    return evaluate(
+        inputs.program(arguments.program),
         sweep,
         parameters=arguments.parameters,
         equilibrium=arguments.equilibrium,
@@ -72,20 +102,33 @@ def run(arguments: Namespace) -> int:
         holdout_op=arguments.holdout_op,
         port=inputs.port(arguments.port, sweep),
         labels=arguments.labels,
-        settings=settings,
+        settings=_settings(arguments),
     )
-    printed = give_json(record.to_json(), arguments.json)
-    if arguments.report is not None:
-        from ibrid.report.page import write_report
 
-        write_report(record, arguments.report, sweep=sweep)
-    if record.outcome != "ok":
-        return _say_why(record, arguments.program)
-    if not printed:
-        from ibrid.report.text import format_record
 
-        print(format_record(record).rstrip("\n"))
-    return 0
+def _fitted_to_events(arguments: Namespace, sweep: "Sweep | None", events: "Events") -> "Record":
+    from ibrid.gap.joint_fit import evaluate_events
+    from ibrid.gap.prior import read_values
+
+    if arguments.port is not None:
+        raise IbridError("events are not played through a port yet; leave --port out")
+    usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None, "restarts": None}
+    if odd := [f"--{name}" for name, value in usual.items() if getattr(arguments, name) != value]:
+        raise IbridError(f"a fit to records of events knows no {odd[0]} but the usual; leave it out")
+    if inputs.is_record(arguments.program):
+        model = inputs.record(arguments.program, arguments.kinds)
+    else:
+        model = inputs.program(arguments.program)
+    return evaluate_events(
+        model,
+        events,
+        sweep,
+        values=None if arguments.values is None else read_values(arguments.values),
+        vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
+        seed=arguments.seed,
+        holdout_op=arguments.holdout_op,
+        settings=_settings(arguments),
+    )
 
 
 def _say_why(record: "Record", program: str) -> int:

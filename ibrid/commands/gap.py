@@ -39,6 +39,7 @@ def declare(commands: Any) -> None:
         "changed in it as model.diff, and its record model.json",
     )
     parser.add_argument("--events", metavar="EVENTS", help="records of events, fitted together with DATA")
+    inputs.add_events_options(parser)
     parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
     parser.add_argument(
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
@@ -71,7 +72,7 @@ def run(arguments: Namespace) -> int:
     from ibrid.telling import telling
 
     folder = _folder(arguments)
-    sweep, events = _measured(arguments)
+    sweep, events = inputs.measured_or_events(arguments)
     values = None if arguments.values is None else read_values(arguments.values)
     suggest = _suggest(arguments)
     with telling("auto") as tell:
@@ -129,23 +130,6 @@ def _answer(
     first = where[0]
     most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"
     return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
-
-
-def _measured(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
-    """The sweep and the records; DATA may be either."""
-    from ibrid.measurement.read_events import is_events_file, read_events
-
-    beside = None if arguments.events is None else read_events(arguments.events)
-    path = Path(arguments.data)
-    if not (path.is_file() and is_events_file(path)):
-        return inputs.measured(arguments.data), beside
-    if beside is not None:
-        raise IbridError(
-            f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
-        )
-    if arguments.port is not None:
-        raise IbridError("events are not played through a port yet; leave --port out")
-    return None, read_events(path)
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":

@@ -1,6 +1,6 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
@@ -85,6 +85,21 @@ def events(text: str, channels: str | None = None, base: str | None = None) -> "
     for sentence in contradictions(records):
         complain(f"of the events: {sentence}")
     return records
+
+
+def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
+    """The sweep and the records that DATA and --events name; DATA may be either."""
+    options = getattr(arguments, "channels", None), getattr(arguments, "base", None)
+    if not holds_events(arguments.data):
+        beside = None if arguments.events is None else events(arguments.events, *options)
+        return measured(arguments.data), beside
+    if arguments.events is not None:
+        raise IbridError(
+            f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
+        )
+    if arguments.port is not None:
+        raise IbridError("events are not played through a port yet; leave --port out")
+    return None, events(arguments.data, *options)
 
 
 def add_port_option(parser: ArgumentParser) -> None:

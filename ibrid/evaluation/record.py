@@ -44,6 +44,8 @@ class Record:
     mean square of the residual over the deviation of a stated or repeated noise, 1 when only noise is left.
     `labels` : those of the data that were found wrong, by id (such as power_scale) with its number, a sentence that says what
     to write, and which others these data cannot tell from it; points and errors are then of the data put right.
+    `nrmse_by_record`, `nrmse_by_window` : of records of events, of which `settings` name the file and the limits that stand
+    beside the program (`large_signal`); empty without any.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model.
@@ -80,6 +82,8 @@ class Record:
     misfit: Mapping[str, Any] | None = None
     over_noise: float | None = None
     labels: tuple[Mapping[str, Any], ...] = ()
+    nrmse_by_record: Mapping[str, float] = field(default_factory=dict)
+    nrmse_by_window: Mapping[str, float] = field(default_factory=dict)
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = 0.0

@@ -5,12 +5,13 @@ null directions, and the covariance is that of the rest: of the estimator that m
 need not weigh the data by their noise (J+ Sigma J+', the "sandwich" of weighted least squares).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ibrid.fit.anchor import right_singular_vectors
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Coordinates, Problem
 from ibrid.measurement.sweep import PointSweep
 
 #: Singular values below this part of the largest are taken as zero.
@@ -59,15 +60,34 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     jacobian = np.concatenate(rows)
     if not np.isfinite(jacobian).all():
         return nothing
+    factor = None if objective is None else _weight_times_noise(problem, x, deviations, objective)
+    return visible_by(jacobian, x, problem.coordinates, labels, source, factor=factor)
+
+
+def visible_by(
+    jacobian: np.ndarray,
+    x: np.ndarray,
+    coordinates: Coordinates,
+    labels: Sequence[str],
+    source: str,
+    *,
+    factor: np.ndarray | None = None,
+    tolerance: float = RANK_TOLERANCE,
+) -> Visibility:
+    """The same of whitened slopes (R, P) of any data at x (P,), finite.
+
+    factor : (R,) weight of each number in the fit times its deviation; None where data are weighed by their noise. tolerance :
+    singular values below this part of the largest are taken as zero.
+    """
+    size = len(x)
     scale = np.linalg.norm(jacobian, axis=0)
     largest = scale.max() or 1.0
-    unit = np.where(scale <= RANK_TOLERANCE * largest, largest, scale)  # so that a blind column stays small
+    unit = np.where(scale <= tolerance * largest, largest, scale)  # so that a blind column stays small
     values, right = right_singular_vectors(jacobian / unit)
-    null = values <= RANK_TOLERANCE * values[0]
+    null = values <= tolerance * values[0]
     root = right[~null].T / values[~null]
-    if objective is not None:
+    if factor is not None:
         white = (jacobian / unit) @ root  # orthonormal columns
-        factor = _weight_times_noise(problem, x, deviations, objective)
         factor = np.concatenate([factor, np.ones(len(jacobian) - len(factor))])
         q, r = np.linalg.qr(factor[:, None] * white)
         root = root @ (np.linalg.pinv(r) @ q.T * factor)
@@ -77,8 +97,8 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     moved = np.zeros(size, dtype=bool)
     if directions.size:
         moved = np.abs(directions / np.abs(directions).max(axis=0)).max(axis=1) > 1e-4
-    theta = problem.coordinates.to_theta(x)
-    relative = problem.coordinates.slope(theta) / np.where(theta == 0, 1.0, theta)
+    theta = coordinates.to_theta(x)
+    relative = coordinates.slope(theta) / np.where(theta == 0, 1.0, theta)
     intervals: dict[str, tuple[float, float] | None] = {}
     errors: dict[str, float | None] = {}
     for index, label in enumerate(labels):
@@ -86,7 +106,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
         if moved[index]:
             intervals[label], errors[label] = None, None
             continue
-        ends = problem.coordinates.to_theta(
+        ends = coordinates.to_theta(
             np.stack([x, x]) + np.outer([-1.0, 1.0], np.eye(size)[index] * min(QUANTILE * deviation, 50.0))
         )[:, index]
         intervals[label] = (float(ends.min()), float(ends.max()))
@@ -153,7 +173,7 @@ def _sparse_basis(directions: np.ndarray) -> np.ndarray:
     return basis
 
 
-def _named(direction: np.ndarray, labels: list[str]) -> dict[str, float]:
+def _named(direction: np.ndarray, labels: Sequence[str]) -> dict[str, float]:
     largest = np.abs(direction).max()
     return {
         label: float(value / largest)

@@ -1,65 +1,40 @@
 """From findings on records of events to the answer: where they miss, effects with intervals, errors before and after."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
-
 import numpy as np
 
-from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import normal_score
-from ibrid.evaluation.record import Record
 from ibrid.gap.answer import candidate_of, evidence_of
 from ibrid.gap.detectability import SEEN
-from ibrid.gap.event_fit import EventFit
 from ibrid.gap.event_places import LimitPlace, where
+from ibrid.gap.event_question import Asked
+from ibrid.gap.event_record import described, floor_of, mean_error, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Moved, NamedEffect, Unseen
 from ibrid.gap.trial import Model
 from ibrid.gap.verdict import Findings, alike, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion
-from ibrid.playback.compare import EventModel, Playback, play
+from ibrid.playback.compare import EventModel, play
 from ibrid.playback.limits import LIMITS, applicable
 from ibrid.playback.places import places_of
-from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
-
-#: Frequencies, Hz, at which a model that was fitted to events alone is described.
-DESCRIBED = np.geomspace(1.0, 2500.0, 40)
-
-
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """What the answer is about: the `diagram` as given, whether there were nominal `values`, all `events` with the names `held`
-    out, and the measured `sweep`, None without one."""
-
-    diagram: Diagram
-    values: bool
-    events: Events
-    held: Sequence[str]
-    sweep: Sweep | None
-    kinds: Vocabulary
 
 
 def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
     """The Gap that findings on records amount to."""
     verdict = verdict_of(found)
     model = found.best if verdict == "named" else found.given
-    before_played, after_played = (_played(one, data, asked.events) for one in (found.given, model))
-    baseline = _record(found.given, data, asked, before_played)
-    repaired = baseline if model is found.given else _record(model, data, asked, after_played)
+    before_played, after_played = (played(one, data, asked.events) for one in (found.given, model))
+    baseline = record_of(found.given, data, asked, before_played)
+    repaired = baseline if model is found.given else record_of(model, data, asked, after_played)
     before = {
         "nominal": _nominal(found.given, data, asked) if asked.values else None,
         "refit": baseline.nrmse,
-        "holdout": _mean(before_played, asked.held, held=True),
+        "holdout": mean_error(before_played, asked.held, held=True),
     }
-    after = {"refit": repaired.nrmse, "holdout": _mean(after_played, asked.held, held=True)}
-    floor = _floor(data)
+    after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
+    floor = floor_of(data)
     return Gap(
         verdict=verdict,
         sentence=sentence_of(verdict, found, float(baseline.nrmse or np.nan), float(repaired.nrmse or np.nan), floor),
@@ -80,7 +55,7 @@ def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
         program=program_text(model.diagram),
         baseline=baseline,
         repaired=repaired,
-        sweep=asked.sweep or _described(model, data, asked.events),
+        sweep=asked.sweep or described(model, data, asked.events),
         held_out=tuple(asked.held),
         events=EventAnswer(before_played, after_played, asked.sweep is not None),
     )
@@ -128,19 +103,8 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
     return tuple(found)
 
 
-def intervals(fit: EventFit) -> dict[str, tuple[float, float] | None]:
-    """95 % of each number, from the slopes."""
-    rows, beliefs = fit.slopes, fit.misfit.beliefs
-    covariance = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
-    spread = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    blind = (rows**2).sum(axis=0) < 1e-12
-    ends = [beliefs.coordinates.to_theta(np.clip(fit.x + one, *fit.misfit.box)) for one in (-spread, spread)]
-    rows_of = zip(beliefs.names, ends[0], ends[1], blind, strict=True)
-    return {name: None if dark else (float(low), float(high)) for name, low, high, dark in rows_of}
-
-
 def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
-    evidence, spans, effects = evidence_of(found), intervals(found.best.refit), []
+    evidence, spans, effects = evidence_of(found), seen(found.best.refit).intervals, []
     for place, edit in enumerate(found.best.edits):
         if not isinstance(edit, Insertion):
             continue
@@ -156,83 +120,16 @@ def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
 
 
 def _moved(model: Model, data: Records) -> tuple[Moved, ...]:
-    refit, spans, rows = model.refit, intervals(model.refit), []
+    refit, spans, rows = model.refit, seen(model.refit).intervals, []
     for name, sigmas in refit.moved.items():
         low, high = spans.get(name) or (None, None)
         rows.append(Moved(name, refit.prior[name].nominal, refit.values[name], low, high, sigmas))
     return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
 
 
-# --- errors and records ----------------------------------------------------------------------------------------------
-
-
-def _played(model: Model, data: Records, events: Events) -> Playback:
-    return play(EventModel(model.diagram, model.refit.values, data.beside(model), data.kinds), events)
-
-
-def _mean(playback: Playback, names: Sequence[str], *, held: bool) -> float | None:
-    """Of the records held out, or of the others; None where there is none or a simulation left."""
-    errors = [one.nrmse for one in playback.records if (one.record.name in names) is held]
-    known = [one for one in errors if one is not None]
-    return float(np.mean(known)) if known and len(known) == len(errors) else None
-
-
 def _nominal(given: Model, data: Records, asked: Asked) -> float | None:
     misfit = data.fitter.misfit(given.diagram, data.limits)
     values = misfit.values(misfit.beliefs.start({}))
-    return _mean(play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held, held=False)
-
-
-def _floor(data: Records) -> float:
-    """NRMSE that noise alone would leave, the mean over the records."""
-    found = []
-    for record in data.noise.events.records:
-        sigma = data.noise.sigma[record.name]
-        found.append(float(np.sqrt(2 * (sigma**2).sum()) / np.linalg.norm(record.i - record.i_rest)))
-    return float(np.mean(found))
-
-
-def _described(model: Model, data: Records, events: Events) -> Sweep:
-    """The linear model at the rest of each record, where nothing was swept."""
-    frame = np.broadcast_to(np.eye(2, dtype=complex), (len(DESCRIBED), 2, 2))
-    points = [OperatingPoint(one.name, one.rest.p, one.rest.q, one.rest.v) for one in events.records]
-    sweep = Sweep(
-        tuple(PointSweep(op, DESCRIBED, frame) for op in points),
-        f0_hz=events.f0_hz,
-        power_node="pcc",
-        source=events.source,
+    return mean_error(
+        play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held, held=False
     )
-    record = record_at(model.diagram, sweep, model.refit.values, vocabulary=data.kinds)
-    answers = tuple(PointSweep(op, DESCRIBED, record.response(op.name, DESCRIBED)) for op in points)
-    return replace(sweep, points=answers)
-
-
-def _record(model: Model, data: Records, asked: Asked, played: Playback) -> Record:
-    """A record that predict and export accept: of the sweep, or where there is none of the linear model itself."""
-    sweep = asked.sweep or _described(model, data, asked.events)
-    record = record_at(model.diagram, sweep, model.refit.values, vocabulary=data.kinds)
-    limits = [
-        {**one.plain(), "parameters": {name: model.refit.values[f"{one.id}.{name}"] for name in one.parameters}}
-        for one in data.beside(model)
-    ]
-    by_record = {one.record.name: one.nrmse for one in played.records if one.nrmse is not None}
-    error = _mean(played, asked.held, held=False)
-    settings: Mapping[str, Any] = {
-        **record.settings,
-        "large_signal": limits,
-        "events": asked.events.source,
-        "nrmse_by_record": by_record,
-        "nrmse_by_window": played.by_window,
-    }
-    explains = model.adequate()
-    grade = "explains" if explains else "close" if error is not None and error < 2 * _floor(data) else None
-    if grade is None:
-        grade = "fails" if error is None or error > 0.1 else "rough"
-    if asked.sweep is not None:
-        return replace(record, settings=settings)
-    fitted = {name: value for name, value in by_record.items() if name not in asked.held}
-    empty: dict[str, Any] = {"nrmse_by_band": {}, "nrmse_by_entry": {}, "share_by_band": {}, "nrmse_by_part": {}}
-    return replace(
-        record, settings=settings, nrmse=error, nrmse_by_op=fitted, grade=grade, misfit=None, noise_floor=_floor(data),
-        over_noise=None, identifiability=(), holdout={name: by_record[name] for name in asked.held if name in by_record}, **empty,
-    )  # fmt: skip

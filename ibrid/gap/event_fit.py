@@ -207,9 +207,14 @@ class EventMisfit:
         found = self.played(np.concatenate([x[None], x + np.diag(step)]))
         return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
 
+    def _central_slopes(self, x: np.ndarray) -> np.ndarray:
+        """The same to the square of the step, so that a direction that nothing sees has no slope. Beyond the box by a step."""
+        ends = self.played(np.concatenate([x + sign * np.diag(np.full(len(x), SLOPE)) for sign in (1.0, -1.0)]))
+        return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * SLOPE)).T
+
     def rows(self, x: np.ndarray) -> np.ndarray:
         """Slopes of all whitened numbers, the prior's below."""
-        parts = [self._slopes(x)]
+        parts = [self._central_slopes(x)]
         if self.sweep is not None:
             problem = self.sweep.problem
             for slope, point in zip(problem.jacobians(x[self._place]), problem.points, strict=True):

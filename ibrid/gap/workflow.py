@@ -1,28 +1,24 @@
 """find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar, Unpack
 
-import numpy as np
-
-from ibrid.errors import IbridError, near
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.data import Data, Values
-from ibrid.gap.event_answer import Asked, event_answer
-from ibrid.gap.event_noise import event_noise
+from ibrid.gap.event_answer import event_answer
+from ibrid.gap.event_question import NO_REST, asked
 from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, prior_of, values_of
-from ibrid.gap.records import Records
-from ibrid.gap.refit import Refitter
+from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
@@ -33,12 +29,9 @@ from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.linearity import Linearity, linearity, small_signal
-from ibrid.measurement.sweep import PointSweep, Sweep
-from ibrid.modules.vocabulary import choose_vocabulary
+from ibrid.measurement.sweep import Sweep
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.practice import Effect
-from ibrid.playback.compare import limits_told, model_of_record
-from ibrid.playback.limits import Limit
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
@@ -135,61 +128,21 @@ def _of_events(
     options: StudyOptions,
 ) -> Gap:
     """The answer where there are records in time."""
-    if options.get("port"):
-        raise IbridError("events are not played through a port yet; leave --port out")
-    limits: tuple[Limit, ...] = ()
-    if isinstance(model, Record):
-        known = model_of_record(model)
-        diagram, values, limits = known.diagram, values or known.values, known.limits
-    else:
-        diagram, (limits, values) = model, limits_told(values or {})
-    given = options.get("holdout_op", ())
-    held = (given,) if isinstance(given, str) else tuple(given)
-    names = tuple(name for name in held if name in events.names)
-    if names and len(names) == len(events.names):
-        raise IbridError("every record is held out; leave at least one to fit")
-    points = tuple(name for name in held if name not in names)
-    if sweep is None and points:
-        raise IbridError(f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}")
-    study = None if sweep is None else Study.of(sweep, **{**options, "holdout_op": points})
-    if study is not None:
-        study = replace(study, sweep=at_amplitudes(study.sweep)[0])
-    kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    question = asked(model, sweep, values, events, options)
     kernel.load()
-    require_legal(diagram, kinds, equilibrium="exact")
-    wiring = wire(diagram, kinds)
-    own = {one.id for one in limits}
-    told = {name: one for name, one in (values or {}).items() if name.split(".")[0] in own}
-    rest = {name: one for name, one in (values or {}).items() if name not in told}
-    prior = prior_of(rest, wiring, parameter_table(wiring, "exact"))
-    for name, one in told.items():
-        prior[name] = Belief(float(one["value"] if isinstance(one, Mapping) else one), OTHER_TOLERANCE)
-    fitted = events.only(*(name for name in events.names if name not in names))
-    small = None if study is None else noise_of(study.fitted)
-    noise = event_noise(fitted, study.fitted if study is not None else _rests(fitted))
-    refitter = None if small is None else Refitter(small, kinds, prior, options.get("seed", 0))
-    data = Records(noise, kinds, prior, catalogue, options.get("seed", 0), refitter, limits)
+    prior = question.prior()
+    data = question.records(prior, catalogue)
     with telling(progress) as tell:
         watch = Watch(tell, seconds, None)
-        ask = _Question(diagram, study, values, prior, catalogue, (), watch)
-        found = _tried(ask, diagram, data, ())
+        ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch)
+        found = _tried(ask, question.diagram, data, ())
     if found is None:
-        raise IbridError(
-            "the model has no rest at the p, q and v of the records, or leaves at once; check p, q, v and the base"
-        )
-    asked = Asked(diagram, bool(values), events, names, None if study is None else study.sweep, kinds)
-    gap = event_answer(found, data, asked)
+        raise IbridError(NO_REST)
+    gap = event_answer(found, data, question)
     if watch.stopped:
         short = f"Stopped after {seconds:g} s: not everything was tried."
         gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
     return replace(gap, seconds=watch.elapsed)
-
-
-def _rests(events: Events) -> Sweep:
-    """The rest of each record as an operating point, where nothing was swept."""
-    nothing = np.eye(2, dtype=complex)[None]
-    points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)
-    return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,13 +10,16 @@ import numpy as np
 from ibrid.analysis.loop_modes import loops_told
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs, curves
 from ibrid.report.figure import inline_svg
 from ibrid.report.modes import draw_poles, measured_up_to, modes, slowest
 from ibrid.report.parameter_rows import parameter_groups, twin_rows, values_or_none
+from ibrid.report.playback_page import played_facts
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, stability, verdict
 from ibrid.writing import write_whole
@@ -25,25 +28,37 @@ from ibrid.writing import write_whole
 LISTED = 5
 
 
-def write_report(record: Record, path: str | Path, *, sweep: Sweep | None = None, title: str | None = None) -> Path:
+def write_report(
+    record: Record,
+    path: str | Path,
+    *,
+    sweep: Sweep | None = None,
+    events: Events | None = None,
+    title: str | None = None,
+) -> Path:
     """Write the page of a record, replacing the file atomically.
 
     Parameters
     ----------
     record : of any outcome; one without a fit gives the reasons, the program and, where it parses, its diagram.
     sweep : the measured data; read again from where the record says when not given. Without data only model lines.
+    events : the records that it was fitted to, which are then played and drawn.
     title : headline; the name of the program when not given.
 
     Returns the path. Raises IbridError when it cannot be written.
     """
     path = Path(path)
-    write_whole(path, report_html(record, sweep=sweep, title=title))
+    write_whole(path, report_html(record, sweep=sweep, events=events, title=title))
     return path
 
 
-def report_html(record: Record, *, sweep: Sweep | None = None, title: str | None = None) -> str:
+def report_html(
+    record: Record, *, sweep: Sweep | None = None, events: Events | None = None, title: str | None = None
+) -> str:
     """The page as text."""
     facts = record_facts(record, sweep, "bode", title=title)
+    if events is not None and record.parameters:
+        facts["events"] = played_facts(play(model_of_record(record), events))
     return page("record.html", facts | (_pole_facts(record) if record.parameters else {}))
 
 
@@ -54,6 +69,7 @@ def record_facts(
     diagram = readable(record.program)
     return {
         "record": record,
+        "events": None,
         "headline": title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model",
         "source": str(record.settings.get("data") or ""),
         "verdict": verdict(record),
@@ -124,6 +140,8 @@ ROUNDING = 1e-9
 
 def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, str]:
     """The sweep to show, if there is one, and a sentence about it, "" when all is as it should be."""
+    if sweep is None and record.nrmse_by_record and not record.nrmse_by_part:
+        return None, ""  # records of events alone: nothing was swept
     if sweep is None:
         path = str(record.settings.get("data") or "")
         if not isfile(path):  # unlike a Path it bears any text

@@ -23,13 +23,17 @@ SHADED = ("first cycle", "during")
 
 def playback_page(playback: Playback, title: str) -> str:
     """The page as text; title : what was played."""
+    return page("playback.html", {"playback": playback, "above": title, **played_facts(playback)})
+
+
+def played_facts(playback: Playback) -> dict[str, Any]:
+    """Errors by record and window, and the figures, for any page."""
     rows = [(one, [one.by_window.get(name) for name in WINDOWS]) for one in playback.records]
     figures = [
         (one.record.name, record_svg(f"record-{k}", one, {"model": one.current}))
         for k, one in enumerate(playback.records[:DRAWN])
     ]
-    facts = {"playback": playback, "above": title, "rows": rows, "windows": WINDOWS, "figures": figures}
-    return page("playback.html", facts)
+    return {"rows": rows, "windows": WINDOWS, "figures": figures}
 
 
 def record_svg(name: str, one: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:

@@ -24,6 +24,8 @@ def format_record(record: Record) -> str:
     parts.append(listed("labels of the data that are wrong", [one["sentence"] for one in record.labels]))
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
+    if record.nrmse_by_record:
+        parts.append(_events(record))
     if record.parameters:
         parts.append(_parameters(parameter_rows(record)))
     if record.poles:
@@ -48,6 +50,12 @@ def _head(record: Record) -> Iterator[str]:
     yield from wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)
     if record.stable:
         yield from wrapped(f"stability  {stability(record)}", " " * 11)
+
+
+def _events(record: Record) -> list[str]:
+    rows = [[name, number(error, 3)] for name, error in record.nrmse_by_record.items()]
+    windows = "; ".join(f"{name} {number(error, 3)}" for name, error in record.nrmse_by_window.items())
+    return [*table(["record of an event", "NRMSE"], rows, right=(1,)), *wrapped(f"by window  {windows}", " " * 11)]
 
 
 def _errors(record: Record) -> list[str]:

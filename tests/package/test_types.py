@@ -69,6 +69,7 @@ assert_type(ibrid.power_jacobian(record, "p=1,q=0"), PowerJacobian)
 assert_type(ibrid.nonlinear_model(record), NonlinearModel)
 assert_type(ibrid.write_report(record, "page.html"), Path)
 
+assert_type(ibrid.evaluate_events(diagram, ibrid.read_events("dip.csv"), data), Record)
 gap = assert_type(ibrid.find_gap(diagram, data), Gap)
 assert_type(gap.effects, tuple[NamedEffect, ...])
 run = assert_type(ibrid.search(data, "run", settings=ibrid_search.SearchSettings()), ibrid_search.Run)

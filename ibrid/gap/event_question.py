@@ -1,0 +1,108 @@
+"""What is asked of records of events, alone or beside a sweep: model, data, what is believed, and what is held out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
+from ibrid.gap.event_noise import event_noise
+from ibrid.gap.noise import noise_of
+from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, prior_of
+from ibrid.gap.records import Records
+from ibrid.gap.refit import Refitter
+from ibrid.measurement.amplitudes import at_amplitudes
+from ibrid.measurement.events import Events
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
+from ibrid.parts.practice import Effect
+from ibrid.playback.compare import limits_told, model_of_record
+from ibrid.playback.limits import Limit
+from ibrid.structure.check import require_legal
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
+from ibrid.study import Study, StudyOptions
+
+#: Why nothing fits records.
+NO_REST = "the model has no rest at the p, q and v of the records, or leaves at once; check p, q, v and the base"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The question: the `diagram` as given with its `limits`, nominal `values`, all `events` with the names `held` out, and the
+    `study` of the sweep beside them, None without one."""
+
+    diagram: Diagram
+    limits: tuple[Limit, ...]
+    values: Nominal
+    events: Events
+    held: Sequence[str]
+    study: Study | None
+    kinds: Vocabulary
+    seed: int
+
+    @property
+    def sweep(self) -> Sweep | None:
+        """What was swept."""
+        return None if self.study is None else self.study.sweep
+
+    @property
+    def fitted(self) -> Events:
+        """The records that are not held out."""
+        return self.events.only(*(name for name in self.events.names if name not in self.held))
+
+    def prior(self) -> dict[str, Belief]:
+        """What the nominal values mean; those of limits as wide as any but the plant's."""
+        own = {one.id for one in self.limits}
+        told = {name: one for name, one in self.values.items() if name.split(".")[0] in own}
+        rest = {name: one for name, one in self.values.items() if name not in told}
+        wiring = wire(self.diagram, self.kinds)
+        limits = {name: float(one["value"] if isinstance(one, Mapping) else one) for name, one in told.items()}
+        return {
+            **prior_of(rest, wiring, parameter_table(wiring, "exact")),
+            **{name: Belief(value, OTHER_TOLERANCE) for name, value in limits.items()},
+        }
+
+    def records(self, prior: Prior, catalogue: Sequence[Effect] = ()) -> Records:
+        """The data that answer it, and what may be missing."""
+        swept = None if self.study is None else self.study.fitted
+        refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
+        noise = event_noise(self.fitted, _rests(self.fitted) if swept is None else swept)
+        return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits)
+
+
+def asked(
+    model: Diagram | Record, sweep: Sweep | Study | None, values: Nominal | None, events: Events, options: StudyOptions
+) -> Asked:
+    """The question in full; IbridError for what does not belong together."""
+    if options.get("port"):
+        raise IbridError("events are not played through a port yet; leave --port out")
+    limits: tuple[Limit, ...] = ()
+    if isinstance(model, Record):
+        known = model_of_record(model)
+        diagram, values, limits = known.diagram, values or known.values, known.limits
+    else:
+        diagram, (limits, values) = model, limits_told(values or {})
+    given = options.get("holdout_op", ())
+    held = (given,) if isinstance(given, str) else tuple(given)
+    names = tuple(name for name in held if name in events.names)
+    if names and len(names) == len(events.names):
+        raise IbridError("every record is held out; leave at least one to fit")
+    points = tuple(name for name in held if name not in names)
+    if sweep is None and points:
+        raise IbridError(f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}")
+    study = None if sweep is None else Study.of(sweep, **{**options, "holdout_op": points})
+    if study is not None:
+        study = replace(study, sweep=at_amplitudes(study.sweep)[0])
+    kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    require_legal(diagram, kinds, equilibrium="exact")
+    return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
+
+
+def _rests(events: Events) -> Sweep:
+    """The rest of each record as an operating point, where nothing was swept."""
+    nothing = np.eye(2, dtype=complex)[None]
+    points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)
+    return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)

@@ -1,0 +1,156 @@
+"""evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events, and to a sweep beside them.
+
+A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the sweep as well, of which a
+record that reaches a limit or an outer loop tells the right one. Without a sweep it begins at nominal or typical values and draws
+about them, led by the measured current (`ibrid.gap.event_fit`).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Unpack
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
+from ibrid.fit import kernel
+from ibrid.fit.settings import FitSettings
+from ibrid.gap.data import Values
+from ibrid.gap.event_fit import EventFit
+from ibrid.gap.event_question import NO_REST, Asked, asked
+from ibrid.gap.event_record import played, record_of
+from ibrid.gap.noise import ADEQUATE
+from ibrid.gap.prior import Nominal
+from ibrid.gap.records import Records
+from ibrid.gap.trial import LIKELY, Model
+from ibrid.measurement.events import Events
+from ibrid.measurement.labels import Convention
+from ibrid.measurement.sweep import Sweep
+from ibrid.structure.diagram import Diagram
+from ibrid.study import Study, StudyOptions
+
+#: Draws about typical values that records alone begin from, their standard deviation in decades, and how many are descended.
+DRAWS, WIDTH, DESCENDED = 96, 0.3, 8
+#: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
+APART = 20.0
+
+
+def evaluate_events(
+    model: Diagram | Record,
+    events: Events,
+    sweep: Sweep | Study | None = None,
+    *,
+    values: Nominal | None = None,
+    settings: FitSettings | None = None,
+    **options: Unpack[StudyOptions],
+) -> Record:
+    """Fit a diagram's free parameters, and those of limits beside it, to records of events.
+
+    Parameters
+    ----------
+    model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
+    events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
+    values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
+    settings : effort of the fit to the sweep; after its seconds no further start of records alone is descended.
+    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
+        equilibrium exact.
+
+    Returns
+    -------
+    Record with `nrmse_by_record` (|i_model - i| / |i - i_rest|) and `nrmse_by_window`; its intervals and covariance are those of
+    all data together, and `twins` those that records do not tell apart either.
+
+    Raises
+    ------
+    IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
+    """
+    started = time.perf_counter()
+    kernel.load()
+    question = asked(model, sweep, values, events, options)
+    if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
+        raise IbridError(
+            "events are fitted with shared parameters and the exact equilibrium; leave the other options out"
+        )
+    data, effort = question.records({}), settings or FitSettings()
+    nominal = {name: belief.nominal for name, belief in question.prior().items()}
+    twins: list[Values] = []
+    if question.study is None:
+        fits = _explaining(_drawn(question, data, nominal), question, data, effort.seconds)
+    else:
+        begun = evaluate(question.diagram, question.study, settings=effort)
+        twins = [{**nominal, **twin} for twin in begun.twins]
+        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, data)
+    if not fits:
+        raise IbridError(NO_REST)
+    least = min(fit.cost for fit in fits)
+    best = next(fit for fit in fits if fit.cost - least < LIKELY)
+    found = Model(question.diagram, Convention(), best)
+    record = record_of(found, data, question, played(found, data, events))
+    if twins:
+        others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
+        record = _told_apart(record, best, others)
+    return replace(record, seconds=time.perf_counter() - started)
+
+
+def _fitted(starts: Sequence[Values], question: Asked, data: Records) -> list[EventFit]:
+    fits = (data.fitter.fit(question.diagram, question.limits, [start]) for start in starts)
+    return [fit for fit in fits if fit is not None]
+
+
+def _explaining(starts: Sequence[Values], question: Asked, data: Records, seconds: float) -> list[EventFit]:
+    """Fits from starts in turn, until one explains the records or the time is up."""
+    began, fits = time.perf_counter(), list[EventFit]()
+    for start in starts:
+        fits += _fitted([start], question, data)
+        if time.perf_counter() - began > seconds or any(fit.p_value() > ADEQUATE for fit in fits):
+            break
+    return fits
+
+
+def _drawn(question: Asked, data: Records, nominal: Values) -> list[Values]:
+    """Of draws about nominal and typical values those whose predictions are best."""
+    misfit, rng = data.fitter.misfit(question.diagram, question.limits).predicting, np.random.default_rng(question.seed)
+    middle = misfit.beliefs.start(nominal)
+    drawn = middle + WIDTH * np.log(10.0) * rng.standard_normal((DRAWS, len(middle)))
+    x = np.clip(np.concatenate([middle[None], drawn]), *misfit.box)
+    ranked = x[np.argsort(misfit.at(x).cost, kind="stable")]
+    return [misfit.values(one) for one in ranked[:DESCENDED]]
+
+
+def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:
+    """The record with the twins of the sweep that the records leave, and in words those that they exclude.
+
+    others : where the twins lead, and the twins themselves, which need not be minima any more.
+    """
+    visible = [name for name, span in next(iter(record.intervals.values())).items() if span is not None]
+    apart = [fit for fit in others if _moved(fit, best, visible)]
+    left = [fit for fit in apart if fit.chi2 - best.chi2 < APART]
+    twins = [fit for place, fit in enumerate(left) if all(_moved(fit, before, visible) for before in left[:place])]
+    sentences = [
+        f"a twin that the sweep does not exclude, {_shown(_moved(fit, best, visible))}, is excluded by the records "
+        f"(chi2 higher by {fit.chi2 - best.chi2:.3g})"
+        for fit in apart
+        if not twins and np.isfinite(fit.chi2)
+    ]
+    return replace(
+        record,
+        twins=tuple(
+            {name: float(fit.values[name]) for name in next(iter(record.parameters.values()))} for fit in twins
+        ),
+        identifiability=(*record.identifiability, *sentences[-1:]),
+    )
+
+
+def _moved(fit: EventFit, best: EventFit, visible: Sequence[str]) -> list[str]:
+    """What has another value, of what the data see."""
+    return [
+        f"{name} {fit.values[name]:.4g} instead of {best.values[name]:.4g}"
+        for name in visible
+        if abs(fit.values[name] - best.values[name]) > 1e-2 * abs(best.values[name])
+    ]
+
+
+def _shown(moved: Sequence[str]) -> str:
+    return ", ".join(moved[:3]) + (f", {len(moved) - 3} more" if len(moved) > 3 else "")

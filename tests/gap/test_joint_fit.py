@@ -1,0 +1,148 @@
+"""A fit to records of events, alone and beside a sweep: truth comes from an independent simulation of the same device."""
+
+import json
+from collections.abc import Sequence
+from math import pi
+
+import numpy as np
+import pytest
+from ibrid_bench.events.device import Device, simulate
+from sharing import shared
+
+import ibrid
+from ibrid.cli import main
+from ibrid.evaluation.record import Record
+from ibrid.gap.joint_fit import evaluate_events
+from ibrid.measurement.event_csv import write_events
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.playback.recording import event_of
+from ibrid.schemas import breach
+
+#: The shipped benchmark, whose sweep is `paper_like`.
+NUMBERS = {
+    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.15, "R_g": 0.01, "kP_pll": 60.0, "kI_pll": 1400.0, "w_pll": 1000 * pi,
+    "kP": 0.02, "kI": 20.0, "kP_c": 0.5, "kI_c": 4 * pi, "feedforward": 1.0, "decoupling": 0.15,
+}  # fmt: skip
+#: What every response shows of it; the rest scales together.
+VISIBLE = {
+    "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01, "pll.kP_pll": 60.0, "pll.kI_pll": 1400.0,
+    "pll_filter.omega_c": 1000 * pi, "power.kP": 0.02, "power.kI": 20.0,
+}  # fmt: skip
+TEXTBOOK = "gfl_pll_filter_exact"
+
+
+@shared
+def records(*events: str, u_max: float = 0.0, noise: float = 10**-2.5) -> Events:
+    """Of the benchmark at p = 0.8, q = 0.1, with noise of 50 dB; u_max : of a limit of its command, none where zero."""
+    limits = {"command_limit": {"u_max": u_max, "windup": False}} if u_max else {}
+    rng, found, time = np.random.default_rng(4), [], np.arange(900) / 5000
+    for event in events:
+        shape = event_of(event).voltage(time, 1.0)
+        v = np.stack([shape.real, shape.imag], axis=1)
+        i = simulate(Device(NUMBERS, limits), (0.8, 0.1, 1.0), time, v)
+        sigma = noise * float(np.sqrt(np.mean((i - i[0]) ** 2)))
+        rest = OperatingPoint(event.split(",")[0], float(i[0, 0]), float(-i[0, 1]), 1.0)
+        found.append(EventRecord(rest, time, v, i + sigma * rng.standard_normal(i.shape), 0.0398))
+    return Events(tuple(found))
+
+
+def sweep() -> ibrid.Sweep:
+    return ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+
+
+def errors(record: Record, values: dict[str, float] = VISIBLE) -> dict[str, float]:
+    found = next(iter(record.parameters.values()))
+    return {name: abs(found[name] / value - 1.0) for name, value in values.items()}
+
+
+def inside(record: Record, names: Sequence[str]) -> list[str]:
+    """Names whose interval, three times as wide, holds the truth."""
+    intervals = next(iter(record.intervals.values()))
+    values = next(iter(record.parameters.values()))
+    ends = {name: intervals[name] for name in names}
+    return [
+        name
+        for name, span in ends.items()
+        if span and abs(values[name] - VISIBLE[name]) <= 3.0 * max(span[1] - values[name], values[name] - span[0])
+    ]
+
+
+@shared
+def joint() -> Record:
+    events = records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04", "swell:1.05,at=0.04,for=0.09")
+    return evaluate_events(ibrid.textbook(TEXTBOOK), events, sweep(), holdout_op=("swell:1.05",))
+
+
+def test_one_parameter_set_explains_sweep_and_records_and_predicts_the_one_held_out():
+    record = joint()
+    assert (record.outcome, record.grade) == ("ok", "explains")
+    assert max(errors(record).values()) < 1e-3
+    assert set(record.nrmse_by_record) == {"dip:0.8", "phase:6", "swell:1.05"}
+    assert set(record.holdout) == {"swell:1.05"}
+    assert max(record.nrmse_by_record.values()) < 1.2 * 10**-2.5  # the noise
+    assert breach(record.to_json(), "record") is None
+
+
+def test_what_neither_sweep_nor_records_see_has_no_interval():
+    intervals = next(iter(joint().intervals.values()))
+    assert {name for name, span in intervals.items() if span is None} == set(intervals) - set(VISIBLE)
+    assert any("scale together" in sentence for sentence in joint().identifiability)
+
+
+def test_records_alone_tell_what_they_show_within_their_intervals():
+    record = evaluate_events(ibrid.textbook(TEXTBOOK), records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"))
+    assert record.grade == "explains"
+    assert max(errors(record).values()) < 0.05
+    assert inside(record, list(VISIBLE)) == list(VISIBLE)
+    assert set(record.nrmse_by_op) == set(record.nrmse_by_record) == {"dip:0.8", "phase:6"}
+
+
+def test_a_twin_of_the_sweep_is_excluded_by_a_record_that_reaches_a_limit_of_the_voltage():
+    model, values = ibrid.textbook(TEXTBOOK), {"command_limit.u_max": 1.1}
+    assert ibrid.evaluate(model, sweep()).twins
+    event = "swell:1.2,at=0.04,for=0.09"
+    told = evaluate_events(model, records(event, u_max=1.1), sweep(), values=values)
+    assert told.grade == "explains"
+    assert told.twins == ()
+    assert any("excluded by the records" in sentence for sentence in told.identifiability)
+    assert told.settings["large_signal"][0]["parameters"]["u_max"] == pytest.approx(1.1, rel=1e-2)
+    left = evaluate_events(model, records("phase:2,at=0.04"), sweep())
+    assert left.twins
+
+
+@pytest.fixture
+def file(tmp_path):
+    place = tmp_path / "dip.csv"
+    write_events(records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"), place)
+    return place
+
+
+def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
+    out, page = file.with_name("out.json"), file.with_name("page.html")
+    words = ["evaluate", TEXTBOOK, "paper_like", "--events", str(file), "--report", str(page)]
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    assert "dip:0.8" in text
+    assert "by window" in text
+    assert "Records of events" in page.read_text(encoding="utf-8")
+    assert main(["evaluate", TEXTBOOK, str(file), "--json", str(out)]) == 0
+    record = json.loads(out.read_text())
+    assert set(record["nrmse_by_window"]) >= {"pre", "first cycle"}
+    assert main(["predict", str(out), "--events", str(file), "--out", str(file.with_name("answer.csv"))]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("paper_like", "--values", "x.json"), "--values is for records of events"),
+        (("FILE", "--events", "FILE"), "holds records of events, as --events does"),
+        (("FILE", "--objective", "nrmse"), "no --objective but the usual"),
+        (("FILE", "--parameters", "per-op"), "no --parameters but the usual"),
+        (("FILE", "--holdout-op", "dip:8"), "have no record 'dip:8' to hold out"),
+        (("paper_like", "--events", "nosuch.csv"), "there is none"),
+    ],
+)
+def test_what_a_fit_to_records_does_not_know_is_one_sentence(file, capsys, words, said):
+    assert main(["evaluate", TEXTBOOK, *(str(file) if word == "FILE" else word for word in words)]) == 2
+    assert said in capsys.readouterr().err
