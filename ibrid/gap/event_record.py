@@ -94,7 +94,10 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     empty: dict[str, Any] = {name: {} for name in ("nrmse_by_band", "nrmse_by_entry", "share_by_band", "nrmse_by_part")}
     floor = floor_of(data)
     record = replace(record, nrmse=error, nrmse_by_op=fitted, grade=str(grade), noise_floor=floor, **empty)
-    return replace(record, misfit=None, over_noise=None)
+    stated = all(one.sigma is not None for one in data.noise.events.records)
+    told_by = {"value": floor, "from": "sigma" if stated else "repeats"}  # samples at rest repeat one number
+    misfit = {"chi2_per_dof": model.refit.chi2 / model.refit.dof, "floor": told_by, "by_entry_band": []}
+    return replace(record, misfit=misfit, over_noise=None)
 
 
 def _grade(model: Model, error: float | None, floor: float) -> Grade:
