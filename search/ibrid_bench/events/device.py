@@ -75,17 +75,29 @@ def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray
     return found
 
 
-def poles(device: Device, point: tuple[float, float, float]) -> np.ndarray:
-    """Of the device at rest, 1/s, by differences."""
+def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C of the device at rest from the voltage to the current at the PCC, by differences; no limit acts there."""
     x, wanted = at_rest(Device(device.numbers), *point)
-    rates = _rates(Device(device.numbers), wanted, lambda t: (point[2], 0.0), {"below": -np.inf})
-    columns = []
-    for k in range(13):
-        shift = np.zeros(14)
-        shift[k] = 1e-6
-        columns.append((rates(0.0, np.array(x) + shift) - rates(0.0, np.array(x) - shift))[:13] / 2e-6)
     keep = [k for k in range(13) if k != 8 or device.numbers["w_pll"]]
-    return np.linalg.eigvals(np.array(columns).T[np.ix_(keep, keep)])
+    x, step = np.array(x), 1e-6
+
+    def rates(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return _rates(Device(device.numbers), wanted, lambda t: v, {"below": -np.inf})(0.0, x)
+
+    def slopes(answer: Callable[[np.ndarray], Any], size: int) -> np.ndarray:
+        moves = step * np.eye(size)
+        return np.array([np.subtract(answer(one), answer(-one)) for one in moves]).T / (2 * step)
+
+    v = np.array([point[2], 0.0])
+    a = slopes(lambda move: rates(x + move, v), 14)
+    b = slopes(lambda move: rates(x, v + move), 2)
+    c = slopes(lambda move: _out(x + move), 14)
+    return a[np.ix_(keep, keep)], b[keep], c[:, keep]
+
+
+def poles(device: Device, point: tuple[float, float, float]) -> np.ndarray:
+    """Of the device at rest, 1/s."""
+    return np.linalg.eigvals(linear(device, point)[0])
 
 
 def _out(x: np.ndarray) -> tuple[float, float]:

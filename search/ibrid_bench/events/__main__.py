@@ -1,0 +1,94 @@
+"""`python -m ibrid_bench.events`: how often `ibrid gap` names the limit or block that a device with records of events hides.
+
+Devices are simulated apart from the package (`device`), models are theirs without what is hidden, their nominal values 15 % off;
+half of the cases have a sweep beside the records; noise none, 60 and 40 dB. The last record is held out and predicted. A hidden
+limit changes what is recorded by 5 % at least; of those that are not reached nothing may be said.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from ibrid_bench.events.cases import HIDDEN, draw
+from ibrid_bench.ledger import Ledger, resumable
+
+from ibrid.errors import IbridError
+from ibrid.gap.workflow import find_gap
+from ibrid.structure.library import textbook
+
+LEVELS = (None, 60.0, 40.0)
+SILENT = ("no-gap", "parameters-only")
+#: Noise floors up to which a held-out record counts as predicted.
+PREDICTED = 3.0
+
+
+def main() -> int:
+    """Measure what is missing in --out, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=12, help="devices of each kind (12)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first (0)")
+    parser.add_argument("--only", action="append", default=[], choices=HIDDEN, help="what is hidden, repeatable (all)")
+    parser.add_argument("--out", type=Path, default=Path("out/bench-events"), help="folder of the results")
+    options = parser.parse_args()
+    return resumable("bench-events", options.out, lambda: _measure(options))
+
+
+def _measure(options: argparse.Namespace) -> int:
+    ledger = Ledger(options.out)
+    for seed in range(options.seed, options.seed + options.cases):
+        for hidden in options.only or HIDDEN:
+            key = f"{hidden}/{seed}"
+            if key not in ledger.rows:
+                ledger.add({"key": key, **_row(hidden, seed)})
+                print(key, {name: value for name, value in ledger.rows[key].items() if name != "key"}, flush=True)
+    print("| hidden | cases | named first | or alike | silent | predicted | median s |\n" + "| --- " * 7 + "|")
+    for hidden in HIDDEN:
+        own = [row for row in ledger.rows.values() if row["hidden"] == hidden]
+        if own:
+            counts = (sum(bool(row[name]) for row in own) for name in ("first", "alike", "silent", "predicted"))
+            seconds = round(median(row["seconds"] for row in own))
+            print("|", " | ".join(map(str, (hidden, len(own), *counts, seconds))), "|")
+    return 0
+
+
+def _row(hidden: str, seed: int) -> dict[str, Any]:
+    noise_db, swept = LEVELS[seed % 3], bool(seed % 2)
+    case = draw(hidden, seed, noise_db, swept=swept)
+    told = {"hidden": hidden, "noise_db": noise_db, "swept": swept, "limits": dict(case.device.limits)}
+    began = time.process_time()
+    try:
+        gap = find_gap(
+            textbook(case.textbook),
+            case.sweep,
+            case.values,
+            events=case.events,
+            holdout_op=(case.held,),
+            progress="silent",
+        )
+    except IbridError as error:
+        nothing = dict.fromkeys(("first", "alike", "silent", "predicted"), False)
+        return {**told, **nothing, "verdict": f"error: {error}", "named": [], "seconds": time.process_time() - began}
+    named = [effect.id for effect in gap.effects]
+    alike = named and hidden in (named[0], *gap.effects[0].indistinguishable_from)
+    return {
+        **told,
+        "verdict": gap.verdict,
+        "named": named,
+        "first": named[:1] == [hidden],
+        "alike": bool(alike),
+        "silent": gap.verdict in SILENT,
+        "predicted": _predicted(gap.after["holdout"], noise_db),
+        "errors": [gap.before["refit"], gap.after["refit"], gap.after["holdout"], gap.noise_floor],
+        "seconds": time.process_time() - began,
+    }
+
+
+def _predicted(error: float | None, noise_db: float | None) -> bool:
+    """Whether the record that was held out is within some floors, of its noise or of a thousandth of what happens."""
+    return error is not None and error < PREDICTED * (1e-3 if noise_db is None else 10 ** (-noise_db / 20))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

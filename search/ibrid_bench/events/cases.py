@@ -1,0 +1,150 @@
+"""Cases with records of events: a drawn device with one limit or block that its model lacks, or none, apart from the package."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from ibrid_bench.events.device import OMEGA, Device, at_rest, linear, poles, simulate
+
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.playback.recording import event_of
+
+#: What the numbers are drawn around, within a factor `SPREAD` each way; deviation of the nominal values from the truth.
+TYPICAL = {
+    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.15, "R_g": 0.01, "kP_pll": 60.0, "kI_pll": 1400.0, "w_pll": 3000.0,
+    "kP": 0.02, "kI": 20.0, "kP_c": 0.5, "kI_c": 15.0, "decoupling": 0.15,
+}  # fmt: skip
+SPREAD, ASTRAY = 1.35, 0.15
+NAMES = {
+    "L_F": "plant.L_F", "R_F": "plant.R_F", "C_F": "plant.C_F", "L_g": "plant.L_g", "R_g": "plant.R_g", "kP_pll": "pll.kP_pll",
+    "kI_pll": "pll.kI_pll", "w_pll": "pll_filter.omega_c", "kP": "power.kP", "kI": "power.kI", "kP_c": "current.kP",
+    "kI_c": "current.kI", "decoupling": "decoupling.L",
+}  # fmt: skip
+#: What is missing in the model; nothing; nothing, but a limit that no record reaches.
+LIMITS = (
+    "current_limit", "command_limit", "pll_freeze", "momentary_cessation", "voltage_support", "reference_ramp",
+)  # fmt: skip
+HIDDEN = (*LIMITS, "pll_filter", "nothing", "unreached")
+#: Part of the answer that a hidden limit must change, and which one that is not reached may.
+REACHED, UNREACHED = 0.05, 1e-6
+RATE, LENGTH, AT, LASTS = 5000.0, 0.3, 0.06, 0.1
+FREQUENCY = np.geomspace(5.0, 2000.0, 16)
+
+
+@dataclass(frozen=True, eq=False)
+class EventCase:
+    """`hidden` : of `HIDDEN`. `textbook` : name of the model. `held` : name of the record that is not for the fit."""
+
+    hidden: str
+    device: Device
+    textbook: str
+    values: Mapping[str, float]
+    events: Events
+    held: str
+    sweep: Sweep | None
+
+
+def draw(hidden: str, seed: int, noise_db: float | None, *, swept: bool) -> EventCase:
+    """A case, the same for the same arguments. noise_db : below the rms of what happens, of each sample. swept : with a sweep."""
+    rng = np.random.default_rng([seed, HIDDEN.index(hidden)])
+    while True:
+        numbers = {name: value * SPREAD ** rng.uniform(-1, 1) for name, value in TYPICAL.items()} | {"feedforward": 1.0}
+        numbers["decoupling"] = numbers["L_F"]
+        if hidden != "pll_filter" and rng.random() < 0.5:
+            numbers["w_pll"] = 0.0
+        point = (float(rng.uniform(0.4, 0.9)), float(rng.uniform(-0.3, 0.3)), 1.0)
+        limits, words = _limit(hidden, numbers, point, rng)
+        device = Device(numbers, limits)
+        try:
+            if poles(device, point).real.max() > -1.0:
+                continue
+            records = [_answer(device, point, word) for word in words]
+        except ValueError:
+            continue
+        change = [np.linalg.norm(i - _answer(Device(numbers), point, word)[2]) / np.linalg.norm(i - i[0])
+                  for word, (_, _, i) in zip(words, records, strict=True)] if limits else []  # fmt: skip
+        if hidden in LIMITS and not (change[0] > REACHED and change[-1] > REACHED):
+            continue
+        if hidden == "unreached" and max(change) > UNREACHED:
+            continue
+        break
+    lacks = hidden == "pll_filter" or not numbers["w_pll"]
+    values = {
+        NAMES[name]: value * float(np.exp(ASTRAY * rng.standard_normal()))
+        for name, value in numbers.items()
+        if name in NAMES and not (name == "w_pll" and lacks)
+    }
+    events = Events(tuple(_noisy(word, one, noise_db, rng) for word, one in zip(words, records, strict=True)))
+    sweep = _swept(device, point, noise_db, rng) if swept else None
+    textbook = "gfl_exact" if lacks else "gfl_pll_filter_exact"
+    return EventCase(hidden, device, textbook, values, events, events.names[-1], sweep)
+
+
+def _limit(
+    hidden: str, numbers: Mapping[str, float], point: tuple[float, float, float], rng: np.random.Generator
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """The limits of a device, and three events of which the first and the last reach them."""
+    low, lower = (float(rng.uniform(*ends)) for ends in ((0.45, 0.6), (0.35, 0.5)))
+    small, phase = f"dip:{rng.uniform(0.9, 0.95):.3f}", f"phase:{rng.uniform(5, 15):.1f}"
+    words = [f"dip:{low:.3f}", phase, f"dip:{lower:.3f}"]
+    windup, size = bool(rng.random() < 0.25), float(np.hypot(point[0], point[1]))
+    if hidden == "current_limit":
+        mode = ("magnitude", "d", "q")[int(rng.integers(3))]
+        return {hidden: {"i_max": size * rng.uniform(1.1, 1.3), "mode": mode, "windup": windup}}, words
+    if hidden == "command_limit":
+        x, _ = at_rest(Device(numbers), *point)
+        swells = [f"swell:{rng.uniform(1.1, 1.2):.3f}", phase, f"swell:{rng.uniform(1.1, 1.2):.3f}"]
+        most = abs(complex(x[2], x[3]) + 1j * numbers["L_F"] * complex(x[0], x[1])) * rng.uniform(1.02, 1.06)
+        return {hidden: {"u_max": most, "windup": windup}}, swells
+    if hidden == "pll_freeze":
+        words = [f"dip:{low:.3f},for={LASTS}", phase, f"dip:{lower:.3f}"]
+        return {hidden: {"v_freeze": float(rng.uniform(0.65, 0.85))}}, words
+    if hidden == "momentary_cessation":
+        law = {"v_block": rng.uniform(0.65, 0.85), "t_hold": rng.uniform(0.01, 0.05), "ramp": rng.uniform(5, 20)}
+        return {hidden: {name: float(value) for name, value in law.items()}}, words
+    if hidden == "voltage_support":
+        return {hidden: {"k": float(rng.uniform(1, 3)), "dead": float(rng.uniform(0.04, 0.12))}}, words
+    if hidden == "reference_ramp":
+        return {hidden: {"ramp": float(rng.uniform(0.5, 2.0))}}, words
+    if hidden == "unreached":
+        return {"current_limit": {"i_max": 3.0, "mode": "magnitude", "windup": False}}, [small, phase, words[-1]]
+    return {}, [small, phase, words[0]]
+
+
+def _answer(device: Device, point: tuple[float, float, float], word: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    time = np.arange(round(LENGTH * RATE)) / RATE
+    lasting = "" if word.startswith("phase") else f",for={LASTS}"
+    shape = event_of(f"{word.partition(',')[0]},at={AT}{lasting}").voltage(time, point[2])
+    v = np.stack([shape.real, shape.imag], axis=1)
+    return time, v, simulate(device, point, time, v)
+
+
+def _noisy(
+    word: str, answer: tuple[np.ndarray, np.ndarray, np.ndarray], noise_db: float | None, rng: np.random.Generator
+) -> EventRecord:
+    time, v, i = answer
+    rest = OperatingPoint(word.partition(",")[0], float(i[0, 0] * v[0, 0]), float(-i[0, 1] * v[0, 0]), float(v[0, 0]))
+    level = 0.0 if noise_db is None else 10 ** (-noise_db / 20) * float(np.sqrt(np.mean((i - i[0]) ** 2)))
+    return EventRecord(rest, time, v, i + level * rng.standard_normal(i.shape), AT)
+
+
+def _swept(
+    device: Device, point: tuple[float, float, float], noise_db: float | None, rng: np.random.Generator
+) -> Sweep:
+    """Two operating points, that of the records and with the other sign of q; sigma stated where there is noise."""
+    points = []
+    for p, q, v in (point, (point[0], -point[1] - 0.1, point[2])):
+        a, b, c = linear(device, (p, q, v))
+        answer = np.array([c @ np.linalg.solve(2j * np.pi * f * np.eye(len(a)) - a, b) for f in FREQUENCY])
+        x, _ = at_rest(device, p, q, v)
+        turned = complex(x[4], x[5]) * np.exp(1j * x[6])  # to the frame of the PCC's voltage
+        op = OperatingPoint(f"p={v * turned.real:.4f},q={-v * turned.imag:.4f}", v * turned.real, -v * turned.imag, v)
+        if noise_db is None:
+            points.append(PointSweep(op, FREQUENCY, answer))
+            continue
+        sigma = 10 ** (-noise_db / 20) * np.abs(answer)
+        noise = sigma * (rng.standard_normal(answer.shape) + 1j * rng.standard_normal(answer.shape)) / np.sqrt(2)
+        points.append(PointSweep(op, FREQUENCY, answer + noise, sigma / np.sqrt(2)))
+    return Sweep(tuple(points), f0_hz=OMEGA / (2 * np.pi), power_node="pcc", source="drawn")
