@@ -65,6 +65,10 @@ def declare(commands: Any) -> None:
     """Add the commands to the parser."""
     search = commands.add_parser("search", help="find the hidden controller: evaluated edits of shipped diagrams")
     search.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    search.add_argument(
+        "--events", metavar="EVENTS", help="records of events, which judge what the sweep does not tell apart"
+    )
+    inputs.add_events_options(search)
     search.add_argument("--out", required=True, metavar="RUN", help="folder of the run; a new one, unless --resume")
     search.add_argument(
         "--start",
@@ -189,7 +193,9 @@ def declare(commands: Any) -> None:
 
 def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
-    sweep = inputs.measured(arguments.data)
+    sweep, events = inputs.measured_or_events(arguments)
+    if sweep is None:
+        raise IbridError(f"a search needs a sweep; give it as DATA, and {arguments.data} as --events")
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 
@@ -231,6 +237,7 @@ def run_search(arguments: Namespace) -> int:
             port=inputs.port(arguments.port, sweep),
             labels=arguments.labels,
             truth=truth,
+            events=events,
             resume=arguments.resume,
             progress="auto",
         )

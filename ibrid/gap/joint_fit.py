@@ -33,6 +33,8 @@ from ibrid.study import Study, StudyOptions
 
 #: Draws about typical values that records alone begin from, their standard deviation in decades, and how many are descended.
 DRAWS, WIDTH, DESCENDED = 96, 0.3, 8
+#: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
+ROUNDS, GAIN = 4, 0.995
 #: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
 APART = 20.0
 
@@ -66,6 +68,19 @@ def evaluate_events(
     ------
     IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
     """
+    return weighed_by_events(model, events, sweep, values=values, settings=settings, **options)[0]
+
+
+def weighed_by_events(
+    model: Diagram | Record,
+    events: Events,
+    sweep: Sweep | Study | None = None,
+    *,
+    values: Nominal | None = None,
+    settings: FitSettings | None = None,
+    **options: Unpack[StudyOptions],
+) -> tuple[Record, float]:
+    """`evaluate_events`, and the Bayesian information criterion of the model on all data together."""
     started = time.perf_counter()
     kernel.load()
     question = asked(model, sweep, values, events, options)
@@ -81,7 +96,7 @@ def evaluate_events(
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
-        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, data)
+        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, data, led=False)
     if not fits:
         raise IbridError(NO_REST)
     least = min(fit.cost for fit in fits)
@@ -91,12 +106,23 @@ def evaluate_events(
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)
-    return replace(record, seconds=time.perf_counter() - started)
+    return replace(record, seconds=time.perf_counter() - started), found.bic()
 
 
-def _fitted(starts: Sequence[Values], question: Asked, data: Records) -> list[EventFit]:
-    fits = (data.fitter.fit(question.diagram, question.limits, [start]) for start in starts)
-    return [fit for fit in fits if fit is not None]
+def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bool = True) -> list[EventFit]:
+    """From every start, on and on while it gains; led : by predictions before, which a start near the end need not be."""
+    fits = []
+    for start in starts:
+        fit = data.fitter.fit(question.diagram, question.limits, [start], led=led)
+        for _ in range(ROUNDS):
+            if fit is None or fit.p_value() > ADEQUATE:
+                break
+            again = data.fitter.fit(question.diagram, question.limits, [fit.values], led=False)
+            if again is None or again.cost > GAIN * fit.cost:
+                break
+            fit = again
+        fits += [] if fit is None else [fit]
+    return fits
 
 
 def _explaining(starts: Sequence[Values], question: Asked, data: Records, seconds: float) -> list[EventFit]:

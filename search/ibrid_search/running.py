@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import log
+from math import exp, log
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -14,6 +14,8 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
+from ibrid.measurement.event_csv import event_csv
+from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.check import require_legal
@@ -26,6 +28,7 @@ from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.judged_by_events import judged_by_events
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
 from ibrid_search.merit import criterion
@@ -48,6 +51,10 @@ from ibrid_search.watcher import Watcher
 PATIENT = 4
 #: Candidates within the evidence that are fitted with full effort before the answer is chosen.
 FINALISTS = 4
+#: Best candidates by the sweep that records of events judge, beside the answer and its rivals.
+JUDGED = 6
+#: Why a structure is the answer where records of events judge.
+WHY_EVENTS = "of the structures that the sweep does not tell apart it explains sweep and records of events best"
 #: Starts that are asked for wrong labels.
 DOUBTING = 2
 
@@ -93,6 +100,7 @@ def search(
     budget: int | Goal = 500,
     workers: int | Workers = 1,
     truth: Diagram | None = None,
+    events: Events | None = None,
     resume: bool = False,
     settings: SearchSettings | None = None,
     progress: Progress | str = "interactive",
@@ -113,6 +121,8 @@ def search(
     workers : evaluate so many candidates at once; `ibrid_search.Workers` also names a Ray cluster.
     truth : shown beside the answer; the search itself never sees it. One that is given with `resume` takes the place of an
         earlier one, and nothing else changes.
+    events : records in time: of the structures that the sweep does not tell apart the answer is the one that explains both best,
+        fitted to both together.
     settings : every other number, `ibrid_search.SearchSettings`. progress : "interactive",
         "auto", "terminal", "plain", "notebook", "silent",
         or a Progress.
@@ -135,6 +145,10 @@ def search(
     weighted = proposers.weighted()
     if goal.choose == "op" and not study.held:
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
+    if events is not None and ((study.parameters, study.equilibrium) != ("shared", "exact") or study.port):
+        raise IbridError(
+            "events are fitted with shared parameters, the exact equilibrium and no port; leave the options out"
+        )
     labels: tuple[Mapping[str, Any], ...] = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
@@ -151,6 +165,7 @@ def search(
     if panel.undisturbed:
         settings = replace(settings, pruning=0.0)
     texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
+    texts |= {} if events is None else {"events": event_csv(events)}
     stated = {
         "seed": study.seed, "budget": goal.budget, "target": goal.target, "proposer": panel.names,
         "models": list(proposers.models), "prices": [list(pair) for pair in proposers.prices],
@@ -159,6 +174,7 @@ def search(
         **({"labels": [one["id"] for one in labels]} if doubted else {}),
         "holdout_op": list(study.held), "require": goal.require, "choose": goal.choose, "workers": workers.number,
         "ray": workers.ray or "", "data": study.sweep.source, "data_sha256": digest(texts["data"]),
+        **({} if events is None else {"events": events.source, "events_sha256": digest(texts["events"])}),
         "start_sha256": digest(first), "settings": vars(settings), **learnt,
     }  # fmt: skip
     with open_run(folder, stated, texts, resume) as store:
@@ -174,7 +190,7 @@ def search(
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
-            answer, selection = _concluded(loop, store, assessor, folder, ending, labels)
+            answer, selection = _concluded(loop, store, assessor, folder, ending, labels, events)
             write_run_page(store, inside(folder, PAGE), vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
@@ -236,6 +252,7 @@ def _concluded(
     folder: Path,
     ending: str,
     labels: tuple[Mapping[str, Any], ...],
+    events: Events | None,
 ) -> tuple[Record | None, Mapping[str, Any]]:
     """Fit the answer with full effort and write the files that sum the run up."""
     worth = loop.appraisal
@@ -252,12 +269,21 @@ def _concluded(
     answer = loop.steps[selection["answer"]]
     rivals = rivals_of(answer, loop.steps, worth.record, assessor.floor) if worth.at_floor(answer) else ()
     noise = assessor.floor.level if assessor.floor.known else VISIBLE
+    seconds += _fit_longer(loop, assessor, answer.number)
+    found = worth.record(answer.number)
+    asked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
+    numbers = dict.fromkeys((answer.number, *(rival.step for rival in rivals), *(step.number for step in asked)))
+    if events is not None and (judged := judged_by_events(numbers, worth.record, events, assessor.study)):
+        best, seconds = judged[0], seconds + sum(one.record.seconds for one in judged)
+        others = {one.step: exp((one.bic - best.bic) / 2) for one in judged[1:] if one.bic - best.bic <= 2 * log(ODDS)}
+        rivals = tuple(replace(rival, odds=others[rival.step]) for rival in rivals if rival.step in others)
+        selection |= {"answer": best.step, "why": WHY_EVENTS, "events": [one.against(best) for one in judged]}
+        found = best.record
     selection["rivals"] = [vars(rival) | {"words": rival.words(noise)} for rival in rivals]
     write_whole(inside(folder, SELECTION), selection_json(selection))
-    seconds += _fit_longer(loop, assessor, answer.number)
     store.set_meta("refits", str(seconds))
-    store.set_meta("best", str(answer.number))
-    found = replace(worth.record(answer.number), labels=labels)
+    store.set_meta("best", str(selection["answer"]))
+    found = replace(found, labels=labels)
     write_best(folder, found)
     return found, selection
 
