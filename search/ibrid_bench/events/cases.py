@@ -58,7 +58,7 @@ def draw(hidden: str, seed: int, noise_db: float | None, *, swept: bool) -> Even
         limits, words = _limit(hidden, numbers, point, rng)
         device = Device(numbers, limits)
         try:
-            if poles(device, point).real.max() > -1.0:
+            if np.real(poles(device, point)).max() > -1.0:
                 continue
             records = [_answer(device, point, word) for word in words]
         except ValueError:
@@ -117,7 +117,7 @@ def _answer(device: Device, point: tuple[float, float, float], word: str) -> tup
     time = np.arange(round(LENGTH * RATE)) / RATE
     lasting = "" if word.startswith("phase") else f",for={LASTS}"
     shape = event_of(f"{word.partition(',')[0]},at={AT}{lasting}").voltage(time, point[2])
-    v = np.stack([shape.real, shape.imag], axis=1)
+    v = np.stack([np.real(shape), np.imag(shape)], axis=1)
     return time, v, simulate(device, point, time, v)
 
 
