@@ -189,9 +189,9 @@ def refusals(folder: Path, until: float) -> Row:
 def kills(folder: Path, until: float) -> list[Row]:
     """SIGKILL, alone and with workers of Ray."""
     now, rows = time.monotonic(), []
-    for workers, number, share in ((1, 40, 0.3), (2, 60, 1.0)):
+    for workers, number, later, share in ((1, 40, 0, 0.3), (2, 60, 60, 1.0)):
         end = now + share * (until - now)
-        killed = killed_runs(DATA, folder, number, seed=workers, until=end, workers=workers)
+        killed = killed_runs(DATA, folder, number, seed=workers, until=end, workers=workers, later=later)
         crew = "with workers of Ray" if workers > 1 else "in one process"
         attack = f"kill -9 {crew}, {killed.later} after the first stored result"
         rows.append(Row(attack, killed.kills, [], killed.lost))

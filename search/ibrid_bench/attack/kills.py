@@ -30,20 +30,26 @@ class Kills:
     lost: list[str]
 
 
-def killed_runs(data: str, folder: Path, kills: int, seed: int, until: float, workers: int = 1) -> Kills:
-    """Kill runs until there were so many kills or the time (monotonic, s) is up; the last run is carried to its end."""
+def killed_runs(
+    data: str, folder: Path, kills: int, seed: int, until: float, *, workers: int = 1, later: int = 0
+) -> Kills:
+    """Kill runs until there were so many kills, `later` of them after the first stored result, or the time (monotonic, s) is up;
+    the last run is carried to its end."""
     rng, found, number = random.Random(seed), Kills(0, 0, []), 0
+
+    def wanted() -> bool:
+        return (found.kills < kills or found.later < later) and time.monotonic() < until
+
     whole = folder / f"whole{workers}"
     if _status(_process(data, whole, workers)):
         return Kills(0, 0, [f"with {workers} workers not even a run that nobody kills ends"])
     truth = _steps(whole)
-    while found.kills < kills and time.monotonic() < until:
+    while wanted():
         number += 1
         run = folder / f"run{workers}_{number}"
         ended = False
         while not ended:
-            go_on = found.kills < kills and time.monotonic() < until
-            ended = not _killed(data, run, workers, rng, found) if go_on else _finished(data, run, workers, found)
+            ended = not _killed(data, run, workers, rng, found) if wanted() else _finished(data, run, workers, found)
         if _steps(run) != truth:
             found.lost.append(f"run {number} with {workers} workers ends elsewhere than one that nobody killed")
     return found
