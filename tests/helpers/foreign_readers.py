@@ -1,5 +1,6 @@
 """Readers of binary files as bad as they come, for the process that reads files of others."""
 
+import atexit
 import os
 import time
 
@@ -16,6 +17,12 @@ def crashes(content: bytes) -> dict[str, np.ndarray]:
     import ctypes
 
     ctypes.string_at(0)
+    return plain(content)
+
+
+def ends_badly(content: bytes) -> dict[str, np.ndarray]:
+    """Reads well, and leaves something that kills the process at its end, as threads of Arrow do."""
+    atexit.register(os.abort)
     return plain(content)
 
 

@@ -21,6 +21,10 @@ def test_what_a_reader_finds_comes_back():
     assert held["word"].item() == "abc"
 
 
+def test_what_a_reader_does_at_the_end_of_its_process_takes_nothing_from_what_it_read():
+    assert guarded(foreign_readers.ends_badly, b"\x01", "it")["x"].tolist() == [1]
+
+
 @pytest.mark.parametrize(
     ("reader", "words"),
     [
