@@ -60,7 +60,12 @@ def run(arguments: Namespace) -> int:
         require_place(arguments.report)
     require_distinct(
         {"--json": arguments.json, "--report": arguments.report},
-        {"PROGRAM": arguments.program, "DATA": inputs.sweep_file(arguments.data)},
+        {
+            "PROGRAM": arguments.program,
+            "DATA": inputs.sweep_file(arguments.data),
+            "--events": arguments.events,
+            "--values": arguments.values,
+        },
     )
     sweep, events = inputs.measured_or_events(arguments)
     record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)

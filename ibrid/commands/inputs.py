@@ -89,10 +89,15 @@ def events(text: str, channels: str | None = None, base: str | None = None) -> "
 
 def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
     """The sweep and the records that DATA and --events name; DATA may be either."""
-    options = getattr(arguments, "channels", None), getattr(arguments, "base", None)
+    options = arguments.channels, arguments.base
     if not holds_events(arguments.data):
-        beside = None if arguments.events is None else events(arguments.events, *options)
-        return measured(arguments.data), beside
+        if arguments.events is not None:
+            return measured(arguments.data), events(arguments.events, *options)
+        if any(options):
+            raise IbridError(
+                "--channels and --base are of records of events; give them with --events, or leave both out"
+            )
+        return measured(arguments.data), None
     if arguments.events is not None:
         raise IbridError(
             f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"

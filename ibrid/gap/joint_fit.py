@@ -68,22 +68,13 @@ def evaluate_events(
     ------
     IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
     """
-    return weighed_by_events(model, events, sweep, values=values, settings=settings, **options)[0]
+    return weighed_by_events(asked(model, sweep, values, events, options), settings)[0]
 
 
-def weighed_by_events(
-    model: Diagram | Record,
-    events: Events,
-    sweep: Sweep | Study | None = None,
-    *,
-    values: Nominal | None = None,
-    settings: FitSettings | None = None,
-    **options: Unpack[StudyOptions],
-) -> tuple[Record, float]:
-    """`evaluate_events`, and the Bayesian information criterion of the model on all data together."""
+def weighed_by_events(question: Asked, settings: FitSettings | None = None) -> tuple[Record, float]:
+    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together."""
     started = time.perf_counter()
     kernel.load()
-    question = asked(model, sweep, values, events, options)
     if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
         raise IbridError(
             "events are fitted with shared parameters and the exact equilibrium; leave the other options out"
@@ -102,7 +93,7 @@ def weighed_by_events(
     least = min(fit.cost for fit in fits)
     best = next(fit for fit in fits if fit.cost - least < LIKELY)
     found = Model(question.diagram, Convention(), best)
-    record = record_of(found, data, question, played(found, data, events))
+    record = record_of(found, data, question, played(found, data, question.events))
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)

@@ -63,7 +63,7 @@ def rivals_of(
             if difference <= 2 * log(ODDS):
                 found.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
     likely = sorted(found, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
-    return tuple(_told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
+    return tuple(told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
 
 
 def _information(record: Record, floor: Floor) -> float:
@@ -74,7 +74,7 @@ def _information(record: Record, floor: Floor) -> float:
     return floor.numbers * misfit**2 + log(floor.numbers) * record.free_parameters
 
 
-def _told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
+def told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
     """With the operating point and frequency at which two fitted models differ most."""
     low, high = answer.settings["frequency_hz"]
     frequency = np.geomspace(low, high, 60)

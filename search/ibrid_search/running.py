@@ -4,7 +4,8 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import exp, log
+from functools import partial
+from math import log
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -28,7 +29,7 @@ from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
-from ibrid_search.judged_by_events import judged_by_events
+from ibrid_search.judged_by_events import judged_by_events, rivals_beside
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
 from ibrid_search.merit import criterion
@@ -40,7 +41,7 @@ from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.rivals import ODDS, VISIBLE, rivals_of
 from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, digest, open_run, require_run, write_best
-from ibrid_search.selecting import select, selection_json
+from ibrid_search.selecting import residual_modules, select, selection_json
 from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.store import Store
 from ibrid_search.tally import counts
@@ -271,14 +272,19 @@ def _concluded(
     noise = assessor.floor.level if assessor.floor.known else VISIBLE
     seconds += _fit_longer(loop, assessor, answer.number)
     found = worth.record(answer.number)
-    asked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
-    numbers = dict.fromkeys((answer.number, *(rival.step for rival in rivals), *(step.number for step in asked)))
-    if events is not None and (judged := judged_by_events(numbers, worth.record, events, assessor.study)):
-        best, seconds = judged[0], seconds + sum(one.record.seconds for one in judged)
-        others = {one.step: exp((one.bic - best.bic) / 2) for one in judged[1:] if one.bic - best.bic <= 2 * log(ODDS)}
-        rivals = tuple(replace(rival, odds=others[rival.step]) for rival in rivals if rival.step in others)
-        selection |= {"answer": best.step, "why": WHY_EVENTS, "events": [one.against(best) for one in judged]}
-        found = best.record
+    ranked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
+    numbers = dict.fromkeys((answer.number, *(rival.step for rival in rivals), *(step.number for step in ranked)))
+    if events is not None and (
+        judged := judged_by_events(numbers, worth.record, partial(_allowed, loop), events, assessor.study)
+    ):
+        found, rivals = judged[0].record, rivals_beside(judged, loop.steps)
+        seconds += sum(one.record.seconds for one in judged)
+        selection |= {"answer": judged[0].step, "why": WHY_EVENTS, "residual_modules": residual_modules(found)}
+        selection["events"] = [one.against(judged[0]) for one in judged]
+    elif events is not None:
+        selection["why"] += (
+            "; no candidate has a rest in every record of the events and is stable as it is fitted to them"
+        )
     selection["rivals"] = [vars(rival) | {"words": rival.words(noise)} for rival in rivals]
     write_whole(inside(folder, SELECTION), selection_json(selection))
     store.set_meta("refits", str(seconds))
@@ -310,11 +316,11 @@ def _fit_longer(loop: Loop, assessor: Assessor, number: int) -> float:
         return 0.0
     before = loop.appraisal.record(number)
     again = assessor.record_of(before.program, FitSettings(), before.parameters)
-    better = (
-        again.outcome == Outcome.OK
-        and assessor.floor.error(again) <= assessor.floor.error(before)
-        and all(again.stable.values())
-        and not loop.goal.requirements.unmet(again)
-    )
+    better = _allowed(loop, again) and assessor.floor.error(again) <= assessor.floor.error(before)
     loop.appraisal.fitted_longer(number, again if better else before)
     return again.seconds
+
+
+def _allowed(loop: Loop, record: Record) -> bool:
+    """Whether a fit is stable at every operating point and as the run requires."""
+    return record.outcome == Outcome.OK and all(record.stable.values()) and not loop.goal.requirements.unmet(record)

@@ -65,14 +65,13 @@ def select(
     found = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
     answer, why = _chosen(found, best, way, floor)
     alike = _alike(steps, best, error, floor)
-    record = record_of(answer)
     return {
         "schema": "ibrid.selection/1",
         "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
         "equally_good": alike,
         "answer": answer,
         "why": why,
-        "residual_modules": [one.name for one in record.diagram.instances if _kinds(assessor)[one.kind].residual],
+        "residual_modules": residual_modules(record_of(answer)),
         "seconds": sum(one.seconds for one in refits.values() if one is not None),
     }
 
@@ -89,8 +88,10 @@ def selection_json(found: dict[str, Any]) -> str:
     return json.dumps(found, indent=1, allow_nan=False) + "\n"
 
 
-def _kinds(assessor: Assessor) -> dict[str, Any]:
-    return {kind.name: kind for kind in assessor.study.kinds}
+def residual_modules(record: Record) -> list[str]:
+    """Modules of a record that stand for no physics."""
+    kinds = {kind.name: kind for kind in record.vocabulary}
+    return [one.name for one in record.diagram.instances if kinds[one.kind].residual]
 
 
 def _chosen(found: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:

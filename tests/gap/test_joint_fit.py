@@ -136,6 +136,8 @@ def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     ("words", "said"),
     [
         (("paper_like", "--values", "x.json"), "--values is for records of events"),
+        (("paper_like", "--base", "10kVA,400V"), "--channels and --base are of records"),
+        (("paper_like", "--events", "FILE", "--json", "FILE"), "would overwrite --events"),
         (("FILE", "--events", "FILE"), "holds records of events, as --events does"),
         (("FILE", "--objective", "nrmse"), "no --objective but the usual"),
         (("FILE", "--parameters", "per-op"), "no --parameters but the usual"),

@@ -99,7 +99,6 @@ def _limit(
         most = abs(complex(x[2], x[3]) + 1j * numbers["L_F"] * complex(x[0], x[1])) * rng.uniform(1.02, 1.06)
         return {hidden: {"u_max": most, "windup": windup}}, swells
     if hidden == "pll_freeze":
-        words = [f"dip:{low:.3f},for={LASTS}", phase, f"dip:{lower:.3f}"]
         return {hidden: {"v_freeze": float(rng.uniform(0.65, 0.85))}}, words
     if hidden == "momentary_cessation":
         law = {"v_block": rng.uniform(0.65, 0.85), "t_hold": rng.uniform(0.01, 0.05), "ramp": rng.uniform(5, 20)}
@@ -116,7 +115,7 @@ def _limit(
 def _answer(device: Device, point: tuple[float, float, float], word: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     time = np.arange(round(LENGTH * RATE)) / RATE
     lasting = "" if word.startswith("phase") else f",for={LASTS}"
-    shape = event_of(f"{word.partition(',')[0]},at={AT}{lasting}").voltage(time, point[2])
+    shape = event_of(f"{word},at={AT}{lasting}").voltage(time, point[2])
     v = np.stack([np.real(shape), np.imag(shape)], axis=1)
     return time, v, simulate(device, point, time, v)
 
@@ -125,7 +124,7 @@ def _noisy(
     word: str, answer: tuple[np.ndarray, np.ndarray, np.ndarray], noise_db: float | None, rng: np.random.Generator
 ) -> EventRecord:
     time, v, i = answer
-    rest = OperatingPoint(word.partition(",")[0], float(i[0, 0] * v[0, 0]), float(-i[0, 1] * v[0, 0]), float(v[0, 0]))
+    rest = OperatingPoint(word, float(i[0, 0] * v[0, 0]), float(-i[0, 1] * v[0, 0]), float(v[0, 0]))
     level = 0.0 if noise_db is None else 10 ** (-noise_db / 20) * float(np.sqrt(np.mean((i - i[0]) ** 2)))
     return EventRecord(rest, time, v, i + level * rng.standard_normal(i.shape), AT)
 
