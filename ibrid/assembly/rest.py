@@ -3,6 +3,9 @@
 References (p* = 1) are constants that a linear model has lost. An input of a module must rest where its law wants it: the
 operating point where the law names one, zero in front of an integrator. What the sources there do not add up to is its
 reference. Signals behind integrators count from their value at rest, so that references hold whatever the gains are.
+
+A rest at another frequency than the nominal one is one in the frame that turns with it: there reactances and susceptances are
+larger by the ratio of the frequencies, and a frequency that multiplies in a law, as of the plant, is off by their difference.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,14 +20,17 @@ from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.assembly.terminals import behind_terminals
 from ibrid.errors import IbridError
-from ibrid.modules.kind import EQUILIBRIUM
+from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
 from ibrid.modules.large_signal import require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.outside import PORT
 from ibrid.structure.parameters import ParameterTable, parameters_at
 from ibrid.structure.wiring import PLANT, Wiring
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
 ROUNDING = 1e-12
+#: Input that takes the deviation of the frequency from the nominal one, rad/s.
+DEVIATION = "delta_omega"
 
 
 @dataclass(frozen=True)
@@ -50,8 +56,11 @@ def rest(
     power_node: str,
     omega_0: float,
     pade_orders: Mapping[str, int],
+    deviation: float = 0.0,
 ) -> Rest:
     """The operating point (p, q, v) of a wired diagram at parameter values; of two devices behind one PCC p and q are of both.
+
+    deviation : of the frequency at rest from the nominal one, rad/s; the signals are those of the frame that turns with it.
 
     Raises ModuleError for a kind without a large-signal law, DiagramError where the operating point of a module does not
     follow from the plant, IbridError where there is none.
@@ -59,17 +68,38 @@ def rest(
     for kind in wiring.kinds.values():
         require_large_signal(kind)
     numbers = parameters_at(wiring, table, {name: float(value) for name, value in values.items()})
+    there = _turning(wiring, numbers, 1 + deviation / omega_0)
     settled = []
-    inner = behind_terminals(wiring, numbers, point, power_node)
-    for device, own in device_points(wiring, numbers, inner.point):
-        frame, ports = equilibria(device, numbers, own, inner.power_node, omega_0)
+    inner = behind_terminals(wiring, there, point, power_node)
+    for device, own in device_points(wiring, there, inner.point):
+        frame, ports = equilibria(device, there, own, inner.power_node, omega_0)
         modules = tuple(
             module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
             for name, kind in device.kinds.items()
         )
-        plant = plant_equilibrium(device.kinds[device.plant], numbers[device.plant], *own, inner.power_node)
-        settled.append(_Settled(device, frame, ports, plant, own[2]).settle(modules))
+        plant = plant_equilibrium(device.kinds[device.plant], there[device.plant], *own, inner.power_node)
+        settled.append(_Settled(device, frame, ports, plant, own[2], deviation).settle(modules))
     return _together(wiring, settled)
+
+
+def _turning(
+    wiring: Wiring, numbers: Mapping[str, Mapping[str, float]], ratio: float
+) -> Mapping[str, Mapping[str, float]]:
+    """The numbers with reactances and susceptances at a frequency so many times the nominal one."""
+    if ratio == 1.0:
+        return numbers
+    grows = {name for name, kind in wiring.kinds.items() if _multiplied(kind)}
+    return {
+        name: {key: value * ratio if key[0] in "LC" else value for key, value in own.items()}
+        if name in grows or name.startswith(f"{PORT}.")
+        else own
+        for name, own in numbers.items()
+    }
+
+
+def _multiplied(kind: ModuleKind) -> bool:
+    """Whether the frequency multiplies in the law: a plant, or a decoupling without states."""
+    return DEVIATION in kind.inputs and (kind.family == PLANT or not kind.states)
 
 
 def _together(wiring: Wiring, parts: Sequence[Rest]) -> Rest:
@@ -87,9 +117,15 @@ class _Settled:
     """Fills the values at rest: what the laws want first, then what follows from it, then loops of linear modules."""
 
     def __init__(
-        self, wiring: Wiring, frame: Frame, ports: Mapping[str, Mapping[str, Pair]], plant: Mapping[str, Pair], v: float
+        self,
+        wiring: Wiring,
+        frame: Frame,
+        ports: Mapping[str, Mapping[str, Pair]],
+        plant: Mapping[str, Pair],
+        v: float,
+        deviation: float,
     ) -> None:
-        self.wiring, self.frame, self.ports, self.plant = wiring, frame, ports, plant
+        self.wiring, self.frame, self.ports, self.plant, self.deviation = wiring, frame, ports, plant, deviation
         self.states: dict[str, tuple[float, ...]] = {}
         self.inputs: dict[Channel, float] = {}
         self.outputs: dict[Channel, float] = {(TERMINAL_VOLTAGE, 0): v, (TERMINAL_VOLTAGE, 1): 0.0}
@@ -151,6 +187,8 @@ class _Settled:
                 found.append(atan2(self.frame[1], self.frame[0]))
             elif module.kind.family == PLANT and port in self.plant:
                 found += [float(one) for one in to_frame(self.frame, self.plant[port])]
+            elif port == DEVIATION and _multiplied(module.kind):
+                found.append(self.deviation)
             else:
                 found += [float(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
         return found

@@ -78,13 +78,26 @@ def holds_events(text: str) -> bool:
 def events(text: str, channels: str | None = None, base: str | None = None) -> "Events":
     """The records in a file; what contradicts itself in them is said on the error stream."""
     from ibrid.measurement.event_contradictions import contradictions
-    from ibrid.measurement.read_events import read_events
 
-    _require_file(text, (), "records of events", SweepError)
-    records = read_events(text, channels=channels, base=base)
+    records = read_events_at(text, channels, base)
     for sentence in contradictions(records):
         complain(f"of the events: {sentence}")
     return records
+
+
+def read_events_at(text: str, channels: str | None, base: str | None) -> "Events":
+    """The records in a file, nothing said of them."""
+    from ibrid.measurement.read_events import WORKBOOKS, read_events
+
+    _require_file(text, (), "records of events", SweepError)
+    unit = "si" if base is not None and Path(text).suffix.lower() in WORKBOOKS else None
+    return read_events(text, channels=channels, base=base, unit=unit)
+
+
+def require_no_events_options(arguments: Namespace) -> None:
+    """IbridError for `--channels` or `--base` where there are no records."""
+    if arguments.channels or arguments.base:
+        raise IbridError("--channels and --base are of records of events; give them with --events, or leave both out")
 
 
 def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
@@ -93,10 +106,7 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | No
     if not holds_events(arguments.data):
         if arguments.events is not None:
             return measured(arguments.data), events(arguments.events, *options)
-        if any(options):
-            raise IbridError(
-                "--channels and --base are of records of events; give them with --events, or leave both out"
-            )
+        require_no_events_options(arguments)
         return measured(arguments.data), None
     if arguments.events is not None:
         raise IbridError(

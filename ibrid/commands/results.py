@@ -50,6 +50,8 @@ def declare(commands: Any) -> None:
         "record", metavar="RECORD|DIR", help="a record, the folder of a search, or a folder with a record"
     )
     report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
+    report.add_argument("--events", metavar="EVENTS", help="the records of events, where they have moved")
+    inputs.add_events_options(report)
     report.add_argument("--out", metavar="OUT.html", help="default: beside the record")
     add_kinds_option(report)
     report.set_defaults(run=run_report)
@@ -90,26 +92,40 @@ def run_export(arguments: Namespace) -> int:
 def run_report(arguments: Namespace) -> int:
     """Write the page and say where it is; whether its data are those of the record is a remark."""
     if (Path(arguments.record) / ARCHIVE).is_file():
+        inputs.require_no_events_options(arguments)
+        if arguments.events is not None:
+            raise IbridError(
+                "the page of a search shows no records of events; leave --events out, or report its best.json"
+            )
         return _run_page(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
     out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
     require_place(out)
     data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
-    require_distinct({"--out": out}, {"RECORD": source, "--data": data_file})
+    require_distinct({"--out": out}, {"RECORD": source, "--data": data_file, "--events": arguments.events})
 
     record = inputs.record(source, arguments.kinds)
-    measured = record.settings.get("data")
-    require_distinct({"--out": out}, {"the record's data": measured if isinstance(measured, str) else None})
+    for name in ("data", "events"):
+        measured = record.settings.get(name)
+        require_distinct({"--out": out}, {f"the record's {name}": measured if isinstance(measured, str) else None})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
+    events = None
+    if arguments.events is not None:
+        events = inputs.events(arguments.events, arguments.channels, arguments.base)
+    else:
+        inputs.require_no_events_options(arguments)
 
-    from ibrid.report.page import measured_data, write_report
+    from ibrid.report.page import measured_data, measured_events, write_report
 
     sweep, remark = measured_data(record, sweep)
-    write_report(record, out, sweep=sweep)
+    events, other = measured_events(record, events)
+    write_report(record, out, sweep=sweep, events=events)
     print(out)
     if remark:
         complain(f"{source}: {remark} (--data DATA names it)")
+    if other:
+        complain(f"{source}: {other} (--events EVENTS names them)")
     return 0
 
 

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.errors import SweepError
+from ibrid.errors import IbridError, SweepError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
 
 
@@ -19,6 +20,10 @@ def declare(commands: Any) -> None:
         "start", help="first answer about a sweep: what is odd, which shipped diagram fits, what next"
     )
     parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
+    parser.add_argument(
+        "--events", metavar="EVENTS", help="records of events, to which the best diagrams are fitted too"
+    )
+    inputs.add_events_options(parser)
     parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
     inputs.add_port_option(parser)
     parser.add_argument(
@@ -36,15 +41,19 @@ def run(arguments: Namespace) -> int:
 
     folder = Path(arguments.out or f"{Path(arguments.data).stem}_start")
     require_folder(folder)
+    events = _events(arguments)
     sweep, data = _data(arguments.data, folder)
 
     from ibrid_search.start import start, write_start
 
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:
-        answer = start(sweep, tell=tell, seed=arguments.seed, port=inputs.port(arguments.port, sweep))
-    answer = write_start(answer, data, folder, arguments.port)
-    for warning in answer.inspection.warnings:
+        port = inputs.port(arguments.port, sweep)
+        answer = start(sweep, tell=tell, seed=arguments.seed, port=port, events=events)
+    said = {"--port": arguments.port, "--events": arguments.events}
+    said |= {"--channels": arguments.channels, "--base": arguments.base} if events is not None else {}
+    answer = write_start(answer, data, folder, [part for pair in said.items() if pair[1] is not None for part in pair])
+    for warning in answer.warnings:
         complain(f"mind: {warning}")
     print(answer.sentence)
     print()
@@ -54,6 +63,19 @@ def run(arguments: Namespace) -> int:
     for line in answer.next:
         print(f"  {line}")
     return 0
+
+
+def _events(arguments: Namespace) -> "Events | None":
+    """The records beside the sweep; IbridError for options without them, and for records in place of a sweep."""
+    if inputs.holds_events(arguments.data):
+        raise IbridError(
+            f"{arguments.data} holds records of events, which are no start alone; give a sweep and these as --events, or fit a "
+            f"diagram that you name: ibrid evaluate PROGRAM {arguments.data}"
+        )
+    if arguments.events is not None:
+        return inputs.read_events_at(arguments.events, arguments.channels, arguments.base)
+    inputs.require_no_events_options(arguments)
+    return None
 
 
 def _data(text: str, folder: "Path") -> "tuple[Sweep, str]":

@@ -82,11 +82,10 @@ def run_inspect(arguments: Namespace) -> int:
 def _inspect_events(arguments: Namespace) -> int:
     from ibrid.measurement.event_inspection import inspect_events
     from ibrid.measurement.event_inspection_table import format_events_inspection
-    from ibrid.measurement.read_events import read_events
 
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})
-    inspection = inspect_events(read_events(arguments.data, channels=arguments.channels, base=arguments.base))
+    inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
     if not give_json(inspection.to_json(), arguments.json):
         print(format_events_inspection(inspection), end="")
     return 0

@@ -18,6 +18,9 @@ SUFFIXES = (".cfg", ".dat", ".cff")
 _PARTS = re.compile(rb"^--- *file type: *(\w+)[^\r\n]*---[ \t]*\r?\n", re.M | re.I)
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
 
+#: Steps of time above so many usual ones are a gap.
+JUMP = 5.0
+
 
 def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, float | None]:
     """The record of a COMTRADE file, and its nominal frequency if it says one.
@@ -44,7 +47,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
             f"{where}: the times of the samples must increase; sample {int(np.argmax(np.diff(time) <= 0)) + 2} goes back, do the "
             "data belong to this configuration?"
         )
-    values, remarks = [], []
+    values, remarks = [], _jumps(arrays["stamp"], time)
     for role in roles:
         k = place[role]
         value = arrays["value"][k]
@@ -90,6 +93,21 @@ def _beside(path: Path, suffix: str) -> Path:
     raise SweepError(
         f"{path} must lie beside the {suffix[1:]} file of the record; found none, copy {path.with_suffix(suffix).name} there."
     )
+
+
+def _jumps(stamp: np.ndarray, time: np.ndarray) -> list[str]:
+    """A remark where the times beside the samples jump and those by the rate do not."""
+    steps = np.diff(stamp)
+    if not len(steps) or not np.median(steps) > 0:
+        return []
+    k = int(np.argmax(steps))
+    jump, usual = steps[k] / np.median(steps), np.median(np.diff(time))
+    if len(stamp) != len(time) or jump <= JUMP or time[k + 1] - time[k] > JUMP * usual:
+        return []
+    return [
+        f"a gap: the times beside the samples jump by {jump:.0f} samples at {time[k]:.4g} s, the rate that the record states "
+        "runs on; cut the record there"
+    ]
 
 
 def _clipped(value: np.ndarray, low: float, high: float) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ibrid.measurement.event_rest import current_sequences
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.quantities import percent
 
@@ -21,7 +22,10 @@ _FACTORS = {
     1e-3: "the columns are in kV and the base in V",
 }
 #: Sequences at rest beyond this part of the voltage; currents at rest beyond this, per unit.
-_UNBALANCED, _LOADED = 0.03, 1.5
+_UNBALANCED, _LOADED = 0.03, 1.25
+#: Negative sequence of the current at rest, of the positive one, that no inverter makes; smallest current that tells; degrees
+#: within which one that leads or lags by a third of a turn is of other phases.
+_MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
 #: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where the voltage moves by this.
 _GAP, _PART, _MOVES = 5.0, 0.1, 0.01
 
@@ -32,10 +36,11 @@ def contradictions(events: Events) -> tuple[str, ...]:
 
 
 def _of(record: EventRecord, f0_hz: float) -> Iterator[str]:
-    yield from (f"{record.name}: {remark}." for remark in record.remarks if "clipped" in remark)
+    yield from (f"{record.name}: {remark}." for remark in record.remarks if "clipped" in remark or "a gap" in remark)
     yield from _sizes(record)
     yield from _unbalance(record)
     yield from _gaps(record, f0_hz)
+    yield from _phases_of_the_current(record, f0_hz)
     if record.rest.p < -0.02:
         yield (
             f"{record.name}: p at rest is {record.rest.p:.3g}, the inverter takes power in; if it feeds the grid, its current "
@@ -67,6 +72,22 @@ def _unbalance(record: EventRecord) -> Iterator[str]:
     if record.zero is not None and record.zero > _UNBALANCED * record.rest.v:
         yield (
             f"{record.name}: a zero sequence of up to {percent(record.zero / record.rest.v)} of the voltage at rest is left out."
+        )
+
+
+def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
+    positive, negative = current_sequences(record, f0_hz)
+    if negative > max(_MIXED * positive, _TELLS):
+        yield (
+            f"{record.name}: the current at rest has a negative sequence of {negative:.3g} beside a positive one of "
+            f"{positive:.3g}; a channel of the currents is swapped, reversed or missing."
+        )
+        return
+    angle = np.rad2deg(np.arctan2(record.rest.q, record.rest.p))
+    if positive > _TELLS and min(abs(abs(angle) - 60), abs(abs(angle) - 120)) < _THIRD:
+        yield (
+            f"{record.name}: the current at rest is {abs(angle):.0f} degrees off the voltage; if it should be in phase, its "
+            "channels are not in the order of those of the voltage (a hint: p and q at rest may be so)."
         )
 
 

@@ -35,6 +35,13 @@ def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
     return float(np.sqrt((left**2).sum() / freedom)), freedom
 
 
+def current_sequences(record: EventRecord, f0_hz: float) -> tuple[float, float]:
+    """Magnitudes of the positive and of the negative sequence of the current at rest, per unit; the latter 0 for few samples."""
+    inside = record.time <= record.rest_end
+    found = np.abs(_constants(record.time[inside], record.i[inside] @ np.array([1, 1j]), f0_hz))
+    return float(found[0]), float(found[-1]) if len(found) > 1 else 0.0
+
+
 def record_from_rest(
     name: str,
     time: np.ndarray,
@@ -60,7 +67,7 @@ def record_from_rest(
     level = np.abs(v[:count]).max()
     if not level > 0.01:
         raise SweepError(
-            f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check its unit."
+            f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check its unit: kV in place of V?"
         )
     _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
     offset = _offset_hz(time[:count], v[:count], f0_hz)
@@ -69,7 +76,7 @@ def record_from_rest(
     if abs(offset) > _OFFSET_HZ:
         raise SweepError(
             f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found {f0_hz + offset:.2f} Hz, "
-            "write the nominal frequency into the file as f0_hz."
+            "write the nominal frequency into the file as f0_hz, or into a file beside it with the ending .meta."
         )
     for _ in range(6):
         offset = _offset_hz(time[:count], v[:count], f0_hz)
@@ -149,11 +156,16 @@ def _check_time(name: str, time: np.ndarray, f0_hz: float) -> None:
     if np.searchsorted(time, time[0] + CYCLES / f0_hz) < 3:
         raise SweepError(
             f"record {name} must have samples within the first two cycles ({CYCLES / f0_hz:.4g} s), more than two; its rest, "
-            "and so its operating point, cannot be read."
+            "and so its operating point, cannot be read; is the time in s?"
         )
 
 
 def _check_sequence(name: str, constants: np.ndarray) -> None:
+    if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]) > 0.25 * abs(constants[-1]):
+        raise SweepError(
+            f"record {name}: a voltage of the phases is reversed or missing, its positive sequence is {abs(constants[0]):.2f} "
+            f"and its negative one {abs(constants[-1]):.2f} per unit; see which channel, or name the channels."
+        )
     if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]):
         raise SweepError(
             f"record {name}: the phases turn the wrong way, the negative sequence of the voltage is {abs(constants[-1]):.2f} "

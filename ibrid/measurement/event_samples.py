@@ -19,6 +19,8 @@ MANY, KEPT = 100e3, 25e3
 #: Per unit, far above what a wrong unit makes of kV and kA; what is above is no measurement.
 LARGEST = 1e9
 _THIRD = np.exp(2j * np.pi / 3)
+#: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
+_STANDS, _SAMPLES = 1 / 24, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +73,14 @@ def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
 
 def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, float], f0_hz: float) -> EventRecord:
     v, i, sigma, zero = samples.v / bases[0], samples.i / bases[1], samples.sigma, None
+    remarks = samples.remarks
     if header.get("current") == "in":
         i = -i
     if header["frame"] == "abc":
+        if not any("clipped" in one for one in remarks):
+            pairs = zip(("v_a", "v_b", "v_c", "i_a", "i_b", "i_c"), (*samples.v, *samples.i), strict=True)
+            clipped = [name for name, value in pairs if _clipped(samples.time, value, f0_hz)]
+            remarks += tuple(f"{name} stands still at its largest values: it is clipped" for name in clipped)
         zero = float(np.abs(v.mean(axis=0)).max())
         v, i = (_park(one, samples.time, f0_hz) for one in (v, i))
         sigma = None if sigma is None else sigma * np.sqrt(2 / 3)  # of d and of q, from three equal independent phases
@@ -87,7 +94,18 @@ def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, flo
             f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
         )
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
-    return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*samples.remarks, *fewer))
+    return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer))
+
+
+def _clipped(time: np.ndarray, phase: np.ndarray, f0_hz: float) -> bool:
+    """Whether a channel that moves stands still at one of its ends, for `_STANDS` cycles but not for half of one."""
+    for end in (phase.max(), phase.min()):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], phase == end, [False]]).astype(int)))
+        first, last = edges[::2], edges[1::2] - 1
+        lasts = (time[last] - time[first]) * f0_hz
+        if ((last - first + 1 >= _SAMPLES) & (lasts > _STANDS) & (lasts < 0.5)).any():
+            return True
+    return False
 
 
 def _park(phases: np.ndarray, time: np.ndarray, f0_hz: float) -> np.ndarray:

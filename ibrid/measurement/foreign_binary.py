@@ -59,11 +59,16 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
     return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
 
 
+#: A sample that is missing in COMTRADE text.
+_MISSING = "99999"
+
+
 def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     """The analog channels of a COMTRADE record: eight bytes with the length of the configuration, it, the samples.
 
     time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
     ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values; name, unit, phase; frequency.
+    stamp (n,), the times that stand beside text samples, in units of their own; empty where there are none.
     """
     length = int.from_bytes(content[:8], "big")
     head, data = content[8 : 8 + length], content[8 + length :]
@@ -76,11 +81,13 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
     ascii_samples = "\nASCII\n" in text
-    record.read(text, _cells_stripped(data) if ascii_samples else data)
+    samples = _cells_stripped(data) if ascii_samples else data
+    record.read(text, samples)
     channels = record.cfg.analog_channels
     value = np.array(record.analog, dtype=float)
     value[np.abs(value) > 1e30] = np.nan  # how FLOAT32 says that a sample is missing
     return {
+        "stamp": _stamps(samples) if isinstance(samples, str) else np.zeros(0),
         "time": np.asarray(record.time, dtype=float),
         "value": value,
         "low": np.array([one.a * one.cmin + one.b for one in channels]),
@@ -95,9 +102,17 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _cells_stripped(data: bytes) -> str:
-    """Samples as text without blank lines and padding, which would hide the mark of a missing one."""
+    """Samples as text without blank lines and padding, an empty cell as the mark of a missing one."""
     lines = data.decode("latin-1").replace("\x1a", "").splitlines()
-    return "\n".join(",".join(cell.strip() for cell in line.split(",")) for line in lines if line.strip(" ,\t\0"))
+    rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip(" ,\t\0")]
+    return "\n".join(",".join([*row[:2], *(cell or _MISSING for cell in row[2:])]) for row in rows)
+
+
+def _stamps(samples: str) -> np.ndarray:
+    """The second column; empty where a row has none."""
+    cells = [line.split(",")[1:2] for line in samples.splitlines()]
+    whole = all(cell and cell[0].lstrip("-").isdigit() for cell in cells)
+    return np.array([float(cell[0]) for cell in cells]) if whole else np.zeros(0)
 
 
 def _leaves(values: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, np.ndarray]]:

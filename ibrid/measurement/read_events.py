@@ -18,6 +18,9 @@ from ibrid.measurement.header import values_of
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.told import base_of
 
+#: Endings of files of which only the names of their columns say whether they hold records or a sweep.
+WORKBOOKS = (".xlsx", ".xlsm", ".parquet")
+
 
 def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
     """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
@@ -58,13 +61,24 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
 
 
 def is_events_file(path: Path) -> bool:
-    """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, CSV by its column names."""
+    """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, tables by their column names."""
     if path.suffix.lower() == ".dat":
         return any(path.with_suffix(suffix).exists() for suffix in (".cfg", ".CFG"))
     if path.suffix.lower() in SUFFIXES:
         return True
     try:
+        if path.suffix.lower() in WORKBOOKS:
+            return any(map(_has_channels, read_tables(path)))
         return path.suffix.lower() in ("", ".csv", ".txt") and is_event_csv(read_lines(path))
+    except SweepError:
+        return False
+
+
+def _has_channels(table: ForeignTable) -> bool:
+    """Whether columns are called time, voltages and currents."""
+    own = {_role(name): name for name in table.columns if _role(name)}
+    try:
+        return "t" in chosen([Channel(name) for name in table.columns], own, table.where)
     except SweepError:
         return False
 

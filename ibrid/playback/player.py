@@ -113,6 +113,7 @@ class Player:
             power_node="pcc",
             omega_0=self.omega_0,
             pade_orders=dict(orders),
+            deviation=2 * np.pi * record.offset_hz,
         )
 
     def _laws_at(self, orders: _Orders, at: Rest, led: bool) -> "_Laws":

@@ -12,6 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
+from ibrid.measurement.read_events import read_events
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
@@ -152,6 +153,32 @@ def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, st
         except IbridError as problem:
             return None, f"Only model lines are shown: the data cannot be read again ({problem})"
     return sweep, _doubt(record, sweep)
+
+
+def measured_events(record: Record, events: Events | None) -> tuple[Events | None, str]:
+    """The records to play and show, if it was fitted to any, and a sentence about them, "" when all is as it should be."""
+    if not record.nrmse_by_record:
+        return None, "" if events is None else "The record was not fitted to records of events; they are left out."
+    if events is None:
+        path = str(record.settings.get("events") or "")
+        if not isfile(path):
+            return None, f"Records of events are not shown: the file {path or 'of them'} is not there; give it."
+        try:
+            events = read_events(path)
+        except IbridError as problem:
+            return None, f"Records of events are not shown: they cannot be read again ({problem})"
+    missing = [name for name in record.nrmse_by_record if name not in events.names]
+    if missing:
+        return None, f"Records of events are not shown: {events.source} lacks {', '.join(missing)}."
+    events = events.only(*record.nrmse_by_record)
+    for one in play(model_of_record(record), events).records:
+        stated = record.nrmse_by_record[one.record.name]
+        if one.nrmse is None or abs(one.nrmse - stated) > SAME * stated + ROUNDING:
+            return events, (
+                f"The records shown are not those that were fitted: {one.record.name} has an NRMSE of "
+                f"{one.nrmse or float('nan'):.3g}, the record states {stated:.3g}."
+            )
+    return events, ""
 
 
 def _doubt(record: Record, sweep: Sweep) -> str:

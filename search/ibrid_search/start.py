@@ -4,6 +4,7 @@ import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,16 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.event_question import asked
+from ibrid.gap.joint_fit import weighed_by_events
+from ibrid.measurement.event_contradictions import contradictions
+from ibrid.measurement.events import Events
 from ibrid.measurement.inspect import Inspection, inspect
 from ibrid.measurement.inspection_table import format_inspection
 from ibrid.measurement.sweep import Sweep
+from ibrid.playback.compare import model_of_record, play
 from ibrid.report.page import record_facts
+from ibrid.report.playback_page import played_facts
 from ibrid.report.template import page
 from ibrid.structure.library import textbook
 from ibrid.structure.outside import NOTHING, Outside
@@ -48,19 +55,26 @@ _FAMILIES = {
 @dataclass(frozen=True, eq=False)
 class Ranked:
     """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
-    error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at."""
+    error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
+    information criterion on sweep and records of events, where the record is fitted to both."""
 
     diagram: str
     nrmse: float
     grade: str = ""
     held_out: dict[str, float] | None = None
     record: Record | None = None
+    bic: float = inf
+
+    @property
+    def by_record(self) -> dict[str, float]:
+        """NRMSE of each record of events that it was fitted to."""
+        return {} if self.record is None else dict(self.record.nrmse_by_record)
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called.
-    `floor` : of the noise. `next` : commands."""
+    `floor` : of the noise. `next` : commands. `events` : records beside the sweep."""
 
     sweep: Sweep
     inspection: Inspection
@@ -68,6 +82,12 @@ class Start:
     family: str
     floor: Floor
     next: tuple[str, ...] = ()
+    events: Events | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about sweep and records."""
+        return (*self.inspection.warnings, *(contradictions(self.events) if self.events is not None else ()))
 
     @property
     def best(self) -> Ranked:
@@ -81,7 +101,11 @@ class Start:
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         held = self.best.held_out or {}
         points = "; ".join(f"{error:.2g} at {op}" for op, error in held.items())
-        return sure + (f" Error at a point that the fit never saw: {points}." if held else "")
+        sure += f" Error at a point that the fit never saw: {points}." if held else ""
+        records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
+        if self.events is not None and not records:
+            return sure + " No diagram that was fitted has a rest in every record of events."
+        return sure + (f" Error of the records of events, fitted with the sweep: {records}." if records else "")
 
     def to_json(self) -> dict[str, Any]:
         """The contract `ibrid.start/1`."""
@@ -91,15 +115,23 @@ class Start:
             "family": self.family,
             "data": self.inspection.to_json(),
             "ranked": [
-                {"diagram": one.diagram, "nrmse": one.nrmse, "grade": one.grade or None, "held_out": one.held_out}
+                {
+                    "diagram": one.diagram,
+                    "nrmse": one.nrmse,
+                    "grade": one.grade or None,
+                    "held_out": one.held_out,
+                    **({"nrmse_by_record": one.by_record} if one.by_record else {}),
+                }
                 for one in self.ranked
             ],
             "next": list(self.next),
         }
 
 
-def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING) -> Start:
+def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None) -> Start:
     """Look at the data, at every shipped diagram of one device behind the port, and fit the best few.
+
+    With records of events these are fitted to both, and ranked by the Bayesian information criterion.
 
     Raises IbridError where no shipped diagram has a response at these operating points.
     """
@@ -116,24 +148,27 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING) -
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
         fitted.append(_fitted(look, study))
     fitted.sort(key=lambda one: (GRADES.index(one.grade), one.nrmse))
+    if events is not None:
+        tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
+        fitted = sorted((_fitted_to_both(one, study, events) for one in fitted), key=lambda one: one.bic)
     tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
-    first = _held_out(fitted[0], study)
+    first = replace(fitted[0], held_out=_held_out(fitted[0], study))
     rest = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     tell("the page", 1.0)
     family = _family(sort_of_control(textbook(first.diagram), study.kinds))
-    return Start(sweep, inspection, (first, *fitted[1:], *rest), family, measure.floor)
+    return Start(sweep, inspection, (first, *fitted[1:], *rest), family, measure.floor, events=events)
 
 
-def write_start(answer: Start, data: str, folder: Path, port: str | None = None) -> Start:
+def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
     """Write start.json, model.py, model.json and report.html; the answer with the commands that go on from there.
 
-    data, port : the sweep and the file of its port as the commands are to name them.
+    data : the sweep as the commands are to name it. behind : their words about a port and records beside it.
     """
     record = answer.best.record
     if record is not None:
         write_whole(folder / "model.py", record.program)
         write_whole(folder / "model.json", json.dumps(record.to_json(), indent=1, allow_nan=False) + "\n")
-    answer = replace(answer, next=_next(answer, data, folder, port))
+    answer = replace(answer, next=_next(answer, data, folder, behind))
     write_whole(folder / "start.json", json.dumps(answer.to_json(), indent=1, allow_nan=False) + "\n")
     write_whole(folder / "report.html", start_html(answer))
     return answer
@@ -143,6 +178,8 @@ def start_html(answer: Start) -> str:
     """The page as text."""
     record = answer.best.record
     facts = record_facts(record, answer.sweep, "bode") if record is not None else {}
+    if answer.events is not None and record is not None and record.nrmse_by_record:
+        facts["events"] = played_facts(play(model_of_record(record), answer.events))
     return page(
         "start.html",
         {**facts, "answer": answer, "first_look": format_inspection(answer.inspection)},
@@ -165,24 +202,35 @@ def _fitted(look: RankedEdit, study: Study) -> Ranked:
     return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
 
 
-def _held_out(best: Ranked, study: Study) -> Ranked:
-    """The best diagram fitted again without the last operating point, and its error there."""
+def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
+    """The diagram fitted to sweep and records; as it was, and behind all others, where it has no rest in one of them."""
+    if ranked.record is None:
+        return ranked
+    try:
+        record, bic = weighed_by_events(asked(ranked.record, study, None, events, {}))
+    except IbridError:
+        return ranked
+    nrmse = ranked.nrmse if record.nrmse is None else record.nrmse
+    return replace(ranked, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
+
+
+def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:
+    """Error at the last operating point of the best diagram fitted again to the rest of the sweep."""
     names = study.sweep.names
     if best.record is None or len(names) < 2:
-        return best
+        return None
     settings = FitSettings(seconds=SECONDS)
     warm = best.record.parameters
     blind = {op: warm[op] for op in names[:-1] if op in warm}
     record = evaluate(
         textbook(best.diagram), Study.of(study, holdout_op=names[-1]), restarts=RESTARTS, settings=settings, warm=blind
     )
-    return Ranked(best.diagram, best.nrmse, best.grade, dict(record.holdout) or None, best.record)
+    return dict(record.holdout) or None
 
 
-def _next(answer: Start, data: str, folder: Path, port: str | None) -> tuple[str, ...]:
+def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
     """Three commands: what the grade asks for first."""
     model, record = str(folder / "model.py"), str(folder / "model.json")
-    behind = [] if port is None else ["--port", port]
     search = ["ibrid", "search", data, *behind, "--out", str(folder / "search")]
     gap = ["ibrid", "gap", model, data, *behind, "--out", str(folder / "gap")]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]

@@ -81,3 +81,49 @@ def test_a_foreign_table_that_says_everything_is_started_on_as_it_is(tmp_path, c
     (file,) = makes["tidy rows"].write(truth, tmp_path)
     assert cli.main(["start", str(file), "--out", str(tmp_path / "out")]) == 2
     assert "--unit pu or --unit S" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def with_records(started) -> Path:
+    """The folder of a start on the same sweep with records of a dip and a jump of the angle beside it, 1 % noise."""
+    options = ["--op", "p=1,q=0.3", "--event", "dip:0.7", "--event", "phase:10", "--noise-db", "40"]
+    assert cli.main(["record", "paper_like", *options, "--length", "0.3", "--out", str(started / "dip.csv")]) == 0
+    words = [str(started / "data.csv"), "--events", str(started / "dip.csv"), "--out", str(started / "both")]
+    assert cli.main(["start", *words]) == 0
+    return started / "both"
+
+
+def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_records):
+    answer = json.loads((with_records / "start.json").read_text())
+    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    best = answer["ranked"][0]
+    assert (best["diagram"], best["grade"]) == ("gfl_pll_filter_exact", "explains")
+    assert set(best["nrmse_by_record"]) == {"dip:0.7", "phase:10"}
+    assert max(best["nrmse_by_record"].values()) < 0.02  # noise of each component is 1 % of the rms of both
+    assert "Error of the records of events, fitted with the sweep" in answer["sentence"]
+    parser = cli.parser()
+    beside = [line for line in answer["next"] if " gap " in line or " search " in line]
+    assert beside
+    assert all(parser.parse_args(shlex.split(line)[1:]).events.endswith("dip.csv") for line in beside)
+    assert "Records of events" in (with_records / "report.html").read_text()
+
+
+def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
+    assert cli.main(["report", str(with_records / "model.json"), "--out", str(with_records / "page.html")]) == 0
+    assert capsys.readouterr().err == ""
+    text = (with_records / "page.html").read_text()
+    assert "Records of events" in text
+    assert "phase:10" in text
+    events = with_records.parent / "dip.csv"
+    moved = events.rename(events.with_name("moved.csv"))
+    assert cli.main(["report", str(with_records / "model.json")]) == 0
+    assert "Records of events are not shown" in capsys.readouterr().err
+    assert cli.main(["report", str(with_records / "model.json"), "--events", str(moved)]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_records_in_place_of_a_sweep_are_refused_with_what_to_do(with_records, capsys):
+    assert cli.main(["start", str(with_records.parent / "moved.csv")]) == 2
+    assert "give a sweep and these as --events" in capsys.readouterr().err
+    assert cli.main(["start", str(with_records.parent / "data.csv"), "--base", "1MVA,1kV"]) == 2
+    assert "--channels and --base are of records of events" in capsys.readouterr().err
