@@ -9,7 +9,7 @@ larger by the ratio of the frequencies, and a frequency that multiplies in a law
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import atan2
 
 import numpy as np
@@ -18,7 +18,7 @@ from ibrid.assembly.equilibrium import Frame, Pair, device_points, equilibria, t
 from ibrid.assembly.module_motion import Module, asked, by_port, module_at
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
-from ibrid.assembly.terminals import behind_terminals
+from ibrid.assembly.terminals import Inner, behind_terminals
 from ibrid.errors import IbridError
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
 from ibrid.modules.large_signal import require_large_signal
@@ -38,13 +38,17 @@ class Rest:
     """The operating point of a whole diagram, absolute, per unit and rad.
 
     `states` : instance -> values. `outputs` : channel -> value, the terminal voltage among them. `references` : input
-    channel -> constant that adds to its sources.
+    channel -> constant that adds to its sources. `inner` : the device's own point behind its port, whose numbers at the
+    nominal frequency are `port`, element -> name -> value. `deviation` : of the frequency from the nominal one, rad/s.
     """
 
     modules: tuple[Module, ...]
     states: Mapping[str, tuple[float, ...]]
     outputs: Mapping[Channel, float]
     references: Mapping[Channel, float]
+    inner: Inner | None = None
+    port: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    deviation: float = 0.0
 
 
 def rest(
@@ -79,7 +83,8 @@ def rest(
         )
         plant = plant_equilibrium(device.kinds[device.plant], there[device.plant], *own, inner.power_node)
         settled.append(_Settled(device, frame, ports, plant, own[2], deviation).settle(modules))
-    return _together(wiring, settled)
+    port = {name: own for name, own in numbers.items() if name.startswith(f"{PORT}.")}
+    return replace(_together(wiring, settled), inner=inner, port=port, deviation=deviation)
 
 
 def _turning(

@@ -63,7 +63,7 @@ def inner_point(outside: Outside, parameters: Parameters, point: Point, power_no
     if not outside.inside:
         z, i = (v, 0.0), (p / v, -q / v)
         for kind, values in elements:
-            z, i = _inwards(kind, values, z, i)
+            z, i = inwards(kind, values, z, i)
         size = square_root(z[0] * z[0] + z[1] * z[1])
         own = (z[0] * i[0] + z[1] * i[1], z[1] * i[0] - z[0] * i[1], size)
         return Inner(own, "pcc", (z[0] / size, z[1] / size), (p / v, -q / v))
@@ -92,7 +92,8 @@ def _over(value: Any, scale: Any) -> Any:
     return value if scale is None else value / scale
 
 
-def _inwards(kind: str, values: Mapping[str, Any], v: Pair, i: Pair) -> tuple[Pair, Pair]:
+def inwards(kind: str, values: Mapping[str, Any], v: Pair, i: Pair) -> tuple[Pair, Pair]:
+    """Voltage and current at the inner side of an element from those at the outer one."""
     if kind == "shunt":
         return v, _plus(i, _times(_branch(values), v))
     v = _plus(v, _times((values["R"], values["L"]), i))
@@ -118,7 +119,7 @@ def _chain(elements: list[tuple[str, Mapping[str, Any]]]) -> tuple[tuple[Pair, P
     """v_in = a v + b i, i_in = c v + d i, as ((a, b), (c, d)): what happens to a unit voltage and to a unit current."""
     (a, c), (b, d) = (_ONE, _ZERO), (_ZERO, _ONE)
     for kind, values in elements:
-        (a, c), (b, d) = _inwards(kind, values, a, c), _inwards(kind, values, b, d)
+        (a, c), (b, d) = inwards(kind, values, a, c), inwards(kind, values, b, d)
     return (a, b), (c, d)
 
 

@@ -15,6 +15,7 @@ from ibrid.writing import inside, require_folder, require_place, write_whole
 
 if TYPE_CHECKING:
     from ibrid.playback.compare import EventModel
+    from ibrid.structure.outside import Outside
 
 JSON, PAGE = "playback.json", "report.html"
 
@@ -52,6 +53,7 @@ def declare(commands: Any) -> None:
         "--values", metavar="FILE", help="values of a program's parameters (JSON), also of limits: current_limit.i_max"
     )
     inputs.add_events_options(playback)
+    inputs.add_port_option(playback)
     playback.add_argument("--out", metavar="DIR", required=True, help=f"folder for {JSON} and {PAGE}")
     add_kinds_option(playback)
     playback.set_defaults(run=run_playback)
@@ -96,7 +98,7 @@ def run_playback(arguments: Namespace) -> int:
     places = {f"the {name} of --out": inside(folder, name) for name in (JSON, PAGE)}
     require_distinct(places, {"MODEL": arguments.model, "EVENTS": arguments.events, "--values": arguments.values})
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
-    model = event_model(arguments.model, arguments.values, arguments.kinds)
+    model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
     if model.assumed:
         complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
     found = play(model, events)
@@ -108,14 +110,16 @@ def run_playback(arguments: Namespace) -> int:
     return 0
 
 
-def event_model(text: str, values: str | None, kinds: list[str]) -> "EventModel":
-    """What a program at values, or a record, stands for when it is played."""
+def event_model(text: str, values: str | None, kinds: list[str], port: "Outside") -> "EventModel":
+    """What a program at values behind a port, or a record, stands for when it is played."""
     from ibrid.gap.prior import read_values
     from ibrid.playback.compare import model_of_program, model_of_record
 
     if inputs.is_record(text):
         if values is not None:
             raise IbridError("--values belongs to a program; a record brings its own")
+        if port:
+            raise IbridError("--port belongs to a program; a record brings its own")
         return model_of_record(inputs.record(text, kinds))
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.structure.check import require_legal
@@ -123,7 +127,7 @@ def event_model(text: str, values: str | None, kinds: list[str]) -> "EventModel"
     known = choose_vocabulary(inputs.vocabulary(files=kinds))
     diagram = inputs.program(text)
     require_legal(diagram, known, equilibrium="exact")
-    return model_of_program(diagram, {} if values is None else read_values(values), known)
+    return model_of_program(diagram.behind(port), {} if values is None else read_values(values), known)
 
 
 def _command(arguments: Namespace) -> str:

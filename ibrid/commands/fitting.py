@@ -115,8 +115,6 @@ def _fitted_to_events(arguments: Namespace, sweep: "Sweep | None", events: "Even
     from ibrid.gap.joint_fit import evaluate_events
     from ibrid.gap.prior import read_values
 
-    if arguments.port is not None:
-        raise IbridError("events are not played through a port yet; leave --port out")
     usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None, "restarts": None}
     if odd := [f"--{name}" for name, value in usual.items() if getattr(arguments, name) != value]:
         raise IbridError(f"a fit to records of events knows no {odd[0]} but the usual; leave it out")
@@ -129,6 +127,7 @@ def _fitted_to_events(arguments: Namespace, sweep: "Sweep | None", events: "Even
         events,
         sweep,
         values=None if arguments.values is None else read_values(arguments.values),
+        port=inputs.port(arguments.port, events if sweep is None else sweep),
         vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
         seed=arguments.seed,
         holdout_op=arguments.holdout_op,

@@ -100,7 +100,7 @@ def _answer(
 
     options = {
         "holdout_op": arguments.holdout_op,
-        **({} if sweep is None else {"port": inputs.port(arguments.port, sweep)}),
+        "port": inputs.port(arguments.port, events if sweep is None else sweep),
         "events": events,
         "vocabulary": inputs.vocabulary(files=arguments.kinds),
         "catalogue": extended_catalogue(complain),

@@ -112,8 +112,6 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | No
         raise IbridError(
             f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
         )
-    if arguments.port is not None:
-        raise IbridError("events are not played through a port yet; leave --port out")
     return None, events(arguments.data, *options)
 
 
@@ -136,12 +134,12 @@ def add_labels_option(parser: ArgumentParser, default: str) -> None:
     )
 
 
-def port(text: str | None, sweep: "Sweep") -> "Outside":
-    """The port in a file; nothing without one."""
+def port(text: str | None, data: "Sweep | Events | None") -> "Outside":
+    """The port in a file, on the base of the data; nothing without one."""
     from ibrid.structure.outside import NOTHING
     from ibrid.structure.port_file import read_port
 
-    return NOTHING if text is None else read_port(text, sweep)
+    return NOTHING if text is None or data is None else read_port(text, data)
 
 
 def sweep_file(text: str) -> str | Path | None:

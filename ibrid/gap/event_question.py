@@ -19,8 +19,10 @@ from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.parts.practice import Effect
 from ibrid.playback.compare import limits_told, model_of_record
 from ibrid.playback.limits import Limit
+from ibrid.playback.port import require_port_alone
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.outside import NOTHING
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
@@ -54,14 +56,20 @@ class Asked:
         return self.events.only(*(name for name in self.events.names if name not in self.held))
 
     def prior(self) -> dict[str, Belief]:
-        """What the nominal values mean; those of limits as wide as any but the plant's."""
+        """What the nominal values mean; those of limits as wide as any but the plant's.
+
+        The tolerances of a port join where nothing was swept: the cost of a sweep has them.
+        """
         own = {one.id for one in self.limits}
         told = {name: one for name, one in self.values.items() if name.split(".")[0] in own}
         rest = {name: one for name, one in self.values.items() if name not in told}
         wiring = wire(self.diagram, self.kinds)
+        table = parameter_table(wiring, "exact")
+        port = {one.name: Belief(one.typical, one.tolerance) for one in table.free if one.tolerance}
         limits = {name: float(one["value"] if isinstance(one, Mapping) else one) for name, one in told.items()}
         return {
-            **prior_of(rest, wiring, parameter_table(wiring, "exact")),
+            **(port if self.study is None else {}),
+            **prior_of(rest, wiring, table),
             **{name: Belief(value, OTHER_TOLERANCE) for name, value in limits.items()},
         }
 
@@ -77,8 +85,6 @@ def asked(
     model: Diagram | Record, sweep: Sweep | Study | None, values: Nominal | None, events: Events, options: StudyOptions
 ) -> Asked:
     """The question in full; IbridError for what does not belong together."""
-    if options.get("port"):
-        raise IbridError("events are not played through a port yet; leave --port out")
     limits: tuple[Limit, ...] = ()
     if isinstance(model, Record):
         known = model_of_record(model)
@@ -97,6 +103,9 @@ def asked(
     if study is not None:
         study = replace(study, sweep=at_amplitudes(study.sweep)[0])
     kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    port = options.get("port", NOTHING) if study is None else study.port
+    diagram = diagram.behind(port) if port else diagram
+    require_port_alone(diagram.outside)
     require_legal(diagram, kinds, equilibrium="exact")
     return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
 

@@ -16,6 +16,7 @@ from ibrid.playback.limits import LIMITS, Limit, applicable, limit_named
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.outside import PORT
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 
@@ -65,7 +66,8 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     typical = {one.name: one.typical for one in table.free}
     typical |= {f"{one.id}.{name}": box.typical for one in limits for name, box in one.parameters.items()}
     found = {name: float(given.get(name, typical[name])) for name in known}
-    return EventModel(diagram, found, limits, kinds, tuple(name for name in known if name not in given))
+    assumed = (name for name in known if name not in given and not name.startswith(f"{PORT}."))
+    return EventModel(diagram, found, limits, kinds, tuple(assumed))
 
 
 def model_of_record(record: Record) -> EventModel:

@@ -1,7 +1,7 @@
 """A diagram with its limits, played: from parameter values and a record's voltage to the current that it would deliver."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial, hypot
 from typing import Any
@@ -19,6 +19,7 @@ from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import NEVER, ORDER, Limit, Limited
 from ibrid.playback.places import Places, places_of
+from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
 from ibrid.playback.steps import simulate
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
@@ -51,8 +52,9 @@ class Player:
     def __init__(
         self, diagram: Diagram, kinds: Vocabulary, limits: Sequence[Limit] = (), omega_0: float = 120 * np.pi
     ) -> None:
-        if diagram.outside:
-            raise IbridError("events are not played through a port or doubted labels yet; leave --port out")
+        require_port_alone(diagram.outside)
+        if diagram.outside.inside:  # p and q at rest are read at the PCC
+            diagram = diagram.behind(replace(diagram.outside, inside=False))
         self.wiring, self.omega_0 = wire(diagram, kinds), omega_0
         self.table = parameter_table(self.wiring, "exact")
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
@@ -214,15 +216,19 @@ class _Laws:
         joined = equations(
             player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(self.references)}, symbols, shaping
         )
-        states = ca.vertcat(*x.values())
+        states, further, self._through = ca.vertcat(*x.values()), ca.SX(0, 1), None
         results = [joined.rates, joined.current]
         results += [
             joined.resolved(shaping.next if shaping else []),
             joined.resolved(shaping.switches if shaping else []),
         ]
         if joined.loops:
-            results = [ca.substitute(one, joined.unknown, _solved(joined.residual, joined.unknown)) for one in results]
-        constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest)
+            results = [ca.substitute(one, joined.unknown, solved(joined.residual, joined.unknown)) for one in results]
+        if player.wiring.outside.elements:
+            self._through = through_port(player.wiring.outside, results, states, v, player.omega_0)
+            results, v = self._through.results, self._through.v
+            states, further = ca.vertcat(states, self._through.states), self._through.constants
+        constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest, further)
         outside = ca.vertcat(since, v)
         arguments = [states, outside, memory, constant]
         self._linear = ca.Function("linear", arguments, [ca.jacobian(a, b) for a in results[:2] for b in (states, v)])
@@ -241,23 +247,31 @@ class _Laws:
         self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Current (N, 2, S) and the time (S,) at which each left."""
-        numbers = [self._numbers(at, values) for at, values in lanes]
+        numbers = [self._numbers(at, values, record.rest.v) for at, values in lanes]
         x, memory, constants = (
             np.ascontiguousarray(np.array(one, dtype=float).T) for one in zip(*numbers, strict=True)
         )
         linear = self._linear(x[:, 0], [0.0, record.rest.v, 0.0], memory[:, 0], constants[:, 0])
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
-        signals = record.voltage
+        signals, drawn = record.voltage, self._drawn(record, [at for at, _ in lanes])
         if self.led:
             gain = correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
-            signals = CubicSpline(record.time, np.hstack([record.v, record.i]))
+            signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, FLAT if self.led else SHALLOW)
-        return run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest)
+        current, left = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest)
+        return current - drawn, left
 
-    def _numbers(self, at: Rest, values: Mapping[str, float]) -> tuple[list, list, list]:
-        """States, memory and constants at rest."""
+    def _drawn(self, record: EventRecord, rests: Sequence[Rest]) -> np.ndarray:
+        """(N, 2, S) what shunts at the PCC take; (N, 2, 1) zeros without any."""
+        outside = self.player.wiring.outside
+        if not outside.elements:
+            return np.zeros((len(record.time), 2, 1))
+        return np.stack([drawn_at_pcc(outside, at, record.voltage, self.player.omega_0) for at in rests], axis=2)
+
+    def _numbers(self, at: Rest, values: Mapping[str, float], v: float) -> tuple[list, list, list]:
+        """States, memory and constants at rest; v : magnitude of the voltage at the PCC."""
         constants: list[float] = []
         for module in at.modules:
             for value in module.arguments.values():
@@ -268,7 +282,11 @@ class _Laws:
         constants += [*lacking_r, *lacking_u, e]
         ids = {one.id for one in self.player.limits}
         memory = [r[0]] * ("reference_ramp" in ids) + [NEVER, e] * ("momentary_cessation" in ids)
-        return [value for name in self.names for value in at.states[name]], memory, constants
+        states = [value for name in self.names for value in at.states[name]]
+        if self._through is not None:
+            more = port_at_rest(self.player.wiring.outside, self._through.own, at, v, self.player.omega_0)
+            states, constants = states + more[0], constants + more[1]
+        return states, memory, constants
 
     def _at_rest(self, at: Rest) -> tuple[list[float], list[float], float, list[float]]:
         """What the sums of r and of u lack to be absolute, |e| and r at rest."""
@@ -288,13 +306,3 @@ class _Laws:
         lacking_r = [-arrives(places.reference, axis) for axis in (0, 1)]
         r = [-at.outputs[places.measured, axis] for axis in (0, 1)]
         return lacking_r, lacking_u, e, r
-
-
-def _solved(residual: ca.SX, unknown: ca.SX) -> ca.SX:
-    """The signals of loops of direct terms by Newton's method: exact after one step where they enter linearly."""
-    found: Any = ca.SX.zeros(unknown.numel())
-    slope = ca.jacobian(residual, unknown)
-    for _ in range(3 if ca.depends_on(slope, unknown) else 1):
-        at = [ca.substitute(one, unknown, found) for one in (slope, residual)]
-        found = found - ca.solve(*at)
-    return found

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import SweepError, near
+from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.outside import ELEMENTS, Outside, PortElement
 
@@ -16,12 +17,12 @@ _KEYS = ("kind", "unit", "tolerance", "v_base_v", "shift_deg")
 PLAUSIBLE = (1e-7, 2.0)
 
 
-def read_port(path: str | Path, sweep: Sweep) -> Outside:
-    """The port of a sweep, from the PCC inwards.
+def read_port(path: str | Path, data: Sweep | Events) -> Outside:
+    """The port of a sweep or of records of events, from the PCC inwards.
 
     `power_node = "outside" | "inside"`, where p and q were measured; `[[element]]` with `kind` (series R, L | shunt R, C |
     transformer R, L, ratio, shift_deg), values in ohm, H, F (`unit = "si"`) or per unit at f0 ("pu"), on the base voltage of
-    the sweep or of `v_base_v` in the element; `tolerance`, one standard deviation of the logarithm.
+    the data or of `v_base_v` in the element; `tolerance`, one standard deviation of the logarithm.
 
     Raises SweepError, one sentence that says what to change, for anything else.
     """
@@ -39,10 +40,10 @@ def read_port(path: str | Path, sweep: Sweep) -> Outside:
     if not isinstance(elements, list) or not elements or not all(isinstance(one, dict) for one in elements):
         raise SweepError(f"the port {path} must have elements; write [[element]] with kind, values and unit")
     named = [(f"element {number} of the port {path}", one) for number, one in enumerate(elements, start=1)]
-    return Outside(tuple(_element(one, where, sweep) for where, one in named), node == "inside")
+    return Outside(tuple(_element(one, where, data) for where, one in named), node == "inside")
 
 
-def _element(entry: Mapping[str, Any], where: str, sweep: Sweep) -> PortElement:
+def _element(entry: Mapping[str, Any], where: str, data: Sweep | Events) -> PortElement:
     kind = str(entry.get("kind"))
     if kind not in ELEMENTS:
         raise SweepError(f"{where} must be one of {', '.join(ELEMENTS)}, found {kind!r:.40}; {near(kind, ELEMENTS)}")
@@ -53,7 +54,7 @@ def _element(entry: Mapping[str, Any], where: str, sweep: Sweep) -> PortElement:
         raise SweepError(f'{where} must have unit = "si" or "pu", found {unit!r:.40}; ohm, H and F are "si"')
     if not 0 <= tolerance <= 1:
         raise SweepError(f"the tolerance of {where} must lie between 0 and 1, found {tolerance:g}; 0.05 is 5 %")
-    scale = _per_unit(entry, where, sweep, unit)
+    scale = _per_unit(entry, where, data, unit)
     values = {name: _number(entry, name, where, _USUAL.get(name)) * scale.get(name, 1.0) for name in ELEMENTS[kind]}
     _number(entry, "shift_deg", where, 0.0)
     for name, value in values.items():
@@ -67,17 +68,17 @@ def _element(entry: Mapping[str, Any], where: str, sweep: Sweep) -> PortElement:
     return PortElement(kind, values, tolerance)
 
 
-def _per_unit(entry: Mapping[str, Any], where: str, sweep: Sweep, unit: str) -> dict[str, float]:
+def _per_unit(entry: Mapping[str, Any], where: str, data: Sweep | Events, unit: str) -> dict[str, float]:
     """Factors from the element's unit to per unit of the sweep's base, name by name."""
-    voltage = _number(entry, "v_base_v", where, sweep.v_base_v if sweep.v_base_v is not None else 0.0)
+    voltage = _number(entry, "v_base_v", where, data.v_base_v if data.v_base_v is not None else 0.0)
     if unit == "pu":
         return {}
-    if not voltage > 0 or sweep.s_base_va is None:
+    if not voltage > 0 or data.s_base_va is None:
         raise SweepError(
-            f'{where} is in SI units, which need s_base_va and v_base_v; write them at the top of the sweep, or use unit = "pu"'
+            f'{where} is in SI units, which need s_base_va and v_base_v; write them at the top of the data, or use unit = "pu"'
         )
-    base = voltage**2 / sweep.s_base_va
-    return {"R": 1 / base, "L": 2 * pi * sweep.f0_hz / base, "C": 2 * pi * sweep.f0_hz * base}
+    base = voltage**2 / data.s_base_va
+    return {"R": 1 / base, "L": 2 * pi * data.f0_hz / base, "C": 2 * pi * data.f0_hz * base}
 
 
 def _number(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:

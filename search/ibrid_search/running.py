@@ -146,10 +146,8 @@ def search(
     weighted = proposers.weighted()
     if goal.choose == "op" and not study.held:
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
-    if events is not None and ((study.parameters, study.equilibrium) != ("shared", "exact") or study.port):
-        raise IbridError(
-            "events are fitted with shared parameters, the exact equilibrium and no port; leave the options out"
-        )
+    if events is not None and (study.parameters, study.equilibrium) != ("shared", "exact"):
+        raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave the options out")
     labels: tuple[Mapping[str, Any], ...] = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
