@@ -20,6 +20,7 @@ from ibrid.commands import (
     diagrams,
     events,
     fitting,
+    fleets,
     follow_up,
     gap,
     importing,
@@ -89,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
         policy,
         predicting,
         follow_up,
+        fleets,
         results,
     ):
         family.declare(commands)

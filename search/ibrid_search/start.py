@@ -4,7 +4,7 @@ import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, log
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from ibrid.telling import Tell
 from ibrid.writing import write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Looker, RankedEdit
-from ibrid_search.merit import Floor, criterion
+from ibrid_search.merit import EXACT, Criterion, Floor, criterion
 from ibrid_search.settings import SearchSettings
 
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
@@ -147,7 +147,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     for number, look in enumerate(looks[:FITTED]):
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
         fitted.append(_fitted(look, study))
-    fitted.sort(key=lambda one: (GRADES.index(one.grade), one.nrmse))
+    fitted.sort(key=lambda one: (GRADES.index(one.grade), _worth(one, measure)))
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
         fitted = sorted((_fitted_to_both(one, study, events) for one in fitted), key=lambda one: one.bic)
@@ -155,7 +155,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
     rest = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     tell("the page", 1.0)
-    family = _family(sort_of_control(textbook(first.diagram), study.kinds))
+    family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     return Start(sweep, inspection, (first, *fitted[1:], *rest), family, measure.floor, events=events)
 
 
@@ -187,7 +187,7 @@ def start_html(answer: Start) -> str:
     )
 
 
-def _family(sort: str) -> str:
+def family_words(sort: str) -> str:
     """A sort of control as an engineer says it."""
     follows, _, loop = sort.partition(", ")
     names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
@@ -212,6 +212,13 @@ def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
         return ranked
     nrmse = ranked.nrmse if record.nrmse is None else record.nrmse
     return replace(ranked, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
+
+
+def _worth(one: Ranked, measure: Criterion) -> float:
+    """The error and the price of the free numbers, as a search chooses: a part that noise feigns must not decide."""
+    if one.record is None:
+        return log(max(one.nrmse, EXACT))
+    return measure.value(measure.floor.error(one.record), one.record.free_parameters)
 
 
 def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:

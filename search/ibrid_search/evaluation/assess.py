@@ -9,6 +9,7 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.amplitudes import coarse
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
@@ -38,6 +39,22 @@ class Assessor:
     study: Study
     quick: FitSettings = QUICK
     thorough: FitSettings = THOROUGH
+
+    @property
+    def kinds(self) -> Vocabulary:
+        """Of the records that it makes."""
+        return self.study.kinds
+
+    @property
+    def limit(self) -> float:
+        """Seconds after which a quick fit gives up by itself."""
+        return self.quick.seconds
+
+    def arrived(self) -> "Assessor":
+        """The same with frozen arrays: pickled ones come back writeable, for which the kernel would be compiled once more."""
+        study = self.study
+        frozen = replace(study.sweep, points=tuple(replace(point) for point in study.sweep.points))
+        return replace(self, study=replace(study, sweep=frozen))
 
     @cached_property
     def floor(self) -> Floor:

@@ -5,22 +5,17 @@ import pickle
 import signal
 import socket
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
-from ibrid_search.evaluation.assess import Assessor
+from ibrid_search.evaluation.crew import WorkerLost
 from ibrid_search.evaluation.job import Job
-from ibrid_search.evaluation.verdict import Verdict, judge, stopped
+from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
 from ibrid_search.step import Status
 
 #: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
 GRACE = 1.0
-
-
-class WorkerLost(Exception):
-    """The actor's process or node is gone, whoever's fault that is."""
 
 
 class RemoteWorker:
@@ -76,7 +71,7 @@ class RemoteWorker:
 class Hiring:
     """Starts actors that all have the same assessor, which is stored in the cluster once."""
 
-    def __init__(self, ray: Any, assessor: Assessor, wall: float):
+    def __init__(self, ray: Any, assessor: Assessing, wall: float):
         self._ray = ray
         self._wall = wall
         self._cargo = ray.put(_pickled(ray, assessor))
@@ -89,7 +84,7 @@ class Hiring:
         return RemoteWorker(self._ray, self._kind.remote([self._cargo], self._wall), self._wall)
 
 
-def _pickled(ray: Any, assessor: Assessor) -> bytes:
+def _pickled(ray: Any, assessor: Assessing) -> bytes:
     """The assessor as bytes, functions of a notebook included."""
     try:
         return ray.cloudpickle.dumps(assessor)
@@ -122,25 +117,18 @@ class Worker:
     def __init__(self, box: list, wall: float):
         self._box = box
         self._wall = wall
-        self._assessor: Assessor | None = None
+        self._assessor: Assessing | None = None
 
     def prepare(self) -> str:
         """Load the assessor and the compiled code; who this is. Whatever loading a user's own kinds raises passes."""
         import ray
 
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal of the search is for the search alone
-        assessor: Assessor = pickle.loads(ray.get(self._box[0]))
-        # pickled arrays come back writeable, for which the kernel would have to be compiled once more
-        study = assessor.study
-        frozen = replace(study.sweep, points=tuple(replace(point) for point in study.sweep.points))
-        self._assessor = replace(assessor, study=replace(study, sweep=frozen))
+        self._assessor = pickle.loads(ray.get(self._box[0])).arrived()
         kernel.load()
         return f"{socket.gethostname()} pid {os.getpid()}"
 
     def evaluate(self, job: Job) -> Verdict:
         """The verdict; the record without its vocabulary, which the search has."""
         assert self._assessor is not None
-        verdict = judge(job, self._assessor, self._wall)
-        if verdict.record is None:
-            return verdict
-        return replace(verdict, record=replace(verdict.record, vocabulary=()))
+        return without_vocabulary(judge(job, self._assessor, self._wall))

@@ -1,13 +1,14 @@
 """One evaluation with its time limit, and the word for how it ended; the same in this process and on a worker."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
-from ibrid_search.evaluation.assess import Assessor
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
 from ibrid_search.step import Status
 
@@ -17,6 +18,25 @@ _STATUS = {
     Outcome.FAILED: Status.FAILED,
     Outcome.TIMEOUT: Status.TIMEOUT,
 }
+
+
+class Assessing(Protocol):
+    """What workers do with a job: it travels to each of them once. `kinds` : of the records that it makes. `limit` : seconds
+    after which a fit gives up by itself."""
+
+    @property
+    def kinds(self) -> Vocabulary: ...
+
+    @property
+    def limit(self) -> float: ...
+
+    def assess(self, job: Any) -> Record:
+        """What the job asks for; IbridError, one sentence, where there is none."""
+        ...
+
+    def arrived(self) -> Self:
+        """The same after a travel."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -29,11 +49,16 @@ class Verdict:
     seconds: float = 0.0
 
 
-def judge(job: Job, assessor: Assessor, wall: float) -> Verdict:
+def judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
     """Assess a job within `wall` seconds. Whatever the code of a user's own kind raises makes the candidate fail."""
     started = time.perf_counter()
     verdict = _judge(job, assessor, wall)
     return Verdict(verdict.outcome, verdict.record, verdict.reason, time.perf_counter() - started)
+
+
+def without_vocabulary(verdict: Verdict) -> Verdict:
+    """The same to be sent to the search, which has the vocabulary of the record."""
+    return verdict if verdict.record is None else replace(verdict, record=replace(verdict.record, vocabulary=()))
 
 
 def stopped(wall: float) -> Verdict:
@@ -45,7 +70,7 @@ def stopped(wall: float) -> Verdict:
     )
 
 
-def _judge(job: Job, assessor: Assessor, wall: float) -> Verdict:
+def _judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
     try:
         with time_limit(wall):
             record = assessor.assess(job)
@@ -57,7 +82,7 @@ def _judge(job: Job, assessor: Assessor, wall: float) -> Verdict:
         return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {_first(error)}")
     status = _STATUS[Outcome(record.outcome)]
     if status is Status.TIMEOUT:
-        return stopped(min(wall, assessor.quick.seconds))
+        return stopped(min(wall, assessor.limit))
     return Verdict(status, record, "; ".join(record.reasons))
 
 

@@ -1,0 +1,259 @@
+"""Evaluates jobs by a crew of workers: back-pressure, a wall limit that kills, and lost workers that do not count.
+
+One thread of this process waits for each worker and starts the next when it dies; the state that they share is changed
+under one condition. What a worker is, an actor of Ray or a process of this machine, is known to who hires it alone.
+"""
+
+import atexit
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Generic, Protocol, Self, TypeVar
+
+from ibrid.errors import IbridError
+from ibrid.modules.vocabulary import choose_vocabulary
+from ibrid_search.evaluation.job import Attempt, Job, OpenJobs, Result, Turns
+from ibrid_search.evaluation.verdict import Assessing, Verdict
+from ibrid_search.step import Status
+
+#: Seconds without any worker after which the evaluator gives up.
+PATIENCE = 300.0
+
+
+class WorkerLost(Exception):
+    """The worker's process or node is gone, whoever's fault that is."""
+
+
+class CrewMember(Protocol):
+    """A worker as the search sees it. `who` : "host pid N", "" until `prepare` has ended. `alive` : False once killed."""
+
+    who: str
+    alive: bool
+
+    def prepare(self) -> None:
+        """Wait until it has loaded the assessor. Raises IbridError when that cannot be, WorkerLost when it dies before."""
+        ...
+
+    def evaluate(self, job: Job) -> Verdict:
+        """The verdict on a job; TIMEOUT when it had to be killed for it. Raises WorkerLost."""
+        ...
+
+    def kill(self) -> None:
+        """End its process, whatever it is doing, native code included."""
+        ...
+
+
+Assessor = TypeVar("Assessor", bound=Assessing)
+
+
+class Crew(Generic[Assessor]):
+    """Evaluates on `workers` at most, each hired by `hire`, of one core.
+
+    A worker has one job at a time, so what has not begun waits here and is never lost. `wall` : seconds that a job may
+    take; it is then stopped, its process killed where it does not stop by itself, and evaluated once more with nothing
+    else running before it counts as TIMEOUT. `lost` : workers that may die on a job before it counts as LOST.
+    `patience` : seconds without any worker after which `collect` gives up. `leave` : called when all is closed.
+    """
+
+    def __init__(
+        self,
+        assessor: Assessor,
+        workers: int,
+        hire: Callable[[], CrewMember],
+        *,
+        wall: float,
+        lost: int,
+        patience: float = PATIENCE,
+        leave: Callable[[], None] = lambda: None,
+    ):
+        self.assessor = assessor
+        self.capacity = workers
+        self.wall = wall
+        self.lost = lost
+        self._hire, self._leave = hire, leave
+        self._patience = patience
+        self._change = threading.Condition()
+        self._jobs = OpenJobs()
+        self._turns = Turns()
+        self._closed = False
+        self._crew: list[CrewMember] = []
+        self._deserted: float | None = time.monotonic()  # since when nobody of the crew is ready
+        self._serving = workers  # threads that can still hire
+        self._why = ""  # the last of them could not
+        self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
+        for thread in self._threads:
+            thread.start()
+        atexit.register(self.close)  # before Ray's own end, which threads that still wait would disturb
+
+    @property
+    def running(self) -> frozenset[int]:
+        """Numbers of the jobs that are worked on now, at most `capacity`."""
+        with self._change:
+            return self._turns.running
+
+    @property
+    def workers(self) -> tuple[str, ...]:
+        """The workers that are ready, as "host pid N"."""
+        with self._change:
+            return tuple(one.who for one in self._crew if one.who)
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; returns at once. IbridError when its number waits already."""
+        with self._change:
+            self._jobs.add(job)
+            self._turns.add(Attempt(job))
+            self._change.notify_all()
+
+    def first_ended(self) -> int:
+        """The number of a job with a result that was not collected; blocks until there is one.
+
+        Raises IbridError when nothing waits, or when there are no workers and none comes.
+        """
+        with self._change:
+            while (number := self._jobs.first_with_result()) is None:
+                self._wait()
+            return number
+
+    def collect(self, number: int) -> Result:
+        """The result of that job, once; blocks until it is there.
+
+        Raises IbridError when no such job waits, or when there are no workers and none comes.
+        """
+        with self._change:
+            while True:
+                self._jobs.require(number)
+                if self._jobs.has_result(number):
+                    return self._jobs.take(number)
+                self._wait()
+
+    def close(self) -> None:
+        """Kill the workers and end what was started for them; again does nothing."""
+        with self._change:
+            if self._closed:
+                return
+            self._closed = True
+            self._jobs.close()
+            crew = tuple(self._crew)
+            self._change.notify_all()
+        for worker in crew:
+            worker.kill()
+        for thread in self._threads:
+            thread.join(timeout=10)
+        self._leave()
+        atexit.unregister(self.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _wait(self) -> None:
+        """Until something changes; IbridError when there are no workers and none comes."""
+        if not self._serving:
+            raise IbridError(self._why)
+        self._change.wait(self._time_left())
+
+    def _time_left(self) -> float | None:
+        """Seconds until patience ends, None while somebody of the crew is ready."""
+        if self._deserted is None:
+            return None
+        left = self._deserted + self._patience - time.monotonic()
+        if left <= 0:
+            raise IbridError(
+                f"no worker was ready for {self._patience:g} s; see whether a core is free (ray status shows it of a cluster), "
+                "then resume the search"
+            )
+        return left
+
+    def _serve(self) -> None:
+        """The life of a thread: a worker after the other, and with each a job after the other."""
+        why, ended = "the workers are gone; resume the search", 1
+        try:
+            while (worker := self._ready_worker()) is not None:
+                while worker.alive and (attempt := self._next_attempt()) is not None:
+                    self._try(worker, attempt)
+                self._dismiss(worker)
+        except IbridError as error:
+            why = str(error)
+        except BaseException as error:  # a mistake in this file must not leave anybody waiting
+            why, ended = f"the evaluator broke off ({type(error).__name__}: {error})", self.capacity
+            raise
+        finally:
+            with self._change:
+                self._serving = max(self._serving - ended, 0)
+                self._why = why
+                self._change.notify_all()
+
+    def _ready_worker(self) -> CrewMember | None:
+        """Somebody new who has loaded everything; None when closed. IbridError when nobody can be had."""
+        lost = "none was tried"
+        for _ in range(self.lost):
+            with self._change:
+                if self._closed:
+                    return None
+                worker = self._hire()
+                self._crew.append(worker)
+            try:
+                worker.prepare()
+            except (WorkerLost, IbridError) as error:
+                self._dismiss(worker)
+                if isinstance(error, IbridError):
+                    raise
+                lost = str(error)
+                continue
+            with self._change:
+                self._deserted = None
+                self._change.notify_all()
+            return worker
+        raise IbridError(
+            f"{self.lost} workers in a row died while they started ({lost}); see whether memory is short, and the logs of Ray"
+        )
+
+    def _next_attempt(self) -> Attempt | None:
+        """Waits for a turn; None when closed."""
+        with self._change:
+            while not self._closed:
+                if (attempt := self._turns.begin()) is not None:
+                    return attempt
+                self._change.wait()
+        return None
+
+    def _try(self, worker: CrewMember, attempt: Attempt) -> None:
+        """Evaluate, then settle the job or queue it again."""
+        started = time.perf_counter()
+        try:
+            verdict = worker.evaluate(attempt.job)
+        except WorkerLost as error:
+            verdict = Verdict(Status.LOST, reason=f"{self.lost} workers died on it, the last with {error}")
+        after = replace(
+            attempt,
+            stops=attempt.stops + (verdict.outcome is Status.TIMEOUT),
+            losses=attempt.losses + (verdict.outcome is Status.LOST),
+            seconds=attempt.seconds + time.perf_counter() - started,
+        )
+        with self._change:
+            self._turns.end(attempt)
+            if (verdict.outcome is Status.TIMEOUT and after.stops < 2) or (
+                verdict.outcome is Status.LOST and after.losses < self.lost
+            ):
+                self._turns.add(after)
+            else:
+                self._jobs.settle(self._result(attempt.number, after, verdict))
+            self._change.notify_all()
+
+    def _result(self, attempts: int, after: Attempt, verdict: Verdict) -> Result:
+        record = verdict.record
+        if record is not None:
+            record = replace(record, vocabulary=choose_vocabulary(self.assessor.kinds))
+        return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts)
+
+    def _dismiss(self, worker: CrewMember) -> None:
+        """Nobody works with this one any more."""
+        worker.kill()
+        with self._change:
+            self._crew.remove(worker)
+            if self._deserted is None and not any(one.who for one in self._crew):
+                self._deserted = time.monotonic()
+            self._change.notify_all()

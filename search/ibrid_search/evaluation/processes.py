@@ -1,0 +1,105 @@
+"""Evaluates jobs in processes of this machine, without Ray: what crashes, hangs or fills the memory takes one job with it."""
+
+import os
+import pickle
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, Pipe
+
+from ibrid.errors import IbridError
+from ibrid.fit import kernel
+from ibrid_search.evaluation.crew import PATIENCE, Assessor, Crew, WorkerLost
+from ibrid_search.evaluation.job import Job
+from ibrid_search.evaluation.remote_worker import GRACE, ONE_THREAD
+from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
+
+
+class ProcessEvaluator(Crew[Assessor]):
+    """A `Crew` of processes of this machine, which end with the one that began them, however that ends.
+
+    Raises IbridError when the assessor cannot travel.
+    """
+
+    def __init__(
+        self, assessor: Assessor, workers: int, *, wall: float = 60.0, lost: int = 3, patience: float = PATIENCE
+    ):
+        if os.name != "posix":
+            raise IbridError("worker processes need Linux or macOS; give a Ray cluster by --ray instead")
+        try:
+            cargo = pickle.dumps((assessor, wall))
+        except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
+            raise IbridError(f"what travels to worker processes must be picklable, found {error}") from None
+        super().__init__(assessor, workers, lambda: _Process(cargo, wall), wall=wall, lost=lost, patience=patience)
+
+
+class _Process:
+    """A `CrewMember` that is a process."""
+
+    def __init__(self, cargo: bytes, wall: float) -> None:
+        self.who, self.alive = "", True
+        self._wall, self._cargo = wall, cargo
+        self._channel, theirs = Pipe()
+        command = f"from {__name__} import serve; serve({theirs.fileno()})"
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", command],
+            stdin=subprocess.PIPE,  # ends with this process
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            pass_fds=[theirs.fileno()],
+            process_group=0,  # Ctrl-C in the terminal is for the search alone
+        )
+        theirs.close()
+
+    def prepare(self) -> None:
+        with self._or_lost():
+            self._channel.send_bytes(self._cargo)
+            self.who = self._channel.recv()
+
+    def evaluate(self, job: Job) -> Verdict:
+        with self._or_lost():
+            self._channel.send(job)
+            if self._channel.poll(self._wall + GRACE):
+                return self._channel.recv()
+        self.kill()
+        return stopped(self._wall)
+
+    def kill(self) -> None:
+        self.alive = False
+        self._process.kill()
+        self._process.wait()
+        with suppress(OSError):
+            self._channel.close()
+
+    @contextmanager
+    def _or_lost(self) -> Iterator[None]:
+        """A channel that breaks in the block means that the worker is gone."""
+        try:
+            yield
+        except (EOFError, OSError):
+            self.kill()
+            raise WorkerLost(f"{self.who or 'a process that started'}: it ended") from None
+
+
+def serve(handle: int) -> None:
+    """The life of a worker process: the assessor, then a job after the other, until its parent is gone."""
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    channel = Connection(handle)
+    assessor: Assessing
+    assessor, wall = pickle.loads(channel.recv_bytes())
+    assessor = assessor.arrived()
+    kernel.load()
+    channel.send(f"{socket.gethostname()} pid {os.getpid()}")
+    with suppress(EOFError, OSError):
+        while True:
+            channel.send(without_vocabulary(judge(channel.recv(), assessor, wall)))
+    os._exit(0)
+
+
+def _end_with_the_parent() -> None:
+    sys.stdin.buffer.read()
+    os._exit(0)

@@ -1,0 +1,148 @@
+"""What a worker does with one device: read its file, look at the structures of its fleet first, then start, search or drift."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import inf
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ibrid.analysis.drift import drift
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import FitSettings
+from ibrid.measurement.read import read_sweep
+from ibrid.measurement.sweep import Sweep
+from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.structure.canonical import structure_hash
+from ibrid.structure.library import shipped_names, textbook
+from ibrid.structure.program import parse_program
+from ibrid.study import Study
+from ibrid_search.appraisal import sort_of_control
+from ibrid_search.diagnosis import Edited, Looker
+from ibrid_search.evaluation.job import Job
+from ibrid_search.fleet.prior import Family, Prior, joined
+from ibrid_search.merit import criterion
+from ibrid_search.running import search
+from ibrid_search.settings import SearchSettings
+from ibrid_search.start import RESTARTS, SECONDS, family_words, start
+
+#: What can be done for each device.
+JOBS = ("start", "search", "drift")
+#: Structures of the fleet that are looked at, the commonest first, and of them those that are fitted.
+LOOKED_AT, FITTED = 12, 2
+
+
+@dataclass(frozen=True)
+class DeviceJob(Job):
+    """A device. `name` : its file. `content` : bytes of that. `before` : JSON of its record in an earlier fleet."""
+
+    name: str = ""
+    content: bytes = b""
+    prior: Prior = field(default_factory=Prior)
+    before: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Examiner:
+    """What all jobs of a fleet share. `job` : one of `JOBS`. `budget` : evaluations of each search."""
+
+    job: str = "start"
+    seed: int = 0
+    budget: int = 40
+
+    @property
+    def kinds(self) -> Vocabulary:
+        """Of the records."""
+        return VOCABULARY
+
+    @property
+    def limit(self) -> float:
+        """A worker alone stops a device."""
+        return inf
+
+    def arrived(self) -> "Examiner":
+        """The same: it holds no arrays."""
+        return self
+
+    def assess(self, job: DeviceJob) -> Record:
+        """The record of the device, whose settings tell under `fleet` what was done, `prior` what was known before the data, and
+        under `drift` what changed. Raises IbridError, one sentence, for a file that is no sweep or that nothing explains."""
+        sweep = _read(job)
+        if self.job == "drift":
+            before = Record.from_json(job.before)
+            return replace(before, settings={**before.settings, "drift": drift(before, sweep).plain()})
+        study = Study(sweep, seed=self.seed)
+        record = _of_the_fleet(study, job.prior)
+        expected = record is not None
+        if record is None:
+            record = self._examined(study)
+        return _told(record, study, job.prior, expected)
+
+    def _examined(self, study: Study) -> Record:
+        if self.job == "start":
+            record = start(study.sweep, tell=lambda words, share: None, seed=self.seed).best.record
+        else:
+            with TemporaryDirectory() as folder:
+                found = search(study.sweep, Path(folder) / "run", budget=self.budget, seed=self.seed, progress="silent")
+            record = found.best
+        if record is None:
+            raise IbridError("nothing that ships has a fit to these data; look at the file with ibrid inspect")
+        return record
+
+
+def _read(job: DeviceJob) -> Sweep:
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / PurePath(job.name).name
+        file.write_bytes(job.content)
+        try:
+            return replace(read_sweep(file), source=job.name)
+        except IbridError as error:
+            raise IbridError(str(error).replace(str(file), job.name)) from None
+
+
+def _of_the_fleet(study: Study, prior: Prior) -> Record | None:
+    """The most plausible fit of a structure that the fleet has already, from its typical values; None unless it explains the
+    data: then the device is asked as if it were the only one."""
+    measure = criterion(study, SearchSettings())
+    looker = Looker(study, measure)
+    looks = []
+    for family in prior.families[:LOOKED_AT]:
+        edit = Edited(parse_program(family.program), family.label, family.label, {})
+        looks.append(looker.fresh(edit, family.values))
+    fitted = []
+    for look in sorted(looks, key=lambda one: one.worth)[:FITTED]:
+        if look.error < inf:
+            warm = dict(zip(study.fitted.names, look.values, strict=True))
+            settings = FitSettings(seconds=SECONDS)
+            fitted.append(evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=settings, warm=warm))
+    explained = [one for one in fitted if one.grade == "explains"]
+    return min(explained, key=lambda one: measure.value(measure.floor.error(one), one.free_parameters), default=None)
+
+
+def _told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
+    """The record with what it owes to its fleet. `expected` : its structure was among those of the prior."""
+    structure = structure_hash(record.diagram, study.kinds)
+    family = prior.of(structure)
+    told = {
+        "structure": structure,
+        "diagram": _label(structure, study),
+        "family": family_words(sort_of_control(record.diagram, study.kinds)),
+        "expected": expected,
+    }
+    known = {"devices": prior.devices, **({} if family is None else _known(record, family))}
+    return replace(record, settings={**record.settings, "fleet": told, "prior": known})
+
+
+def _known(record: Record, family: Family) -> dict[str, Any]:
+    typical = {name: list(pair) for name, pair in family.typical.items()}
+    return {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
+
+
+def _label(structure: str, study: Study) -> str:
+    """The name of a shipped diagram, or the beginning of the structure's hash."""
+    return next(
+        (name for name in shipped_names() if study.examined(textbook(name), name).hash == structure),
+        f"structure {structure[:8]}",
+    )

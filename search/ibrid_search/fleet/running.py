@@ -1,0 +1,203 @@
+"""ibrid_search.fleet.running.fleet(folder, out): every device of a folder examined, in one store; resumable at any moment."""
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
+from ibrid.telling import Tell
+from ibrid.writing import inside, write_whole
+from ibrid_search.evaluation.job import Evaluator, Result
+from ibrid_search.evaluation.processes import ProcessEvaluator
+from ibrid_search.fleet.devices import content_of, enlist, files_of
+from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
+from ibrid_search.fleet.page import fleet_html
+from ibrid_search.fleet.prior import Answer, Prior, learned, learned_from
+from ibrid_search.fleet.summary import TABLE, Summary, summary_of, table_csv
+from ibrid_search.run_folder import ARCHIVE, PAGE, open_run, require_run
+from ibrid_search.settings import Workers
+from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
+
+#: Devices that are handed over beyond those that are worked on, for each worker.
+AHEAD = 1
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """What was found. `seconds` : of this sitting."""
+
+    folder: Path
+    summary: Summary
+    seconds: float
+
+
+def fleet(
+    folder: str | Path,
+    out: str | Path,
+    *,
+    job: str = "start",
+    before: str | Path | None = None,
+    workers: int | Workers = 1,
+    seed: int = 0,
+    budget: int = 40,
+    wall: float = 300.0,
+    resume: bool = False,
+    tell: Tell = lambda words, share: None,
+) -> Fleet:
+    """Examine the device of every file in a folder.
+
+    Parameters
+    ----------
+    folder : sweep files, one a device, also in folders below. out : the fleet's own folder; refused when it holds one already.
+    job : "start": first look and shipped diagrams; "search": a search of `budget` evaluations; "drift": what changed since the
+        fleet in the folder `before`, by names of files. Before start and search the structures of the fleet so far are tried.
+    workers : so many processes of this machine; `ibrid_search.Workers` also names a Ray cluster.
+    seed : of everything random. wall : seconds after which a device is given up.
+    resume : go on with a fleet; files that are new are new devices.
+
+    What a device's answer is depends on the devices before it, never on the workers. Raises IbridError for wrong options and
+    folders that cannot be used; what is wrong with a device's file is told in its line of the table.
+    """
+    began = time.monotonic()
+    folder, out = Path(folder), Path(out)
+    workers = workers if isinstance(workers, Workers) else Workers(workers)
+    if job not in JOBS:
+        raise IbridError(f"a fleet does {', '.join(JOBS)} for each device, found {job!r}")
+    if (job == "drift") != (before is not None):
+        raise IbridError("drift is since an earlier fleet: give its folder, and give none for another job")
+    if resume:
+        require_run(out)
+    names = files_of(folder, out)
+    stated = {
+        "fleet": job, "seed": seed, "workers": workers.number, "ray": workers.ray or "",
+        "settings": {"wall": wall, **({"budget": budget} if job == "search" else {})},
+        "before": None if before is None else str(Path(before).resolve()),
+    }  # fmt: skip
+    with ExitStack() as opened:
+        earlier = None if before is None else opened.enter_context(Earlier(Path(before)))
+        store = opened.enter_context(open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume))
+        steps = enlist(store, folder, names, job)
+        with _evaluator(Examiner(job, seed, budget), workers, wall) as evaluator:
+            _Course(store, folder, steps, evaluator, earlier, tell).run()
+        summary = summary_of(store)
+        write_whole(inside(out, TABLE), table_csv(summary))
+        write_whole(inside(out, PAGE), fleet_html(summary))
+    return Fleet(out, summary, time.monotonic() - began)
+
+
+class _Course:
+    """Devices in their order through the workers, few at a time, and what the next may learn from them."""
+
+    def __init__(
+        self,
+        store: Store,
+        folder: Path,
+        steps: list[Step],
+        evaluator: Evaluator,
+        earlier: "Earlier | None",
+        tell: Tell,
+    ) -> None:
+        self._store, self._folder, self._steps = store, folder, steps
+        self._evaluator, self._earlier, self._tell = evaluator, earlier, tell
+        self._answers: dict[int, Answer] = {}
+        self._known = Prior()
+        self._open: set[int] = set()
+        self._ended = 0  # so many from the first on have ended
+        self._done = sum(step.status is not Status.PENDING for step in steps)
+        self._learns = earlier is None
+
+    def run(self) -> None:
+        """Until every device has an end."""
+        waiting = deque(step.number for step in self._steps if step.status is Status.PENDING)
+        for step in self._steps:
+            if step.status is Status.OK and self._learns:
+                self._answers[step.number] = Answer.of(self._store.record(step.number))
+        most = self._evaluator.capacity * (1 + AHEAD)
+        while waiting or self._open:
+            self._count()
+            while waiting and len(self._open) < most and self._horizon(waiting[0]) <= self._ended:
+                self._begin(self._steps[waiting.popleft()])
+                self._count()
+            if self._open:
+                self._conclude(self._evaluator.first_ended())
+
+    def _horizon(self, number: int) -> int:
+        return learned_from(number) if self._learns else 0
+
+    def _count(self) -> None:
+        while self._ended < len(self._steps) and self._steps[self._ended].status is not Status.PENDING:
+            self._ended += 1
+
+    def _begin(self, step: Step) -> None:
+        try:
+            content = content_of(self._folder, step)
+            before = self._before(step)
+        except IbridError as error:
+            self._close(Result(step.number, Status.FAILED, None, str(error), 0.0, 1))
+            return
+        horizon = self._horizon(step.number)
+        if horizon != self._known.devices:
+            self._known = learned((one for number, one in self._answers.items() if number < horizon), horizon)
+        job = DeviceJob(step.number, "", name=step.note, content=content, prior=self._known, before=before)
+        self._evaluator.submit(job)
+        self._open.add(step.number)
+
+    def _before(self, step: Step) -> Mapping[str, Any]:
+        return {} if self._earlier is None else self._earlier.record(step.note).to_json()
+
+    def _conclude(self, number: int) -> None:
+        result = self._evaluator.collect(number)
+        self._open.discard(number)
+        self._close(result)
+        if result.record is not None and result.outcome is Status.OK and self._learns:
+            self._answers[number] = Answer.of(result.record)
+
+    def _close(self, result: Result) -> None:
+        """Write how a device ended."""
+        self._store.conclude(
+            result.number,
+            status=result.outcome,
+            reason=result.reason,
+            record=result.record,
+            seconds=result.seconds,
+            attempts=result.attempts,
+        )
+        self._steps[result.number] = self._store.step(result.number)
+        self._done += 1
+        self._tell(f"{self._done} of {len(self._steps)} devices", self._done / len(self._steps))
+
+
+def _evaluator(examiner: Examiner, workers: Workers, wall: float) -> Evaluator:
+    if workers.ray is None:
+        return ProcessEvaluator(examiner, workers.number, wall=wall)
+    from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
+
+    return RayEvaluator(examiner, workers.number, address=workers.ray, wall=wall)
+
+
+class Earlier:
+    """A fleet that was examined before. Raises IbridError for a folder that is none's."""
+
+    def __init__(self, out: Path) -> None:
+        self._out, self._store = out, Store.open(out / ARCHIVE, read_only=True)
+        if "fleet" not in self._store.meta:
+            raise IbridError(f"{out}: is the folder of a search; give the one of an earlier ibrid fleet")
+        self._numbers = {step.note: step.number for step in self._store.steps() if step.status is Status.OK}
+
+    def record(self, name: str) -> Record:
+        """Of the device by the name of its file; IbridError where it has none."""
+        if name not in self._numbers:
+            raise IbridError(f"{name}: {self._out} has no model of it; {near(name, self._numbers)}")
+        return self._store.record(self._numbers[name])
+
+    def __enter__(self) -> "Earlier":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._store.close()
