@@ -47,7 +47,7 @@ def declare(commands: Any) -> None:
     export.set_defaults(run=run_export)
     report = commands.add_parser("report", help="(re)write the HTML page of a record")
     report.add_argument(
-        "record", metavar="RECORD|DIR", help="a record, the folder of a search, or a folder with a record"
+        "record", metavar="RECORD|DIR", help="a record, the folder of a search or a fleet, or a folder with a record"
     )
     report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
     report.add_argument("--events", metavar="EVENTS", help="the records of events, where they have moved")

@@ -13,6 +13,8 @@ from ibrid.report.template import page
 from ibrid.report.verdict import graded, verdict
 from ibrid.structure.compare import difference
 from ibrid.writing import inside, write_whole
+from ibrid_search.fleet.page import fleet_html
+from ibrid_search.fleet.summary import summary_of
 from ibrid_search.report.course import front_svg, trajectory_svg
 from ibrid_search.report.learning import learning_svg, updates_of
 from ibrid_search.report.models import drawn_models, front_facts, response_facts
@@ -33,7 +35,7 @@ def write_run_page(
     sweep: Sweep | None = None,
     vocabulary: Sequence[ModuleKind] | None = None,
 ) -> Path:
-    """Write the page of a run, replacing the file atomically.
+    """Write the page of a run or of a fleet, replacing the file atomically.
 
     Parameters
     ----------
@@ -48,7 +50,10 @@ def write_run_page(
         with Store.open(inside(run, ARCHIVE), read_only=True) as store:
             return write_run_page(store, path, sweep=sweep, vocabulary=vocabulary)
     target = inside(run.path.parent, PAGE) if path is None else Path(path)
-    write_whole(target, run_html(read_run(run, sweep, vocabulary)))
+    if isinstance(run, Store) and "fleet" in run.meta:
+        write_whole(target, fleet_html(summary_of(run)))
+    else:
+        write_whole(target, run_html(read_run(run, sweep, vocabulary)))
     return target
 
 

@@ -19,7 +19,7 @@ from ibrid.gap.files import gap_json
 from ibrid.schemas import schema
 
 FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"
-NAMES = ("compare", "drift", "gap", "next", "nfp", "record", "selection", "start", "state-space")
+NAMES = ("compare", "drift", "fleet", "gap", "next", "nfp", "record", "selection", "start", "state-space")
 
 
 def complaints(name: str, data: Any) -> list[str]:

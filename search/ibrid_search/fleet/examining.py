@@ -23,6 +23,7 @@ from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.job import Job
 from ibrid_search.fleet.prior import Family, Prior, joined
+from ibrid_search.fleet.usual import more_usual
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
@@ -69,16 +70,19 @@ class Examiner:
     def assess(self, job: DeviceJob) -> Record:
         """The record of the device, whose settings tell under `fleet` what was done, `prior` what was known before the data, and
         under `drift` what changed. Raises IbridError, one sentence, for a file that is no sweep or that nothing explains."""
-        sweep = _read(job)
+        sweep = read_device(job)
         if self.job == "drift":
             before = Record.from_json(job.before)
             return replace(before, settings={**before.settings, "drift": drift(before, sweep).plain()})
         study = Study(sweep, seed=self.seed)
-        record = _of_the_fleet(study, job.prior)
+        looker = Looker(study, criterion(study, SearchSettings()))
+        record = _of_the_fleet(looker, job.prior)
         expected = record is not None
         if record is None:
             record = self._examined(study)
-        return _told(record, study, job.prior, expected)
+        structure = structure_hash(record.diagram, study.kinds)
+        record = more_usual(record, looker, _label(structure, study), job.prior.of(structure))
+        return told(record, study, job.prior, expected)
 
     def _examined(self, study: Study) -> Record:
         if self.job == "start":
@@ -92,7 +96,7 @@ class Examiner:
         return record
 
 
-def _read(job: DeviceJob) -> Sweep:
+def read_device(job: DeviceJob) -> Sweep:
     with TemporaryDirectory() as folder:
         file = Path(folder) / PurePath(job.name).name
         file.write_bytes(job.content)
@@ -102,11 +106,10 @@ def _read(job: DeviceJob) -> Sweep:
             raise IbridError(str(error).replace(str(file), job.name)) from None
 
 
-def _of_the_fleet(study: Study, prior: Prior) -> Record | None:
+def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
     """The most plausible fit of a structure that the fleet has already, from its typical values; None unless it explains the
     data: then the device is asked as if it were the only one."""
-    measure = criterion(study, SearchSettings())
-    looker = Looker(study, measure)
+    study, measure = looker.study, looker.criterion
     looks = []
     for family in prior.families[:LOOKED_AT]:
         edit = Edited(parse_program(family.program), family.label, family.label, {})
@@ -121,18 +124,18 @@ def _of_the_fleet(study: Study, prior: Prior) -> Record | None:
     return min(explained, key=lambda one: measure.value(measure.floor.error(one), one.free_parameters), default=None)
 
 
-def _told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
+def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     """The record with what it owes to its fleet. `expected` : its structure was among those of the prior."""
     structure = structure_hash(record.diagram, study.kinds)
     family = prior.of(structure)
-    told = {
+    own = {
         "structure": structure,
         "diagram": _label(structure, study),
         "family": family_words(sort_of_control(record.diagram, study.kinds)),
         "expected": expected,
     }
     known = {"devices": prior.devices, **({} if family is None else _known(record, family))}
-    return replace(record, settings={**record.settings, "fleet": told, "prior": known})
+    return replace(record, settings={**record.settings, "fleet": own, "prior": known})
 
 
 def _known(record: Record, family: Family) -> dict[str, Any]:

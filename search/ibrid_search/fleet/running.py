@@ -41,7 +41,7 @@ def fleet(
     folder: str | Path,
     out: str | Path,
     *,
-    job: str = "start",
+    job: str | Examiner = "start",
     before: str | Path | None = None,
     workers: int | Workers = 1,
     seed: int = 0,
@@ -56,7 +56,8 @@ def fleet(
     ----------
     folder : sweep files, one a device, also in folders below. out : the fleet's own folder; refused when it holds one already.
     job : "start": first look and shipped diagrams; "search": a search of `budget` evaluations; "drift": what changed since the
-        fleet in the folder `before`, by names of files. Before start and search the structures of the fleet so far are tried.
+        fleet in the folder `before`, by names of files; or an Examiner of one's own, in a module that workers can import. Before
+        start and search the structures of the fleet so far are tried.
     workers : so many processes of this machine; `ibrid_search.Workers` also names a Ray cluster.
     seed : of everything random. wall : seconds after which a device is given up.
     resume : go on with a fleet; files that are new are new devices.
@@ -67,6 +68,8 @@ def fleet(
     began = time.monotonic()
     folder, out = Path(folder), Path(out)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
+    examiner = Examiner(job, seed, budget) if isinstance(job, str) else job
+    job = examiner.job
     if job not in JOBS:
         raise IbridError(f"a fleet does {', '.join(JOBS)} for each device, found {job!r}")
     if (job == "drift") != (before is not None):
@@ -83,7 +86,7 @@ def fleet(
         earlier = None if before is None else opened.enter_context(Earlier(Path(before)))
         store = opened.enter_context(open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume))
         steps = enlist(store, folder, names, job)
-        with _evaluator(Examiner(job, seed, budget), workers, wall) as evaluator:
+        with _evaluator(examiner, workers, wall) as evaluator:
             _Course(store, folder, steps, evaluator, earlier, tell).run()
         summary = summary_of(store)
         write_whole(inside(out, TABLE), table_csv(summary))
