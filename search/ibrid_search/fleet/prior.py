@@ -8,6 +8,7 @@ learns from the first `learned_from(n)` alone, so its answer does not depend on 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import copysign, exp, log, sqrt
+from sys import intern
 
 import numpy as np
 
@@ -58,7 +59,10 @@ class Prior:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a fleet keeps in memory of a device's record: its structure, and the values that its data determine."""
+    """What a fleet keeps in memory of a device's record: its structure, and the values that its data determine.
+
+    Texts are those of other devices where they are equal: of a hundred thousand some kilobytes each must fit.
+    """
 
     structure: str
     label: str
@@ -76,8 +80,10 @@ class Answer:
         for name, value in record.parameters.get(point, {}).items():
             low, high = ends.get(name) or (0.0, 0.0)
             if low * high > 0 and 1 / DETERMINED < low / high < DETERMINED and value:
-                values[name] = value, abs(log(high / low)) / (2 * 1.96)
-        return cls(told["structure"], told["diagram"], record.program, record.grade or "fails", values)
+                values[intern(name)] = value, abs(log(high / low)) / (2 * 1.96)
+        texts = told["structure"], told["diagram"], record.program, record.grade or "fails"
+        structure, label, program, grade = map(intern, texts)
+        return cls(structure, label, program, grade, values)
 
 
 def learned_from(number: int) -> int:
