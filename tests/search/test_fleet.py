@@ -17,7 +17,17 @@ import toy_fleet
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist
 from ibrid_search.fleet.examining import DeviceJob, Examiner
-from ibrid_search.fleet.prior import ANYTHING, BELIEVED, FIRST, Answer, Family, Prior, joined, learned, learned_from
+from ibrid_search.fleet.prior import (
+    ANYTHING,
+    BELIEVED,
+    FIRST,
+    DeviceAnswer,
+    DeviceFamily,
+    Prior,
+    joined,
+    learned,
+    learned_from,
+)
 from ibrid_search.fleet.running import Earlier, fleet
 from ibrid_search.step import Status
 from ibrid_search.store import Store
@@ -172,9 +182,9 @@ def test_a_device_learns_from_half_of_those_before_it_at_powers_of_two(whole: Pa
     assert "typical" not in told[0]
 
 
-def _answer(value: float, interval: tuple[float, float]) -> Answer:
+def _answer(value: float, interval: tuple[float, float]) -> DeviceAnswer:
     deviation = log(interval[1] / interval[0]) / 3.92
-    return Answer("s", "make", "program", "explains", {"pll.kP": (value, deviation)})
+    return DeviceAnswer("s", "make", "program", "explains", {"pll.kP": (value, deviation)})
 
 
 def test_the_typical_value_is_the_median_and_its_spread_is_shrunk_towards_a_factor_of_two():
@@ -191,8 +201,8 @@ def test_only_devices_that_are_explained_and_values_that_their_data_determine_ar
         record = known.record("device_00.csv")
     name = next(iter(record.intervals["p=0.8,q=0.2"]))
     wide = {**record.intervals["p=0.8,q=0.2"], name: (1e-3, 1e3)}
-    assert name not in Answer.of(replace(record, intervals={"p=0.8,q=0.2": wide})).values
-    assert learned([replace(Answer.of(record), grade="rough")], 1).families == ()
+    assert name not in DeviceAnswer.of(replace(record, intervals={"p=0.8,q=0.2": wide})).values
+    assert learned([replace(DeviceAnswer.of(record), grade="rough")], 1).families == ()
 
 
 def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
@@ -204,7 +214,7 @@ def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
 
     def with_spread(spread: float) -> dict[str, list[float]]:
         told = {name: (value, spread) for name, value in usual.items()}
-        return joined(record, Family("s", "make", record.program, 9, told))
+        return joined(record, DeviceFamily("s", "make", record.program, 9, told))
 
     for name, (value, low, high) in with_spread(1e-5).items():
         assert value == pytest.approx(usual[name], rel=1e-3)  # of the data's own weight at this spread
@@ -222,7 +232,9 @@ def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
 def test_a_device_of_a_known_family_is_explained_by_it_and_says_so(tmp_path: Path):
     """Without a look at anything else; an unknown one is asked as if it were the only one."""
     program = ibrid.program_text(ibrid.textbook(toy_fleet.PROGRAM))
-    prior = Prior(40, (Family("?", "make", program, 40, {name: (value, 0.2) for name, value in typical().items()}),))
+    prior = Prior(
+        40, (DeviceFamily("?", "make", program, 40, {name: (value, 0.2) for name, value in typical().items()}),)
+    )
     values = {name: value * 1.2 for name, value in typical().items()}
     write_sweep(device(values, 1), tmp_path / "it.csv")
     job = DeviceJob(0, "", name="it.csv", content=(tmp_path / "it.csv").read_bytes(), prior=prior)

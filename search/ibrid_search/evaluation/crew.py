@@ -47,7 +47,7 @@ class CrewMember(Protocol):
 Assessor = TypeVar("Assessor", bound=Assessing)
 
 
-class Crew(Generic[Assessor]):
+class CrewEvaluator(Generic[Assessor]):
     """Evaluates on `workers` at most, each hired by `hire`, of one core.
 
     A worker has one job at a time, so what has not begun waits here and is never lost. `wall` : seconds that a job may

@@ -12,14 +12,14 @@ from multiprocessing.connection import Connection, Pipe
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
-from ibrid_search.evaluation.crew import PATIENCE, Assessor, Crew, WorkerLost
+from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.remote_worker import GRACE, ONE_THREAD
 from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
 
 
-class ProcessEvaluator(Crew[Assessor]):
-    """A `Crew` of processes of this machine, which end with the one that began them, however that ends.
+class ProcessEvaluator(CrewEvaluator[Assessor]):
+    """A `CrewEvaluator` of processes of this machine, which end with the one that began them, however that ends.
 
     Raises IbridError when the assessor cannot travel.
     """

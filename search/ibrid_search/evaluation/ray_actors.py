@@ -1,13 +1,13 @@
 """Evaluates jobs on Ray actors, of a local Ray or of a cluster."""
 
 from ibrid.errors import IbridError
-from ibrid_search.evaluation.crew import PATIENCE, Assessor, Crew
+from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator
 from ibrid_search.evaluation.ray_session import open_session
 from ibrid_search.evaluation.remote_worker import Hiring
 
 
-class RayEvaluator(Crew[Assessor]):
-    """A `Crew` of actors, each with one core, of a local Ray or of the cluster at `address`.
+class RayEvaluator(CrewEvaluator[Assessor]):
+    """A `CrewEvaluator` of actors, each with one core, of a local Ray or of the cluster at `address`.
 
     Raises IbridError when Ray is missing, does not start or does not answer, or the assessor cannot travel.
     """

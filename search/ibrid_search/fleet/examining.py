@@ -22,7 +22,7 @@ from ibrid.study import Study
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.job import Job
-from ibrid_search.fleet.prior import Family, Prior, joined
+from ibrid_search.fleet.prior import DeviceFamily, Prior, joined
 from ibrid_search.fleet.usual import more_usual
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
@@ -138,7 +138,7 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     return replace(record, settings={**record.settings, "fleet": own, "prior": known})
 
 
-def _known(record: Record, family: Family) -> dict[str, Any]:
+def _known(record: Record, family: DeviceFamily) -> dict[str, Any]:
     typical = {name: list(pair) for name, pair in family.typical.items()}
     return {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
 

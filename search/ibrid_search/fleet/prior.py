@@ -29,7 +29,7 @@ TRUSTED = ("explains", "close")
 
 
 @dataclass(frozen=True)
-class Family:
+class DeviceFamily:
     """Devices of one structure. `label` : what it is called. `program` : of its first device. `typical` : parameter -> value and
     spread of its logarithm, where at least one device determines it."""
 
@@ -50,15 +50,15 @@ class Prior:
     """What `devices` of a fleet say about the next: its families, the commonest first."""
 
     devices: int = 0
-    families: tuple[Family, ...] = ()
+    families: tuple[DeviceFamily, ...] = ()
 
-    def of(self, structure: str) -> Family | None:
+    def of(self, structure: str) -> DeviceFamily | None:
         """The family of that structure, if there is one."""
         return next((one for one in self.families if one.structure == structure), None)
 
 
 @dataclass(frozen=True)
-class Answer:
+class DeviceAnswer:
     """What a fleet keeps in memory of a device's record: its structure, and the values that its data determine.
 
     Texts are those of other devices where they are equal: of a hundred thousand some kilobytes each must fit.
@@ -71,7 +71,7 @@ class Answer:
     values: Mapping[str, tuple[float, float]]
 
     @classmethod
-    def of(cls, record: Record) -> "Answer":
+    def of(cls, record: Record) -> "DeviceAnswer":
         """values : parameter -> value and deviation of its logarithm, from the 95 % interval."""
         told = record.settings["fleet"]
         point = next(iter(record.parameters), "")
@@ -91,20 +91,20 @@ def learned_from(number: int) -> int:
     return 0 if number < 2 * FIRST else 1 << ((number // 2).bit_length() - 1)
 
 
-def learned(answers: Iterable[Answer], devices: int) -> Prior:
+def learned(answers: Iterable[DeviceAnswer], devices: int) -> Prior:
     """The prior that answers give of so many devices, those without an answer included."""
-    by_structure: dict[str, list[Answer]] = {}
+    by_structure: dict[str, list[DeviceAnswer]] = {}
     for one in answers:
         if one.grade in TRUSTED:
             by_structure.setdefault(one.structure, []).append(one)
     families = [
-        Family(structure, members[0].label, members[0].program, len(members), _typical(members))
+        DeviceFamily(structure, members[0].label, members[0].program, len(members), _typical(members))
         for structure, members in by_structure.items()
     ]
     return Prior(devices, tuple(sorted(families, key=lambda one: (-one.devices, one.structure))))
 
 
-def _typical(members: list[Answer]) -> dict[str, tuple[float, float]]:
+def _typical(members: list[DeviceAnswer]) -> dict[str, tuple[float, float]]:
     found = {}
     for name in set().union(*(one.values for one in members)):
         signed = [one.values[name][0] for one in members if name in one.values]
@@ -118,7 +118,7 @@ def _typical(members: list[Answer]) -> dict[str, tuple[float, float]]:
     return dict(sorted(found.items()))
 
 
-def joined(record: Record, family: Family) -> dict[str, list[float]]:
+def joined(record: Record, family: DeviceFamily) -> dict[str, list[float]]:
     """Parameter -> value and 95 % ends where data and prior are taken together, to first order.
 
     Law: x = x_hat + A w with w standard normal by the data and the boxes, m_j = x_j + s_j e by the prior; so w has the

@@ -17,7 +17,7 @@ from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
 from ibrid_search.fleet.page import fleet_html
-from ibrid_search.fleet.prior import Answer, Prior, learned, learned_from
+from ibrid_search.fleet.prior import DeviceAnswer, Prior, learned, learned_from
 from ibrid_search.fleet.summary import TABLE, Summary, summary_of, table_csv
 from ibrid_search.run_folder import ARCHIVE, PAGE, open_run, require_run
 from ibrid_search.settings import Workers
@@ -108,7 +108,7 @@ class _Course:
     ) -> None:
         self._store, self._folder, self._steps = store, folder, steps
         self._evaluator, self._earlier, self._tell = evaluator, earlier, tell
-        self._answers: dict[int, Answer] = {}
+        self._answers: dict[int, DeviceAnswer] = {}
         self._known = Prior()
         self._open: set[int] = set()
         self._ended = 0  # so many from the first on have ended
@@ -120,7 +120,7 @@ class _Course:
         waiting = deque(step.number for step in self._steps if step.status is Status.PENDING)
         for step in self._steps:
             if step.status is Status.OK and self._learns:
-                self._answers[step.number] = Answer.of(self._store.record(step.number))
+                self._answers[step.number] = DeviceAnswer.of(self._store.record(step.number))
         most = self._evaluator.capacity * (1 + AHEAD)
         while waiting or self._open:
             self._count()
@@ -159,7 +159,7 @@ class _Course:
         self._open.discard(number)
         self._close(result)
         if result.record is not None and result.outcome is Status.OK and self._learns:
-            self._answers[number] = Answer.of(result.record)
+            self._answers[number] = DeviceAnswer.of(result.record)
 
     def _close(self, result: Result) -> None:
         """Write how a device ended."""

@@ -9,7 +9,7 @@ from math import log, sqrt
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid_search.fleet.prior import BELIEVED, TRUSTED, Answer, Family, Prior, learned
+from ibrid_search.fleet.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFamily, Prior, learned
 from ibrid_search.step import Status
 from ibrid_search.store import Store
 
@@ -55,7 +55,7 @@ class Summary:
     job: str
     folder: str
     devices: tuple[DeviceLine, ...]
-    families: tuple[Family, ...]
+    families: tuple[DeviceFamily, ...]
 
     @property
     def failed(self) -> tuple[DeviceLine, ...]:
@@ -119,7 +119,7 @@ def summary_of(store: Store) -> Summary:
         if step.status is Status.OK:
             record = store.record(step.number)
             told = record.settings["fleet"]
-            answers[step.number] = Answer.of(record)
+            answers[step.number] = DeviceAnswer.of(record)
             line = DeviceLine(
                 **{
                     **vars(line),
@@ -135,7 +135,7 @@ def summary_of(store: Store) -> Summary:
     return Summary(meta["fleet"], meta["folder"], devices, known.families)
 
 
-def _unlike(answer: Answer, known: Prior) -> tuple[str, ...]:
+def _unlike(answer: DeviceAnswer, known: Prior) -> tuple[str, ...]:
     """Why a device is an outlier; empty for one like its family."""
     if answer.grade not in TRUSTED:
         return (f"no structure explains it: the best {answer.grade}" + (" only" if answer.grade == "rough" else ""),)

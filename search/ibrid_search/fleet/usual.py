@@ -22,7 +22,7 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study
 from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.first_look import problems_of
-from ibrid_search.fleet.prior import ANYTHING, Family
+from ibrid_search.fleet.prior import ANYTHING, DeviceFamily
 
 #: Rounds of the descent from the usual values, and the relative gain below which it has ended.
 ROUNDS, END = 6, 1e-4
@@ -30,7 +30,7 @@ ROUNDS, END = 6, 1e-4
 OTHER_SIGN = 3.0
 
 
-def more_usual(record: Record, looker: Looker, label: str, family: Family | None) -> Record:
+def more_usual(record: Record, looker: Looker, label: str, family: DeviceFamily | None) -> Record:
     """The record, or one of the same structure and grade at more usual values. label : of the shipped diagram that it is of."""
     study = looker.study
     usual = {**_usual(record, study, label), **({} if family is None else family.typical)}
