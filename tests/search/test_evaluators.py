@@ -19,6 +19,7 @@ from ibrid_search.evaluation import ray_session
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Attempt, Evaluator, Job, Result, Turns
 from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.evaluation.ray_actors import RayEvaluator
 from ibrid_search.evaluation.ray_session import RaySession, open_session, sweep_folders
 from ibrid_search.step import Status
@@ -329,6 +330,18 @@ def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, crew: R
         with RayEvaluator(assessor(tmp_path), workers) as evaluator:
             assert evaluator.capacity == workers
             assert answers(results(evaluator, PROGRAMS)) == expected
+
+
+def test_processes_without_ray_give_the_same_answers(tmp_path: Path):
+    """Kinds of a notebook alone need Ray: they are not in a module that another process can import."""
+    shipped = Assessor(Study(ibrid.read_sweep(ibrid.benchmarks()["paper_like"])), quick=QUICK, thorough=QUICK)
+    programs = [NAIVE, NAIVE.replace('"gain.out"', '"gain.nothing"')]
+    with ProcessEvaluator(shipped, 2) as evaluator:
+        found = answers(results(evaluator, programs))
+    assert found == answers(results(LocalEvaluator(shipped), programs))
+    assert found[0][1] is Status.OK
+    with pytest.raises(IbridError, match="must be picklable"):
+        ProcessEvaluator(assessor(tmp_path), 1)
 
 
 def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEvaluator):
