@@ -96,9 +96,14 @@ def _explains_far_more(convention: Convention, before: Record, after: Record) ->
         return False
     if any(after.nrmse_by_op[name] >= error for name, error in before.nrmse_by_op.items()):
         return False
-    usual = _likely(convention)[0] < len(PEAKS)
+    usual = is_usual(convention)
     better = _GRADES.index(Grade(str(after.grade))) < _GRADES.index(Grade(str(before.grade)))
     return _left(after) < LEFT * _left(before) and (usual or (better and after.grade in (Grade.EXPLAINS, Grade.CLOSE)))
+
+
+def is_usual(convention: Convention) -> bool:
+    """True for what is often mistaken: a sign, an axis, the node, or a scale of `PEAKS`."""
+    return _likely(convention)[0] < len(PEAKS)
 
 
 def _likely(convention: Convention) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.errors_by_part import noise_floor, nrmse
+from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
@@ -51,7 +51,7 @@ def answer_of(
         "holdout": _mean(baseline.holdout.values()),
     }
     after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
-    floor = noise_floor(found.noise.sweep.points) if found.noise.known else None
+    floor = found.noise.floor
     refitter = shop.refitter(model.convention)
     adequate = tuple(one for one in found.ports if one.adequate)
     question = Question(found.given.diagram, baseline, adequate, shop.kinds, sweep)

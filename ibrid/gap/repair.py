@@ -16,6 +16,8 @@ from ibrid.parts.practice import Insertion
 MOST_EDITS = 3
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
+#: First edits beside which labels are doubted.
+LABELLED = 3
 #: Rounds at most in which each edit of an answer that is not enough is exchanged for another.
 SWAPS = 2
 #: Edits that are refitted, in the order of a glance, and the distance in the information criterion up to which more are.
@@ -61,12 +63,22 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         trial = bench.shop.edited(model, edit) or glance
         found.append(min(trial, glance, key=lambda one: one.refit.cost))
         best = min(best, found[-1].bic(bench.scale))
-    if conventions and model.convention == Convention() and not bench.watch.late():
-        bench.watch(refitted, refitted, "other conventions of the data")
+    if conventions:
         reached = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
-        found += [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
+        found += _read_otherwise(bench, model, reached)
     bench.tests += len(found)
     return sorted(found, key=lambda one: one.bic(bench.scale))
+
+
+def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
+    """A model on the data as they read with another label; none where they are read otherwise already.
+
+    reached : a cost that something else reaches; what cannot come near is left.
+    """
+    if model.convention != Convention() or bench.watch.late():
+        return []
+    bench.watch(REFITTED, REFITTED, "other conventions of the data")
+    return [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
 
 
 def _glanced(bench: Bench, model: Model, *, nominal: bool = True) -> list[Model]:
@@ -146,17 +158,35 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
 
 
 def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
-    """Edits side by side, step by step: a look at every edit of the best few models so far, and refits of the best of those."""
+    """Edits side by side, step by step: a look at every edit of the best few models so far, and refits of the best of those.
+
+    A wrong label hides what is missing, and what is missing hides it: the first that pays is carried along, and labels are
+    doubted beside the first edits of every step.
+    """
     driven = [one for one in firsts if isinstance(one.edits[-1], Insertion) and driven_to_nothing(given, one)]
+    labels = [one for one in firsts if isinstance(one.edits[-1], Convention)][:1]
     ahead = bench.shop.ahead
-    level, best = [*dict.fromkeys([*_apart(firsts)[:ahead], *(driven if ahead > 1 else ())])], firsts[0]
+    level = [*dict.fromkeys([*_apart(firsts)[:ahead], *(driven if ahead > 1 else ()), *labels])]
+    level, best = _relabelled(bench, level, LABELLED), firsts[0]
+    best = min(best, level[0], key=lambda one: one.bic(bench.scale))
     while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
         level = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])[: min(BEAM, ahead)]
+        level = _relabelled(bench, level, 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
             break
         best = level[0]
         bench.so_far(given, best, firsts)
     return best
+
+
+def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
+    """The models of a step, and its first ones on the data as they read with another label, where that pays; best first."""
+    found = list(level)
+    for one in level[:first]:
+        trials = [] if len(one.edits) >= MOST_EDITS or enough(bench, one) else _read_otherwise(bench, one, np.inf)
+        bench.tests += len(trials)
+        found += sorted(paying(bench, one, trials), key=lambda one: one.bic(bench.scale))[:1]
+    return sorted(found, key=lambda one: one.bic(bench.scale))
 
 
 def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:

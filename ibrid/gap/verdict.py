@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.evaluation.reading import is_usual
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
@@ -18,6 +19,8 @@ from ibrid.parts.practice import Insertion
 STRUCTURED = 4.0
 #: Standard deviations of chi2 by which the best of all fits may be better than a right one.
 BY_CHANCE = 2.0
+#: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves more than noise.
+LEFT = 0.5
 #: Factor within which a noise that is not known agrees with what the best fit leaves.
 AGREEING = 1.2
 
@@ -45,6 +48,13 @@ class Findings:
         """True when what is left over looks like noise, but not like the one that data and prior were weighed with."""
         agrees = self.noise.known or 1.0 / AGREEING < self.scale < AGREEING
         return not agrees and (white(self.given) or white(self.best))
+
+    @property
+    def misread(self) -> bool:
+        """True when a usual mistake in the labels is among the edits and by itself takes most of the misfit away."""
+        edits = [one for one in self.best.edits if isinstance(one, Convention)]
+        alone = [one.refit.chi2 for one in self.trials if any(one.edits == (edit,) for edit in edits)]
+        return any(map(is_usual, edits)) and min(alone, default=np.inf) < LEFT * self.given.refit.chi2
 
     @property
     def repaired(self) -> bool:
@@ -83,7 +93,9 @@ def fits(model: Model, noise: Noise, scale: float) -> bool:
 
 
 def verdict_of(found: Findings) -> Verdict:
-    """One of six."""
+    """One of six; where every model leaves more than noise, only whether a label is wrong can be said."""
+    if found.noise.measured is not None:
+        return "data-convention" if found.misread else "unexplained"
     if fits(found.best, found.noise, found.scale):
         if any(isinstance(edit, Convention) for edit in found.best.edits):
             return "data-convention"
@@ -91,6 +103,16 @@ def verdict_of(found: Findings) -> Verdict:
             return "named"
         return "parameters-only" if moved_far(found.given) else "no-gap"
     return "located-unnamed" if any(one.adequate for one in found.ports) else "unexplained"
+
+
+def missed(model: Model) -> float:
+    """What a model of a sweep leaves over, as the rms over all frequencies of its error over |Y|_F."""
+    pairs = zip(model.refit.responses, model.refit.problem.points, strict=True)
+    parts = [
+        np.linalg.norm(y - one.admittance, axis=(1, 2)) / np.linalg.norm(one.admittance, axis=(1, 2))
+        for y, one in pairs
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def moved_far(model: Model) -> list[str]:
@@ -145,7 +167,11 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
             if isinstance(edit, Convention)
         )
         also = "".join(f"; also {words_of(edit)}" for edit in found.best.edits if isinstance(edit, Insertion))
-        return f"The data are written otherwise than the model means: {what}{also} (error {before:.2g} -> {after:.2g}{noise})."
+        rest = "" if found.noise.measured is None else ", the rest is not explained"
+        return (
+            f"The data are written otherwise than the model means: {what}{also} "
+            f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
+        )
     if verdict == "located-unnamed":
         places = [one.port.words for one in found.ports if one.adequate]
         where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"

@@ -23,7 +23,7 @@ from ibrid.gap.repair import Bench, first_trials, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import Model, Workshop
-from ibrid.gap.verdict import Findings, fits, scale_of
+from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
@@ -174,9 +174,12 @@ class _Question:
 
 def _answered(ask: _Question) -> Gap:
     """The answer where there is one amplitude."""
-    result = _findings(ask, ask.diagram, ask.workshop, noise_of(ask.study.fitted))
+    noise = noise_of(ask.study.fitted)
+    result = _findings(ask, ask.diagram, ask.workshop, noise)
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
+    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.late():
+        result = _findings(ask, ask.diagram, ask.workshop, noise.of_models(missed(result[0].best))) or result
     found, shop = result
     suggest = () if ask.watch.late() else ask.suggest
     return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, suggest)

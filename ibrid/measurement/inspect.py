@@ -1,6 +1,7 @@
 """The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be careful about."""
 
 from dataclasses import asdict, dataclass
+from math import exp
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ibrid.measurement.coverage import (
 from ibrid.measurement.inspection_warnings import warnings_of
 from ibrid.measurement.noise import PointNoise, Source, estimate, points_per_decade
 from ibrid.measurement.passivity import passivity
+from ibrid.measurement.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 
 
@@ -31,6 +33,8 @@ class PointInspection:
     active_bands : where it is negative beyond twice its uncertainty.
     outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or more).
     above_half_sampling : number of points there; None if the sampling rate is not known.
+    rises : multiple of f0 in dq -> how many times as large as beside it the impedance is there that the positive and the
+        negative sequence see. resistance : of Z along and across the current at rest, per unit; None where it is not seen.
     amplitudes : of the injection, the smallest of each sweep of this point, ascending; () where they are not recorded. All
         other numbers are of the first.
     """
@@ -55,6 +59,8 @@ class PointInspection:
     lines: tuple[HarmonicLine, ...]
     outliers: tuple[float, ...]
     above_half_sampling: int | None
+    rises: dict[int, tuple[float, float]]
+    resistance: tuple[float, float] | None
     amplitudes: tuple[float, ...] = ()
 
     @property
@@ -94,7 +100,8 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
     """
     noise = estimate(sweep)
     rate = sampling_hz or sweep.sampling_hz
-    points = tuple(_inspect_point(point, noise[point.op.name], sweep.f0_hz, rate) for point in sweep.points)
+    seen = sequence_view(sweep)
+    points = tuple(_inspect_point(point, noise[point.op.name], seen, sweep.f0_hz, rate) for point in sweep.points)
     conventions = check_conventions(sweep, noise)
     return Inspection(
         source=sweep.source,
@@ -105,11 +112,13 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
         sampling_hz=rate,
         points=points,
         conventions=conventions,
-        warnings=warnings_of(sweep, points, conventions, rate),
+        warnings=warnings_of(sweep, points, conventions, rate, seen),
     )
 
 
-def _inspect_point(point: PointSweep, noise: PointNoise, f0_hz: float, sampling_hz: float | None) -> PointInspection:
+def _inspect_point(
+    point: PointSweep, noise: PointNoise, seen: SequenceView, f0_hz: float, sampling_hz: float | None
+) -> PointInspection:
     frequency = point.frequency
     condition = np.nan_to_num(np.linalg.cond(point.admittance), nan=np.inf, posinf=np.inf)
     active = passivity(point, noise)
@@ -136,6 +145,8 @@ def _inspect_point(point: PointSweep, noise: PointNoise, f0_hz: float, sampling_
         lines=harmonic_lines(point, f0_hz),
         outliers=() if sticking is None else tuple(float(value) for value in frequency[sticking]),
         above_half_sampling=None if sampling_hz is None else int((frequency > sampling_hz / 2).sum()),
+        rises={n: (exp(plus), exp(minus)) for n, (plus, minus) in seen.peaks[point.op.name].items()},
+        resistance=next(((along, across) for name, _, along, across in seen.resistance if name == point.op.name), None),
         amplitudes=tuple(float(one.amplitude.min()) for one in levels_of(point) if one.amplitude is not None),
     )
 

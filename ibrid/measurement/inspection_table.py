@@ -14,7 +14,7 @@ def format_inspection(inspection: Inspection) -> str:
     lines = [f"sweep    {inspection.source or '(no file)'}", f"system   {_system(inspection)}"]
     points = inspection.points
     for start in range(0, len(points), _PER_BLOCK):
-        lines += ["", *_table(points[start : start + _PER_BLOCK])]
+        lines += ["", *_table(points[start : start + _PER_BLOCK], inspection.f0_hz)]
     lines += ["", *paragraph("conventions: ", inspection.conventions.sentence)]
     if inspection.warnings:
         lines += ["", "mind:"]
@@ -37,7 +37,7 @@ def _system(inspection: Inspection) -> str:
     return ", ".join(words)
 
 
-def _table(points: tuple[PointInspection, ...]) -> list[str]:
+def _table(points: tuple[PointInspection, ...], f0_hz: float) -> list[str]:
     rows = [("", [point.op.name for point in points])]
     rows.append(("p, q, v", [f"{point.op.p:g}, {point.op.q:g}, {point.op.v:g}" for point in points]))
     rows.append(("points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]))
@@ -69,6 +69,7 @@ def _table(points: tuple[PointInspection, ...]) -> list[str]:
         where = _loop_range(loop.low, loop.high)
         rows.append((f"  {loop.loop}, {where}", [_loop(point, k) for point in points]))
     rows.append(("peaks (points across)", [_peaks(point) for point in points]))
+    rows += _sequence_rows(points, f0_hz)
     if any(point.above_half_sampling is not None for point in points):
         rows.append(("above half the sampling rate", [f"{point.above_half_sampling}" for point in points]))
     if any(point.lines for point in points):
@@ -112,6 +113,18 @@ def _loop(point: PointInspection, k: int) -> str:
 
 def _peaks(point: PointInspection) -> str:
     return ", ".join(f"{hertz(peak.frequency)} ({peak.points})" for peak in point.resonances[:3]) or "none"
+
+
+def _sequence_rows(points: tuple[PointInspection, ...], f0_hz: float) -> list[tuple[str, list[str]]]:
+    """What each sequence sees: the impedance at multiples of f0 in dq over that beside it, and the resistance."""
+    rows = []
+    for n in sorted({n for point in points for n in point.rises}):
+        cells = [", ".join(f"{one:.2g}" for one in point.rises[n]) if n in point.rises else "-" for point in points]
+        rows.append((f"|Z| at {n * f0_hz:g} Hz over beside it, + and - sequence", cells))
+    if any(point.resistance for point in points):
+        cells = ["-" if point.resistance is None else "{:.3g}, {:.3g}".format(*point.resistance) for point in points]
+        rows.append(("resistance along and across the current", cells))
+    return rows
 
 
 def _aligned(rows: list[tuple[str, list[str]]]) -> list[str]:

@@ -9,7 +9,7 @@ from ibrid.measurement.conventions import Conventions
 from ibrid.measurement.linearity import linearity
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.quantities import hertz, percent
-from ibrid.measurement.sequence_view import sequence_view
+from ibrid.measurement.sequence_view import SequenceView
 from ibrid.measurement.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -21,13 +21,17 @@ ILL_CONDITIONED = 1e3
 
 
 def warnings_of(
-    sweep: Sweep, points: Sequence[PointInspection], conventions: Conventions, sampling_hz: float | None
+    sweep: Sweep,
+    points: Sequence[PointInspection],
+    conventions: Conventions,
+    sampling_hz: float | None,
+    seen: SequenceView,
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
     found = [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
     amplitudes = linearity(sweep)
     found += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
-    found += sequence_view(sweep).sentences
+    found += seen.sentences
     checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
     return tuple(found + [sentence for check in checks for sentence in check(points)])
 
@@ -57,8 +61,8 @@ def _noise(points: Sequence[PointInspection]) -> list[str]:
     unknown = _names(points, lambda point: point.noise_source == "unknown")
     if unknown:
         result.append(
-            f"noise unknown ({unknown}): no sigma, no repeats and fewer than 15 points a decade, so how well "
-            "a model should fit cannot be said; add a column sigma or repeat the sweep."
+            f"noise unknown ({unknown}): no sigma, no repeats, fewer than 15 points a decade, and vector fits leave too "
+            "little or too much to tell, so how well a model should fit cannot be said; add a column sigma or repeat the sweep."
         )
     noisy = [point for point in points if point.noise is not None and point.noise > NOISY]
     if noisy:

@@ -12,7 +12,7 @@ from scipy.stats import chi2 as chi2_law
 from scipy.stats import norm
 
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
-from ibrid.measurement.noise import estimate_point
+from ibrid.measurement.noise import estimate_point, of_norm
 from ibrid.measurement.quantities import hertz, span
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 
@@ -208,16 +208,10 @@ def with_products(point: PointSweep) -> PointSweep:
     if point.amplitude is None:
         return replace(point, sigma=sigma)
     largest = point.amplitude * np.maximum(np.linalg.norm(point.admittance, ord=2, axis=(1, 2)), 1.0)
-    return replace(point, sigma=np.hypot(sigma, _of_norm(point, PRODUCTS * largest**2)))
+    return replace(point, sigma=np.hypot(sigma, of_norm(point, PRODUCTS * largest**2)))
 
 
 def sigma_of(point: PointSweep) -> np.ndarray:
     """Standard deviation of each part (K, 2, 2): as known, else an rms error of the matrix of UNKNOWN |Y|_F."""
     known = estimate_point(point).sigma
-    return _of_norm(point, np.full(len(point.frequency), UNKNOWN)) if known is None else known
-
-
-def _of_norm(point: PointSweep, level: np.ndarray) -> np.ndarray:
-    """Standard deviation of each part (K, 2, 2) for an rms error of the matrix of `level` (K,) |Y|_F."""
-    norm_of_y = np.linalg.norm(point.admittance, axis=(1, 2))
-    return np.broadcast_to((level * norm_of_y / np.sqrt(8.0))[:, None, None], point.admittance.shape)
+    return of_norm(point, UNKNOWN) if known is None else known

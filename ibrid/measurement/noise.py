@@ -1,4 +1,4 @@
-"""Measurement noise: added to clean sweeps, known from repeats, or estimated from sigma, repeats or smoothness."""
+"""Measurement noise: added to clean sweeps, or known from sigma, repeats, smoothness or what vector fits leave over."""
 
 from dataclasses import dataclass, replace
 from math import isfinite, sqrt
@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.vector_fit import left_over
 
 
 def add_noise(
@@ -53,10 +54,12 @@ def _noisy(
     )
 
 
-Source = Literal["sigma", "repeats", "smoothness", "unknown"]
+Source = Literal["sigma", "repeats", "smoothness", "vector-fit", "unknown"]
 
 DENSE = 15.0
 """Points a decade from which on a physical response is smooth between neighbours."""
+LEAST_TOLD = 1e-4
+"""Of |Y|_F: what vector fits leave below it may as well be their own error, so the noise stays unknown."""
 _WINDOW = 7
 _DEGREES = (2, 3)
 _POOL = 4
@@ -83,32 +86,60 @@ class PointNoise:
 
 
 def estimate(sweep: Sweep) -> dict[str, PointNoise]:
-    """Noise per operating point: sigma; else repeats; else, from 15 points a decade, smoothness; else unknown."""
+    """Noise per operating point: sigma; else repeats; else, from 15 points a decade, smoothness; else what vector fits leave;
+    else unknown."""
     return {point.op.name: estimate_point(point) for point in sweep.points}
 
 
 def estimate_point(point: PointSweep) -> PointNoise:
-    """Noise of one operating point. A sigma that a reader computed from the repeats counts as repeats."""
+    """Noise of one operating point. A sigma that was taken from the repeats or from vector fits counts as these."""
     scatter = None if point.repeats is None or len(point.repeats) < 2 else sigma_of_mean(point.repeats)
     if point.sigma is not None:
-        own = scatter is None or not np.allclose(point.sigma, scatter, rtol=1e-6, atol=0)
-        return _noise("sigma" if own else "repeats", point, point.sigma)
+        stated = _noise("sigma", point, point.sigma)
+        if scatter is not None and _same(point.sigma, scatter):
+            return replace(stated, source="repeats")
+        as_fitted = _same(point.sigma, of_norm(point, stated.level or 0.0)) and _same(
+            point.sigma, _of_vector_fits(point)
+        )
+        return replace(stated, source="vector-fit") if as_fitted else stated
     if scatter is not None:
         return _noise("repeats", point, scatter)
-    if points_per_decade(point.frequency) >= DENSE and len(point.frequency) >= 2 * _WINDOW:
+    if _dense(point):
         return _noise("smoothness", point, roughness(point.frequency, point.admittance))
-    return PointNoise("unknown", None, None)
+    fitted = _of_vector_fits(point)
+    return PointNoise("unknown", None, None) if fitted is None else _noise("vector-fit", point, fitted)
 
 
 def with_sigma(sweep: Sweep) -> Sweep:
-    """The sweep with the sigma that its repeats tell, where it has none."""
+    """The sweep with the sigma that its repeats tell, or vector fits of all its operating points, where it has none."""
+    noise = estimate(sweep)
+    sparse = all(one.source == "vector-fit" for one in noise.values())
 
     def filled(point: PointSweep) -> PointSweep:
-        if point.sigma is not None or point.repeats is None or len(point.repeats) < 2:
-            return point
-        return replace(point, sigma=sigma_of_mean(point.repeats))
+        own = noise[point.op.name]
+        return replace(point, sigma=own.sigma) if sparse or own.source == "repeats" else point
 
     return replace(sweep, points=tuple(filled(point) for point in sweep.points))
+
+
+def _same(sigma: np.ndarray, other: np.ndarray | None) -> bool:
+    return other is not None and np.allclose(sigma, other, rtol=1e-6, atol=0)
+
+
+def _dense(point: PointSweep) -> bool:
+    return points_per_decade(point.frequency) >= DENSE and len(point.frequency) >= 2 * _WINDOW
+
+
+def _of_vector_fits(point: PointSweep) -> np.ndarray | None:
+    """Standard deviation (K, 2, 2) by what vector fits leave over; None where the data are dense, or they do not tell."""
+    level = None if _dense(point) else left_over(point.frequency, point.admittance)
+    return None if level is None or level <= LEAST_TOLD else of_norm(point, level)
+
+
+def of_norm(point: PointSweep, level: float | np.ndarray) -> np.ndarray:
+    """Standard deviation of each real number (K, 2, 2) for an rms error of the matrix of `level`, one or (K,), of |Y|_F."""
+    size = level * np.linalg.norm(point.admittance, axis=(1, 2)) / sqrt(8.0)
+    return np.broadcast_to(size[:, None, None], point.admittance.shape)
 
 
 def points_per_decade(frequency: np.ndarray) -> float:

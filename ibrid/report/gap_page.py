@@ -6,6 +6,7 @@ from typing import Any
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.gap.workflow import FEWEST
+from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs
@@ -127,6 +128,7 @@ def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
 def _details(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
     """What the page alone shows."""
     return {
+        "sequences": sequence_view(gap.sweep).sentences,
         "stability": stability(gap.repaired),
         "error_parts": errors_by_part(views),
         "suggested": _suggested(gap),

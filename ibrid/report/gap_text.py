@@ -8,6 +8,7 @@ from ibrid.gap.files import DIFF, FILES
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
 from ibrid.measurement.quantities import span
+from ibrid.measurement.sequence_view import sequence_view
 from ibrid.report.gap_curves import closed, repaired
 from ibrid.report.gap_words import change_words, far, moved_interval, parameter_words
 from ibrid.report.numbers import error, number, percent
@@ -31,6 +32,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_amplitudes(gap),
             *_located(gap),
             *_ports(gap),
+            *_entry("sequences", " ".join(sequence_view(gap.sweep).sentences), 4),
             *_suggested(gap),
             *_moved(gap),
             *_invisible(gap),

@@ -13,6 +13,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
+from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
@@ -104,6 +105,7 @@ def _response_facts(record: Record, sweep: Sweep | None, name: str, zoom: bool) 
         "bars": any(line.measured is not None and line.measured.sigma is not None for line in shown),
         "points": names,
         "bode": bode_svgs(shown, name, label, zoom=zoom),
+        "sequences": () if measured is None else sequence_view(measured).sentences,
     }
 
 

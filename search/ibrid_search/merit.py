@@ -63,12 +63,12 @@ class Floor:
 def noise_floor(sweep: Sweep) -> Floor:
     """Law: level is the mean over frequencies and operating points of sqrt(2) |sigma|_F / |Y|_F.
 
-    sigma as given or from repeats; smoothness gives only an upper bound, which must not end a search.
+    sigma as given, from repeats or from vector fits; smoothness gives only an upper bound, which must not end a search.
     """
     numbers, levels = measured_numbers(sweep.points), []
     for point in sweep.points:
         noise = estimate_point(point)
-        if noise.relative is None or noise.source not in ("sigma", "repeats"):
+        if noise.relative is None or noise.source not in ("sigma", "repeats", "vector-fit"):
             return Floor(EXACT, numbers, UNKNOWN)
         levels.append(noise.relative)
         source = noise.source

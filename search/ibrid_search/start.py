@@ -31,7 +31,7 @@ from ibrid.telling import Tell
 from ibrid.writing import write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Looker, RankedEdit
-from ibrid_search.merit import EXACT, Criterion, Floor, criterion
+from ibrid_search.merit import EXACT, Criterion, criterion
 from ibrid_search.settings import SearchSettings
 
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
@@ -73,14 +73,13 @@ class Ranked:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The answer. `ranked` : the best first. `family` : what the best diagram's control is called.
-    `floor` : of the noise. `next` : commands. `events` : records beside the sweep."""
+    """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
+    `events` : records beside the sweep."""
 
     sweep: Sweep
     inspection: Inspection
     ranked: tuple[Ranked, ...]
     family: str
-    floor: Floor
     next: tuple[str, ...] = ()
     events: Events | None = None
 
@@ -96,7 +95,9 @@ class Start:
     @property
     def sentence(self) -> str:
         """The answer in a line or two."""
-        noise = "the noise" if self.floor.known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
+        record = self.best.record
+        known = record is not None and record.misfit is not None and record.misfit["floor"]["from"] != "unknown"
+        noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         held = self.best.held_out or {}
@@ -156,7 +157,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     rest = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
-    return Start(sweep, inspection, (first, *fitted[1:], *rest), family, measure.floor, events=events)
+    return Start(sweep, inspection, (first, *fitted[1:], *rest), family, events=events)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:

@@ -5,6 +5,7 @@ import pytest
 
 import ibrid
 from ibrid.evaluation.record import Record
+from ibrid.gap.workflow import find_gap
 from ibrid.measurement.hardware import VARIABLE, hardware_sweeps
 from ibrid.measurement.sweep import Sweep
 
@@ -59,3 +60,13 @@ def test_shared_and_separate_parameters_and_the_other_point_are_comparable(sweep
         predicted = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, holdout_op=name, restarts=1)
         assert np.isfinite(predicted.holdout[name])
         assert predicted.holdout[name] < 2 * record.nrmse_by_op[name]
+
+
+def test_the_gap_finds_that_p_and_q_were_first_labelled_sqrt_2_too_large_though_it_cannot_explain_all():
+    path = FOUND["gti_pq"].parent / "as_first_labelled" / "gti_pq.csv"
+    gap = find_gap(ibrid.textbook("gfl_l_filter_delay"), ibrid.read_sweep(path), progress="silent")
+    assert gap.verdict == "data-convention"
+    (label,) = [one for one in gap.effects if one.where == "the labels of the data"]
+    assert (label.id, label.parameters["scale"][0]) == ("power_scale", 2**0.5)
+    assert gap.after["refit"] < 0.15 < gap.before["refit"]
+    assert "the rest is not explained" in gap.sentence

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_bench.hidden.case import Case, draw_case, write_case
+from ibrid_bench.hidden.hardware import draw_hardware
 
 import ibrid
 from ibrid.cli import main
@@ -142,11 +143,21 @@ def test_with_unknown_noise_no_more_is_said_than_can_be_known():
 
 @pytest.mark.parametrize("seed", [11, 12])  # L filter and LCL
 def test_noise_that_nobody_states_is_not_taken_for_an_effect(seed):
-    case = draw_case("nothing", seed, noise_db=40, sigma="none")
+    case = draw_case("nothing", seed, noise_db=40, sigma="none", frequencies=12)  # too few for vector fits to tell it
     gap = answered(case, catalogue=effects(*HIDDEN, "virtual_impedance"))
     assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
     level = float(gap.noise.split("taken as the ")[1].split()[0])
     assert 0.8e-2 < level < 1.2e-2  # 40 dB
+    assert all(abs(one.sigmas) < 3 for one in gap.moved)
+
+
+@pytest.mark.parametrize("seed", [11, 12])  # L filter and LCL
+def test_noise_that_vector_fits_tell_is_not_taken_for_an_effect(seed):
+    case = draw_case("nothing", seed, noise_db=40, sigma="none")
+    gap = answered(case, catalogue=effects(*HIDDEN, "virtual_impedance"))
+    assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
+    assert gap.noise == "what vector fits leave over"
+    assert 0.8e-2 < gap.noise_floor < 1.7e-2  # 40 dB, and the caution of the estimate
     assert all(abs(one.sigmas) < 3 for one in gap.moved)
 
 
@@ -261,3 +272,18 @@ def test_nominal_values_that_mean_nothing_are_refused_in_a_sentence(values, said
 )
 def test_a_repair_must_not_predict_worse_than_what_it_repairs(before, after, points, good):
     assert predicts(before, after, points) is good
+
+
+def test_a_wrong_label_is_found_beside_what_the_model_misses_where_neither_helps_alone():
+    case = draw_hardware(
+        3,
+        ["feedforward_band_pass:add:sogi_fixed", "power_scale:add:peak_for_rms"],
+        noise_db=60,
+        frequencies=14,
+        points=2,
+    )
+    gap = answered(case, catalogue=effects("feedforward_band_pass", "delay_angle", "pll_prefilter"))
+    assert gap.verdict == "data-convention", gap.sentence
+    assert sorted(ids(gap)) == ["feedforward_band_pass", "power_scale"]
+    assert "1.414 times" in gap.sentence
+    assert gap.after["refit"] < 1.2 * gap.noise_floor

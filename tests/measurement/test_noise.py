@@ -8,7 +8,8 @@ from collecting import each_of
 
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, estimate_noise, hardware_sweeps, read_sweep
-from ibrid.measurement.noise import points_per_decade, roughness, sigma_of_mean
+from ibrid.measurement.noise import points_per_decade, roughness, sigma_of_mean, with_sigma
+from ibrid.measurement.vector_fit import vector_fit
 
 PAPER_LIKE = Path(__file__).resolve().parents[2] / "data" / "paper_like.csv"
 
@@ -62,13 +63,14 @@ def source(sweep: Sweep) -> str:
     return estimate_noise(sweep)["a"].source
 
 
-def test_sigma_comes_first_then_repeats_then_smoothness():
+def test_sigma_comes_first_then_repeats_then_smoothness_then_vector_fits():
     rng = np.random.default_rng(0)
     assert source(add_noise(clean(), 40, rng=rng)) == "sigma"
     assert source(add_noise(clean(), 40, rng=rng, repeats=3)) == "sigma"
     assert source(add_noise(clean(), 40, rng=rng, repeats=2, record_sigma=False)) == "repeats"
     assert source(add_noise(clean(), 40, rng=rng, record_sigma=False)) == "smoothness"
-    assert source(add_noise(clean(14), 40, rng=rng, record_sigma=False)) == "unknown"
+    assert source(add_noise(clean(14), 40, rng=rng, record_sigma=False)) == "vector-fit"
+    assert source(add_noise(clean(3), 40, rng=rng, record_sigma=False)) == "unknown"
 
 
 def test_sigma_from_the_scatter_of_a_file_counts_as_repeats(tmp_path):
@@ -93,6 +95,41 @@ def test_scatter_of_repeats_estimates_the_noise_of_their_mean(repeats, noise_db)
 def test_roughness_estimates_the_noise_of_a_single_run(per_decade, noise_db):
     noisy = add_noise(clean(per_decade), noise_db, rng=np.random.default_rng(2), record_sigma=False)
     assert estimate_noise(noisy)["a"].level == pytest.approx(10 ** (-noise_db / 20), rel=0.2)
+
+
+@each_of("per_decade", [5, 14])
+@each_of("noise_db", [60, 50, 40])
+def test_vector_fits_of_a_sparse_sweep_leave_its_noise_and_not_much_more(per_decade, noise_db):
+    # 16 to 46 points of a response with seven poles leave 80 and more degrees of freedom: 8 % and one deviation of caution
+    for seed in range(5):
+        noisy = add_noise(clean(per_decade), noise_db, rng=np.random.default_rng(seed), record_sigma=False)
+        assert 0.85 < estimate_noise(noisy)["a"].level / 10 ** (-noise_db / 20) < 1.7
+
+
+def test_vector_fits_of_clean_data_do_not_invent_a_noise():
+    assert source(clean(5)) == "unknown"
+
+
+def test_a_noise_that_vector_fits_tell_is_told_of_a_study_too():
+    noisy = add_noise(clean(5), 40, rng=np.random.default_rng(0), record_sigma=False)
+    filled = with_sigma(noisy)
+    assert source(filled) == "vector-fit"
+    assert estimate_noise(filled)["a"].level == pytest.approx(estimate_noise(noisy)["a"].level)
+
+
+@each_of("order", [1, 2, 5, 8])
+def test_a_vector_fit_returns_a_rational_function_of_its_order(order):
+    frequency, rng = np.geomspace(1, 1e3, 24), np.random.default_rng(order)
+    s = 2j * np.pi * frequency
+    poles = 2 * np.pi * np.geomspace(3, 300, order // 2) * (-0.3 + 1j)
+    truth = np.tile(rng.standard_normal((2, 2)), (24, 1, 1)).astype(complex)
+    for pole in (*poles, *([-2 * np.pi * 40.0] if order % 2 else [])):
+        residue = abs(pole) * rng.standard_normal((2, 2, 2)) @ np.array([1, 1j])
+        residue = residue if np.imag(pole) else residue.real
+        both = 1 / (s - pole)[:, None, None] * residue
+        truth = truth + both + (1 / (s - np.conj(pole))[:, None, None] * residue.conj() if np.imag(pole) else 0)
+    found = vector_fit(frequency, truth, order, np.ones(24))
+    np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
 
 
 def test_roughness_is_unbiased_on_white_noise_and_follows_its_level():

@@ -1,14 +1,19 @@
 """The sequence view: impedances by hand, a peak where a SOGI is, a resistance as dead time makes it; else silence."""
 
+from dataclasses import replace
+
 import numpy as np
 from collecting import collecting
 from ibrid_bench.hidden.hardware import draw_hardware
+from made_gap import no_gap
 
 from ibrid.measurement.inspect import inspect
+from ibrid.measurement.inspection_table import format_inspection
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.benchmarks import benchmarks
+from ibrid.report.gap_text import gap_text
 
 FREQUENCY = np.geomspace(5, 5000, 30)
 W0 = 2 * np.pi * 60
@@ -40,6 +45,18 @@ def test_a_sogi_in_the_feedforward_is_told_and_other_hardware_is_not():
             for effect in SILENT:
                 with failures.case(f"{effect} {seed}"):
                     assert sequence_view(draw_hardware(seed, [effect]).sweep).sentences == ()
+
+
+def test_what_each_sequence_sees_is_in_the_table_of_inspect_and_in_the_answer_of_a_gap():
+    sweep = draw_hardware(0, ["feedforward_band_pass:add:sogi"], points=2).sweep
+    found = inspect(sweep)
+    assert all(point.rises[2][1] > 2 * point.rises[2][0] for point in found.points)
+    text = format_inspection(found)
+    assert "|Z| at 120 Hz over beside it, + and - sequence" in text
+    assert "resistance along and across the current" in text
+    assert "sequences   the negative sequence sees an impedance that peaks at f0" in gap_text(
+        replace(no_gap(), sweep=sweep)
+    )
 
 
 def test_a_resistance_as_dead_time_makes_it_is_told():

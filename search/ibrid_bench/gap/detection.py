@@ -14,9 +14,10 @@ from ibrid_bench.hidden.effects import HIDDEN
 from ibrid_bench.hidden.program import BlockDiagram, block_diagram
 
 from ibrid.errors import IbridError
-from ibrid.gap.noise import LEAST_UNKNOWN, Noise, relative_sigma
+from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.prior import prior_of
 from ibrid.gap.refit import Refitter
+from ibrid.measurement.noise import of_norm
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.parameters import parameter_table
@@ -85,7 +86,7 @@ def _with_sigma_of(noisy: Sweep, clean: Sweep) -> Sweep:
     """Clean admittances with the sigma of a measurement, where it has none with what design allows the least."""
     points = []
     for seen, true in zip(noisy.points, clean.points, strict=True):
-        sigma = relative_sigma(true, LEAST_UNKNOWN) if seen.sigma is None else seen.sigma
+        sigma = of_norm(true, LEAST_UNKNOWN) if seen.sigma is None else seen.sigma
         points.append(replace(true, sigma=sigma))
     return replace(clean, points=tuple(points))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from ibrid_bench.gap.diagnosis import diagnose
-from ibrid_bench.gap.held_out import MOST
+from ibrid_bench.gap.held_out import MOST, held_out_ratio
 from ibrid_bench.gap.scoring import Row, score
 from ibrid_bench.hidden.case import write_case
 from ibrid_bench.hidden.hardware import HARDWARE, draw_hardware
@@ -70,9 +70,14 @@ def _answer(effects: Sequence[str], noise: float, seed: int) -> Row:
         write_case(case, Path(folder) / "case", Path(folder) / "truth")
         diagnosis = diagnose(Path(folder) / "case")
     row = score(case, diagnosis, ())
-    if row["named_first"] is None or "data-convention" in case.truth["verdicts"]:
+    if "data-convention" in case.truth["verdicts"]:
         ids = {one.split(":")[0] for one in row["hidden"]}
-        row["named_first"] = any(one.split(":")[0] in ids for one in row["answer"][:1])
+        told = [one.split(":")[0] for one in row["answer"]]
+        classes = [{name, *alike} for name, alike in zip(told, row["classes"], strict=True)]
+        row["named_first"] = bool(classes) and bool(ids & classes[0])
+        row["all_named"] = ids <= set().union(*classes) if len(ids) > 1 else None
+        if row["verdict"] == "data-convention" and diagnosis.record:
+            row["holdout"] = held_out_ratio(diagnosis.record, case)
     return row
 
 

@@ -1,0 +1,177 @@
+"""Vector fitting: what a rational function of sufficient order leaves over is the noise of a sparse sweep.
+
+B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052, with poles common to the four entries and each entry
+eliminated by a QR decomposition (D. Deschrijver et al., IEEE Microw. Wireless Compon. Lett. 18 (2008) 383).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ibrid.errors import IbridError
+
+#: Least |Y|_F at a frequency, over the largest entry of all, beside which a fit means something.
+LEAST = 1e-9
+#: Times that the poles are relocated.
+ROUNDS = 8
+#: Fewest frequencies of an operating point, the largest part of the measured numbers that coefficients may take, the
+#: first order, and how many are tried beyond the last one that paid.
+FEWEST, SHARE, FIRST, BEYOND = 14, 0.6, 2, 10
+#: A further order is taken while it lowers the variance by this many of its standard deviations, sqrt(2 / dof).
+PAYS = 2.0
+#: Correlation of neighbouring residuals, in its standard deviations, beyond which they are no noise.
+STRUCTURED = 4.0
+#: Standard deviations by which the estimate is widened: a floor below the noise would refute right models.
+CAUTION = 1.0
+
+
+def vector_fit(frequency: np.ndarray, response: np.ndarray, order: int, weight: np.ndarray) -> np.ndarray:
+    """A proper rational function of so many poles at the frequencies.
+
+    frequency : (K,) Hz. response : complex, (K, 2, 2). weight : (K,), of each frequency's error. Returns (K, 2, 2).
+    """
+    s = 1j * frequency / frequency[-1]
+    poles = _starting_poles(frequency / frequency[-1], order)
+    values = response.reshape(len(s), 4)
+    best, least = values * np.nan, np.inf
+    for _ in range(ROUNDS):
+        fitted = _residues(s, values, poles, weight)
+        left = float((np.abs(weight[:, None] * (fitted - values)) ** 2).sum())
+        if left < least:
+            best, least = fitted, left
+        poles = _relocated(s, values, poles, weight)
+    return best.reshape(response.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class RationalFit:
+    """`order` : number of poles. `response` : complex, (K, 2, 2). `variance` : of the residual over |Y|_F, each entry and
+    frequency, `dof` degrees of freedom of it. `white` : True where neighbouring residuals are no more alike than noise."""
+
+    order: int
+    response: np.ndarray
+    variance: float
+    dof: int
+    white: bool
+
+
+def best_fit(frequency: np.ndarray, response: np.ndarray) -> RationalFit:
+    """The vector fit of the order beyond which the variance does not fall by more than chance; weighed by 1/|Y|_F.
+
+    frequency : (K,) Hz; response : complex, (K, 2, 2), zero nowhere. Raises IbridError where an order of 2 needs more of them.
+    """
+    weight = 1.0 / np.linalg.norm(response, axis=(1, 2))
+    best: RationalFit | None = None
+    for order, dof in _orders(len(frequency)):
+        if best is not None and order > best.order + BEYOND:
+            break
+        fitted = vector_fit(frequency, response, order, weight)
+        residual = weight[:, None, None] * (fitted - response)
+        variance = float((np.abs(residual) ** 2).sum()) / dof
+        if best is None or variance < best.variance * (1.0 - PAYS * np.sqrt(2.0 / dof)):
+            best = RationalFit(order, fitted, variance, dof, abs(_whiteness(residual)) < STRUCTURED)
+    if best is None:
+        raise IbridError(f"vector fitting needs at least 4 frequencies at an operating point; found {len(frequency)}")
+    return best
+
+
+def left_over(frequency: np.ndarray, response: np.ndarray) -> float | None:
+    """Noise of a sweep: the rms error of the matrix over |Y|_F that the best vector fit leaves; None where it does not tell.
+
+    It tells nothing where few frequencies are measured, or the residual still has the structure of a response.
+    """
+    return _left_over(frequency.tobytes(), response.tobytes())
+
+
+@lru_cache(maxsize=256)
+def _left_over(frequency: bytes, response: bytes) -> float | None:
+    hertz = np.frombuffer(frequency)
+    measured = np.frombuffer(response, dtype=complex).reshape(-1, 2, 2)
+    measured = measured / np.abs(measured).max()
+    if len(hertz) < FEWEST or np.linalg.norm(measured, axis=(1, 2)).min() < LEAST:
+        return None
+    best = best_fit(hertz, measured)
+    cautious = best.variance * (1.0 + CAUTION * np.sqrt(2.0 / best.dof))
+    return float(np.sqrt(8.0 * cautious)) if best.white else None
+
+
+def _orders(count: int) -> Iterator[tuple[int, int]]:
+    """Orders that so many frequencies afford, each with its degrees of freedom."""
+    numbers = 8 * count
+    order = FIRST
+    while 5 * order + 4 <= SHARE * numbers:
+        yield order, numbers - 5 * order - 4
+        order += 1
+
+
+def _whiteness(residual: np.ndarray) -> float:
+    """Correlation of neighbours along frequency, in standard deviations of that of white noise."""
+    flat = residual.reshape(len(residual), 4)
+    pairs = np.real(flat[1:].conj() * flat[:-1]).sum()
+    return float(pairs / (np.abs(flat) ** 2).sum() * np.sqrt(2.0 * 4 * len(flat)))
+
+
+def _starting_poles(frequency: np.ndarray, order: int) -> np.ndarray:
+    """Pairs that are weakly damped and spaced by decades, the upper pole of each, and a real one of an odd order."""
+    centres = np.geomspace(frequency[0], 1.0, order // 2)
+    pairs = centres * (-0.1 + 1j)
+    real = [-complex(np.sqrt(frequency[0]))] if order % 2 else []
+    return np.array([*real, *pairs])
+
+
+def _basis(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """(K, order) complex: a column of a real pole, two of a pair; their coefficients are real."""
+    columns = []
+    for pole in poles:
+        upper, lower = 1 / (s - pole), 1 / (s - np.conj(pole))
+        columns += [upper + lower, 1j * (upper - lower)] if pole.imag else [upper]
+    return np.stack(columns, axis=1)
+
+
+def _real(columns: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(columns), np.imag(columns)])
+
+
+def _residues(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The values (K, 4) of the best residues and constants at given poles."""
+    basis = np.column_stack([_basis(s, poles), np.ones_like(s)])
+    size = np.linalg.norm(weight[:, None] * basis, axis=0)
+    left = weight[:, None] * basis / size
+    found = np.linalg.lstsq(_real(left), _real(weight[:, None] * values), rcond=None)[0]
+    return (basis / size) @ found
+
+
+def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Zeros of the scaling function 1 + sum c/(s - p) by which all entries become fractions of the same poles."""
+    basis = _basis(s, poles)
+    own = _real(weight[:, None] * np.column_stack([basis, np.ones_like(s)]))
+    q, _ = np.linalg.qr(own)
+    rows, right = [], []
+    for entry in values.T:
+        shared = _real(weight[:, None] * basis * entry[:, None])
+        target = _real((weight * entry)[:, None])
+        shared, target = shared - q @ (q.T @ shared), target - q @ (q.T @ target)
+        rows.append(shared)
+        right.append(target)
+    scaling = np.linalg.lstsq(-np.concatenate(rows), np.concatenate(right)[:, 0], rcond=None)[0]
+    matrix, column = _realised(poles)
+    zeros = np.linalg.eigvals(matrix - np.outer(column, scaling))
+    zeros = np.where(np.real(zeros) > 0, -np.conj(zeros), zeros)
+    return zeros[np.imag(zeros) >= 0]
+
+
+def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A and b of the columns of `_basis` as real states, sum c/(s - p) = c (s - A)^-1 b."""
+    order = len(poles) + int(np.count_nonzero(np.imag(poles)))
+    matrix, column, place = np.zeros((order, order)), np.zeros(order), 0
+    for pole in poles:
+        if not pole.imag:
+            matrix[place, place], column[place] = pole.real, 1.0
+            place += 1
+            continue
+        matrix[place : place + 2, place : place + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+        column[place] = 2.0
+        place += 2
+    return matrix, column
