@@ -49,7 +49,7 @@ def write_model(folder: Path) -> None:
         torch.manual_seed(0)
         model = LlamaForCausalLM(config)
     with torch.no_grad():
-        said, heard = model.lm_head.weight, model.get_input_embeddings().weight
+        said, heard = (model.get_parameter(name) for name in ("lm_head.weight", "model.embed_tokens.weight"))
         heard[:, 0], heard[edits, 1] = 1.0, 2.0  # 1 marks an edit that was said
         said[edits, 0], said[edits, 1], said[END, 1] = 2.0, -4.0, 6.0
     model.save_pretrained(folder)
