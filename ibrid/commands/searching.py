@@ -1,5 +1,6 @@
 """`ibrid search DATA --out RUN` and `ibrid mcp DATA`: the search over block diagrams, and its tools for coding agents."""
 
+import json
 import os
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
@@ -22,6 +23,19 @@ MODEL_HELP = (
     "for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
     "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
 )
+
+#: How servers are asked: what an option takes, how it is read, and what it is for.
+SERVER: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
+    "effort": ("WORD", str, "how much a reasoning model thinks, in the words of its server: low, medium, high"),
+    "temperature": ("X", inputs.finite, "of the sampling (1)"),
+    "max-tokens": ("N", inputs.natural, "of an answer, thinking included (16384; of a local model 2048)"),
+    "timeout": ("S", inputs.positive, "seconds for one answer (600)"),
+    "form": (
+        "FORM",
+        str,
+        "how a server holds an answer of llm to an edit: schema, tool, gbnf or text (auto: the first that it takes)",
+    ),
+}
 
 #: Settings of learning that have an option: what it takes, how it is read, and what it is for.
 LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
@@ -122,6 +136,16 @@ def declare(commands: Any) -> None:
         default="engineer",
         help="question to the proposer llm: engineer (default), with the diagnosis of the parent, or paper, the paper's own",
     )
+    for option, (metavar, kind, help_text) in SERVER.items():
+        search.add_argument(f"--model-{option}", type=kind, metavar=metavar, help=help_text)
+    search.add_argument(
+        "--model-extra",
+        action="append",
+        default=[],
+        type=_field,
+        metavar="NAME=JSON",
+        help="a further field of every request to a server, repeatable: top_p=0.9, chat_template_kwargs={...}",
+    )
     search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
     search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
@@ -135,7 +159,10 @@ def declare(commands: Any) -> None:
         "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
     )
     search.add_argument(
-        "--history", type=inputs.natural, default=0, metavar="N", help="best and failed candidates a proposer sees (0)"
+        "--history",
+        type=inputs.natural,
+        metavar="N",
+        help="best and failed candidates a proposer sees (llm 4, others 0)",
     )
     inputs.add_port_option(search)
     inputs.add_labels_option(search, "exact")
@@ -216,6 +243,7 @@ def run_search(arguments: Namespace) -> int:
         ),
         prices=arguments.model_price,
         prompt=arguments.prompt,
+        server=_server(arguments),
         policy=arguments.policy,
         learn=_learning(arguments),
     )
@@ -261,6 +289,24 @@ def _learning(arguments: Namespace) -> Any:
     from ibrid_search.policy_package import policy_part
 
     return replace(policy_part("learning.settings").profile(given.pop("profile", "paper")), **given)
+
+
+def _server(arguments: Namespace) -> dict[str, Any]:
+    """How servers are asked, as given."""
+    names = [name.replace("-", "_") for name in SERVER]
+    given = {name: found for name in names if (found := getattr(arguments, f"model_{name}")) is not None}
+    return given | ({"extra": dict(arguments.model_extra)} if arguments.model_extra else {})
+
+
+def _field(text: str) -> tuple[str, Any]:
+    """A field of a request, for argparse; a value that is no JSON is text."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.isidentifier()):
+        raise ArgumentTypeError(f"must be NAME=JSON, such as top_p=0.9; found {text!r:.60}")
+    try:
+        return name, json.loads(value)
+    except (ValueError, RecursionError):
+        return name, value
 
 
 def _price(text: str) -> tuple[float, float]:

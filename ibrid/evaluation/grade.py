@@ -47,7 +47,7 @@ def misfit_of(responses: Sequence[np.ndarray], points: Sequence[PointSweep], fre
     """
     numbers = measured_numbers(points)
     dof = numbers - free
-    judged, source = _judged(points)
+    judged, source = judged_points(points)
     parts: list[dict[str, Any]] = []
     chi2 = 0.0
     for response, point in zip(responses, judged, strict=True):
@@ -67,7 +67,7 @@ def misfit_of(responses: Sequence[np.ndarray], points: Sequence[PointSweep], fre
     }
 
 
-def _judged(points: Sequence[PointSweep]) -> tuple[list[PointSweep], str]:
+def judged_points(points: Sequence[PointSweep]) -> tuple[list[PointSweep], str]:
     """The points with the deviation that they are judged by, and where it is from."""
     noise = [estimate_point(point) for point in points]
     source = next((one.source for one in noise if one.sigma is None), noise[0].source)

@@ -9,38 +9,30 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.errors import IbridError
-from ibrid.measurement.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.blocks import write_block
 from ibrid_search.language import kinds_text, rules_text, words
-from ibrid_search.proposal import Context, Evaluated
+from ibrid_search.proposal import Complaint, Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import FENCE, fenced, quoted
 from ibrid_search.record_view import record_text, score_text
 from ibrid_search.step import Step
 
-#: Edits that a question names.
-RANKED = 6
 
-
-def prompt(
-    context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens, diagnosed: bool = False
-) -> list[Message]:
+def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens) -> list[Message]:
     """System and user turn for the next edit of `context.parent`.
 
     Parameters
     ----------
     limit_tokens : of both turns together. What does not fit is left out: first candidates and failures of the history,
-        then details of vocabulary and record. count : tokens of a text, by default an estimate. diagnosed : with what the data
-        say of the parent; without it the question is that of the paper.
+        then details of vocabulary and record. count : tokens of a text, by default an estimate.
 
     Raises IbridError when even the shortest form is longer.
     """
-    diagnosis = diagnosis_text(context) if diagnosed else ""
     for short in (False, True):
-        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short, diagnosis))
+        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short))
         used = count(system) + count(question)
         if used <= limit_tokens:
             history = _history(context, limit_tokens - used, count)
@@ -53,53 +45,48 @@ def prompt(
 
 def system_text(study: Study, *, short: bool = False) -> str:
     """What does not change in a run: role and objective, language and grammar, priors, form of an answer."""
+    modules = kinds_text(study.kinds, study.equilibrium, short=short)
+    return words("system.md", **system_facts(study), modules=modules, example=example_edit(study.kinds))
+
+
+def system_facts(study: Study) -> dict[str, str]:
+    """What a system turn says of the study: points, whether values are shared, when a diagram is legal."""
     points = "; ".join(
         f"{quoted(one.op.name)} (p = {one.op.p:.3g}, q = {one.op.q:.3g}, v = {one.op.v:.3g}): {len(one.frequency)} "
         f"frequencies from {one.frequency[0]:.4g} to {one.frequency[-1]:.4g} Hz"
         for one in study.sweep.points
     )
     shared = "one value at all operating points" if study.parameters == "shared" else "values of its own at every point"
-    modules, rules = kinds_text(study.kinds, study.equilibrium, short=short), rules_text(study.kinds, study.equilibrium)
-    example = _example(study.kinds)
-    return words("system.md", points=points, shared=shared, modules=modules, rules=rules, example=example)
+    return {"points": points, "shared": shared, "rules": rules_text(study.kinds, study.equilibrium)}
 
 
-def _example(kinds: Vocabulary) -> str:
+def example_edit(kinds: Vocabulary) -> str:
     """An edit that is about no inverter: a block put into a wire."""
     kind = _one_in_one_out(kinds)
     inserted = f'    g.add("{kind}", "new")\n    g.connect("a.out", "new.in_")\n    g.connect("new.out", "b.in_")'
     return write_block(['    g.connect("a.out", "b.in_")'], inserted.split("\n"))
 
 
-def diagnosis_text(context: Context) -> str:
-    """The edits of the parent that explain most of what is left, by a few descent steps each; "" where none has a response."""
-    ranked = context.lacks(RANKED)
-    if not ranked:
-        return ""
-    rows = [f"- {look.edit.words}: {look.error:.3g}, {counted(look.free, 'free parameter')}" for look in ranked]
-    return (
-        "# What the data say that it lacks\nOf all edits that control practice knows, these explain most; behind each the error "
-        "that a few descent steps reach with it, an upper end of what a fit finds:\n" + "\n".join(rows)
-    )
-
-
-def _question(context: Context, short: bool, diagnosis: str) -> Iterator[str]:
+def _question(context: Context, short: bool) -> Iterator[str]:
     parent = context.parent
-    yield f"# The program to edit (step {parent.step})\n{_program(parent)}"
+    yield f"# The program to edit (step {parent.step})\n{program_block(parent)}"
     yield f"# Its record\n{record_text(parent.record, short=short)}"
     if context.last is not None and context.last.number == parent.step and context.last.note:
         yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
-    if diagnosis:
-        yield diagnosis
     if context.remark:
         yield f"# What else is known\n{fenced(context.remark)}"
     yield f"# What to do\nWrite {words('scales.md', scale=context.scale)}"
     if context.complaint is not None:
-        yield (
-            "# Your first answer could not be used\n"
-            f"{fenced(context.complaint.edit)}\nReason: {quoted(context.complaint.reason)}\n"
-            "Answer again, with a whole edit of the program above."
-        )
+        yield complaint_text(context.complaint)
+
+
+def complaint_text(complaint: Complaint) -> str:
+    """Why the first answer to a question could not be used."""
+    return (
+        "# Your first answer could not be used\n"
+        f"{fenced(complaint.edit)}\nReason: {quoted(complaint.reason)}\n"
+        "Answer again, with a whole edit of the program above."
+    )
 
 
 def _history(context: Context, room: int, count: Callable[[str], int]) -> str:
@@ -120,7 +107,7 @@ def _history(context: Context, room: int, count: Callable[[str], int]) -> str:
 
 
 def _candidate(one: Evaluated) -> str:
-    return f"Step {one.step}: {score_text(one.record)}\n{_program(one)}"
+    return f"Step {one.step}: {score_text(one.record)}\n{program_block(one)}"
 
 
 def _failure(step: Step) -> str:
@@ -129,7 +116,8 @@ def _failure(step: Step) -> str:
     return f"Step {step.number} ({step.status}{what}): {quoted(step.reason) or 'no reason given'}{edit}"
 
 
-def _program(one: Evaluated) -> str:
+def program_block(one: Evaluated) -> str:
+    """A program between fences."""
     return f"{FENCE}python\n{program_text(one.diagram)}{FENCE}"
 
 

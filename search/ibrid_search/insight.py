@@ -12,26 +12,29 @@ from ibrid.measurement.inspect import inspect
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import shipped_names, textbook, textbook_text
+from ibrid.structure.library import shipped_names, textbook_text
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program, program_text
 from ibrid.study import Study
 from ibrid_search.diagnosis import Edited, RankedEdit
+from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import rankings_of
 from ibrid_search.record_view import polar
 from ibrid_search.tool import STEP, Steps, Tool
 
-#: Frequencies that are shown of a view, edits that are ranked and shown with their programs, programs that are looked at.
-ROWS, RANKED, WRITTEN, TRIED = 24, 6, 2, 8
+#: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
+ROWS, RANKED, TRIED = 16, 8, 8
+#: Shipped diagrams that are listed.
+LISTED = 12
 #: Seconds that a ranking, and looks at some programs, may take.
 PATIENCE = 120.0
 
 
 class Insight:
-    """What the data say to whoever asks; nothing is evaluated. `steps` : what was."""
+    """What the data say to whoever asks; nothing is evaluated. `steps` : what was. `hand_in` : as of `Tools`."""
 
-    def __init__(self, study: Study, steps: Steps) -> None:
-        self.study, self.steps = study, steps
+    def __init__(self, study: Study, steps: Steps, hand_in: str) -> None:
+        self.study, self.steps, self.hand_in = study, steps, hand_in
 
     @property
     def tools(self) -> tuple[Tool, ...]:
@@ -42,7 +45,8 @@ class Insight:
             Tool(
                 "show_data",
                 "The measurement in frequency order, admittance Y or impedance Z = -Y^-1 seen from the grid, each entry as size "
-                f"and angle, with warnings and resonances; at most {ROWS} frequencies evenly chosen between low and high (Hz).",
+                f"and angle, with what that says of the device in words; at most {ROWS} frequencies, evenly chosen from low to "
+                "high (Hz).",
                 {
                     "op": {
                         "type": "string",
@@ -63,19 +67,24 @@ class Insight:
             ),
             Tool(
                 "read_diagram",
-                "The program of a published control, to start from.",
-                {"name": {"type": "string", "enum": list(shipped_names())}},
+                "The program of a published control, to start from, or of an evaluated step.",
+                {"name": {"type": "string", "enum": list(shipped_names())}, "step": STEP},
                 self.read_diagram,
-                ("name",),
             ),
             Tool(
                 "diagnose",
                 "What an evaluated step lacks or has too much: every edit that control practice knows, ranked by the error that "
-                "a few descent steps reach with it (an upper end of what a fit finds), with ready programs of the best. Costs "
-                "seconds and no evaluation. Ask this before you guess.",
+                "a few descent steps reach with it (an upper end of what a fit finds), with the program of the one at "
+                "`place`, the best if not given. Costs seconds and no evaluation. Ask this before you guess.",
                 {
                     "step": STEP,
                     "count": {"type": "integer", "minimum": 1, "maximum": 20, "description": f"how many ({RANKED})"},
+                    "place": {
+                        "type": "integer",
+                        "minimum": 1,
+                        "maximum": 20,
+                        "description": "in the ranking, for its program",
+                    },
                 },
                 self.diagnose,
                 ("step",),
@@ -105,8 +114,6 @@ class Insight:
                 f"between {low:g} and {high:g} Hz; ask for a band inside"
             )
         shown = inside[np.unique(np.linspace(0, inside.size - 1, min(ROWS, inside.size)).round().astype(int))]
-        found = inspect(self.study.fitted)
-        peaks = next(one.resonances for one in found.points if one.op == point.op)
         return {
             "op": point.op.name,
             "p_q_v": [point.op.p, point.op.q, point.op.v],
@@ -114,8 +121,8 @@ class Insight:
             "view": view,
             "rows": list(_rows(point, view, shown)),
             "left_out_between": int(inside.size - shown.size),
-            "peaks_hz": [round(one.frequency, 1) for one in peaks],
-            "warnings": list(found.warnings),
+            "in_words": list(physics_in_words(self.study.fitted)),
+            "warnings": list(inspect(self.study.fitted).warnings),
             "next": "list_diagrams",
         }
 
@@ -124,32 +131,42 @@ class Insight:
         with time_limit(PATIENCE):
             looks = rankings_of(self.study).textbooks
         ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
-        others = sorted({*shipped_names()} - {look.edit.part for look in looks})
-        return {"ranked": ranked, "without_a_look": others, "next": "read_diagram, then evaluate_program"}
+        others = [name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}]
+        then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}" if ranked else "describe_vocabulary"
+        return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
 
-    def read_diagram(self, name: str) -> dict[str, Any]:
-        """The text, with its comments."""
-        return {"name": name, "program": textbook_text(name), "modules": len(textbook(name).instances)}
+    def read_diagram(self, name: str | None = None, step: int | None = None) -> dict[str, Any]:
+        """The text of a shipped diagram, with its comments, or of an evaluated step."""
+        if (name is None) == (step is None):
+            raise IbridError(
+                "read_diagram takes the name of a shipped diagram or the number of a step; give one of them"
+            )
+        text = textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
+        return {"program": text, "next": self.hand_in if name is not None else f"diagnose with step={step}"}
 
-    def diagnose(self, step: int, count: int = RANKED) -> dict[str, Any]:
+    def diagnose(self, step: int, count: int = RANKED, place: int = 1) -> dict[str, Any]:
         """Edits of a step by what they explain; structures that were met before are left out."""
         record = self.steps.record(step)
         parent = Evaluated(step, record.diagram, record)
         rankings = rankings_of(self.study)
         with time_limit(PATIENCE):
-            ranked = rankings.best(parent, self._new, count)
+            ranked = rankings.best(parent, self._new, max(count, place))
         floor = rankings.looker.criterion.floor
         answer = {
             "step": step,
             "error": floor.error(record),
             "noise_leaves": floor.level if floor.known else None,
-            "ranked": [_told(look, place < WRITTEN) for place, look in enumerate(ranked)],
+            "ranked": [_told(look) for look in ranked],
+            **({"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if ranked else {}),
         }
         if not ranked:
             return answer | {
-                "why": "no edit that is new has a response near the values of this step; take another step"
+                "why": "no edit that is new has a response near the values of this step; take another step",
+                "next": "list_best",
             }
-        return answer | {"next": f"evaluate_program with the first program and parent={step}"}
+        return answer | {
+            "next": f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
+        }
 
     def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
         """A look at each; what is no legal program gets its reason instead."""
@@ -168,8 +185,8 @@ class Insight:
                     answers.append({"refused": str(error)})
                     continue
                 look = looker.fresh(edit) if values is None else looker.look(edit, values)
-                answers.append(_told(replace(look, edit=edit), written=False))
-        return {"looks": answers, "next": "evaluate_program with the best"}
+                answers.append(_told(replace(look, edit=edit)))
+        return {"looks": answers, "next": f"{self.hand_in} with the best"}
 
     def _legal(self, text: str) -> Diagram:
         diagram = parse_program(text)
@@ -189,8 +206,7 @@ def _rows(point: PointSweep, view: str, chosen: np.ndarray) -> Iterator[dict[str
         yield {"hz": float(frequency)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
 
 
-def _told(look: RankedEdit, written: bool) -> dict[str, Any]:
+def _told(look: RankedEdit) -> dict[str, Any]:
     """A look in plain data; without a response it has no error."""
     told: dict[str, Any] = {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
-    told |= {"error": look.error if look.values else None, "free": look.free}
-    return told | ({"program": program_text(look.edit.diagram)} if written else {})
+    return told | {"error": look.error if look.values else None, "free": look.free}

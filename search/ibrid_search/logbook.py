@@ -16,10 +16,12 @@ from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
+from ibrid.writing import inside, write_whole
 from ibrid_search.blocks import shown
 from ibrid_search.merit import criterion
 from ibrid_search.proposal import Evaluated
-from ibrid_search.run_folder import write_best
+from ibrid_search.run_folder import SELECTION, write_best
+from ibrid_search.selecting import given_answer_json
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
@@ -146,6 +148,21 @@ class Logbook:
         fitted = [step for step in self._steps if step.status is Status.OK and "holdout_op" not in step.usage]
         return tuple(self._evaluated(step.number) for step in sorted(fitted, key=rank)[:count])
 
+    def answer(self, number: int, reasons: str) -> None:
+        """Keep a fitted step as the answer, with its reasons: in the store, in best.py and best.json, and as selection.json."""
+        record = self.record(number)
+        if self._store is not None:
+            self._store.set_meta("best", str(number))
+            self._store.set_meta("ending", "an agent has given its answer")
+        if self._folder is not None:
+            write_best(self._folder, record)
+            write_whole(inside(self._folder, SELECTION), given_answer_json(number, reasons, self._steps, record))
+
+    def note_call(self, name: str, arguments: Any, answer: Mapping[str, Any]) -> None:
+        """Keep a call of a tool and what it was answered, for whoever reads the run later."""
+        if self._store is not None:
+            self._store.note_call(name, arguments, answer)
+
     def _evaluated(self, number: int) -> Evaluated:
         record = self.record(number)
         return Evaluated(number, record.diagram, record)
@@ -216,7 +233,8 @@ class Logbook:
     def _show_best(self, step: Step, record: Record) -> None:
         """best.py and best.json follow the best step."""
         best = self.best(1)
-        if self._folder is not None and best and best[0].step == step.number:
+        answered = self._store is not None and "best" in self._store.meta  # the files are those of the answer
+        if self._folder is not None and not answered and best and best[0].step == step.number:
             write_best(self._folder, record)
 
 

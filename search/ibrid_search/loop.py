@@ -33,8 +33,11 @@ from ibrid_search.trajectory import eligible
 BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
 NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
+#: Last steps that a question may tell.
+RECENT = 8
 #: How much longer than another a best with something odd about it must stay the best before the search ends.
 DOUBTED = 3
+_KEPT = "What was evaluated is kept: mend it and go on with --resume"
 SPENT = "the limits of the language models are spent"
 
 
@@ -84,6 +87,11 @@ class Loop:
             ending = self._ending()
             if ending is None:
                 ending = self._step()
+            if ending is None and (why := self.panel.broken):
+                self._absorb(len(self.steps) - 1)
+                raise IbridError(
+                    f"{why}; this was the answer to several questions in a row, so the search ends. {_KEPT}"
+                )
         self._absorb(len(self.steps) - 1)
         return ending
 
@@ -200,12 +208,12 @@ class Loop:
         rng = np.random.default_rng([self.seed, number])
         for draw in self._drawn(rng, number, pruned):
             parent, island, proposer, scale = draw
-            proposal, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
+            proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
             if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
         return Step(
             number=number,
-            parent=parent.step,
+            parent=edited.step,
             island=island,
             scale=scale,
             proposer=proposer.name,
@@ -244,8 +252,9 @@ class Loop:
 
     def _asked(
         self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
-    ) -> tuple[Proposal, Judgement]:
-        """The proposer's edit and what is to be said of it; a further attempt sees the complaint about the one before.
+    ) -> tuple[Proposal, Entry, Judgement]:
+        """The proposer's edit, what it edits and what is to be said of it; a further attempt sees the complaint about the one
+        before.
 
         The usage is that of all attempts.
         """
@@ -253,14 +262,15 @@ class Loop:
         for _ in range(max(proposer.attempts, 1)):
             proposal = proposer.propose(context, rng)
             usage = added(usage, proposal.usage)
-            verdict = judge(proposal, parent.program, parent.hash, self.study, self.known.get)
+            edited = parent if proposal.parent is None else self.appraisal.entry(self.steps[proposal.parent])
+            verdict = judge(proposal, edited.program, edited.hash, self.study, self.known.get)
             if verdict.status not in _WORTH_ANOTHER_TRY:
                 break
             context = replace(context, complaint=Complaint(proposal.edit, verdict.reason))
-        return replace(proposal, usage=usage), verdict
+        return replace(proposal, usage=usage), edited, verdict
 
     def _context(self, parent: Entry, scale: str) -> Context:
-        history = self.settings.history
+        history = self.panel.history(self.settings.history)
         best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][:history]
         return Context(
             study=self.study,
@@ -269,6 +279,7 @@ class Loop:
             best=tuple(self._evaluated(one) for one in best),
             failures=self._failures(history),
             last=self.steps[self.absorbed - 1] if self.absorbed > 1 else None,
+            recent=tuple(reversed(self.steps[max(self.absorbed - RECENT, 1) : self.absorbed])),
             seen=self.known.__contains__,
             leading=self.archive.best is None or parent.step == self.archive.best.step,
         )

@@ -32,7 +32,7 @@ from ibrid_search.language import words
 from ibrid_search.logbook import USUAL, Logbook
 from ibrid_search.run_folder import digest, open_run
 from ibrid_search.step import Status
-from ibrid_search.tool import Tool, call_by_name, failed
+from ibrid_search.tool import Tool, call_by_name, capped, failed
 from ibrid_search.workbench import Workbench
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ _MISSING = (
     "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip install 'ibrid[mcp]'"
 )
 
+#: Keeps a call: name, arguments and answer.
+Note = Callable[[str, Any, dict[str, Any]], None]
 _Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
 
 
@@ -59,7 +61,8 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
         tools = Workbench(logbook).all
-        Thread(target=_listen, args=(tools, _instructions(study), calls, listening), daemon=True).start()
+        told = (tools, logbook.note_call, _instructions(study), calls, listening)
+        Thread(target=_listen, args=told, daemon=True).start()
         listening.wait()  # from here on standard output is out of reach
         kernel.load()
         if not logbook.steps:
@@ -76,10 +79,12 @@ def _answer(calls: "SimpleQueue[_Call | None]") -> None:
             answer.set_result(function())
 
 
-def _listen(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call | None]", listening: Event) -> None:
+def _listen(
+    tools: Sequence[Tool], note: Note, instructions: str, calls: "SimpleQueue[_Call | None]", listening: Event
+) -> None:
     from mcp.server.stdio import stdio_server
 
-    server = make_server(tools, instructions, calls)
+    server = make_server(tools, instructions, calls, note)
 
     async def speak() -> None:
         async with stdio_server() as (incoming, outgoing):
@@ -95,8 +100,13 @@ def _listen(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call 
         calls.put(None)
 
 
-def make_server(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_Call | None]") -> "Server[Any]":
-    """The server of the SDK: the tools as they are declared, each call put into the queue and awaited."""
+def make_server(
+    tools: Sequence[Tool],
+    instructions: str,
+    calls: "SimpleQueue[_Call | None]",
+    note: Note = lambda name, arguments, answer: None,
+) -> "Server[Any]":
+    """The server of the SDK: the tools as they are declared, each call put into the queue, awaited and noted."""
     import mcp_types as types
     from mcp.server.lowlevel import Server
 
@@ -107,7 +117,7 @@ def make_server(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_C
 
     async def on_call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
         answer: Future[dict[str, Any]] = Future()
-        calls.put((lambda: _guarded(tools, asked.name, asked.arguments), answer))
+        calls.put((lambda: _guarded(tools, note, asked.name, asked.arguments), answer))
         content = await asyncio.wrap_future(answer)
         text = json.dumps(content, ensure_ascii=False)
         return types.CallToolResult(content=[types.TextContent(text=text)], is_error="error" in content)
@@ -121,10 +131,12 @@ def make_server(tools: Sequence[Tool], instructions: str, calls: "SimpleQueue[_C
     )
 
 
-def _guarded(tools: Sequence[Tool], name: str, arguments: Any) -> dict[str, Any]:
+def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> dict[str, Any]:
     """A call whose unforeseen end is an answer too: one bad request must not take the evaluated programs with it."""
     try:
-        return call_by_name(tools, name, arguments)
+        answer = call_by_name(tools, name, arguments)
+        note(str(name)[:60], capped({"given": arguments or {}})["given"], answer)
+        return answer
     except Exception as error:
         return failed(f"{name} failed: {_in_words(error)}")
 

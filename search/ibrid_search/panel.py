@@ -38,6 +38,11 @@ class Panel:
         """Those that are told what happens."""
         return tuple(one for one, _ in self.proposers if isinstance(one, TakesPart))
 
+    def tell(self, aside: Callable[[str], None]) -> None:
+        """Where proposers say what keeps them."""
+        for one in self.taking_part:
+            one.tell = aside
+
     @property
     def names(self) -> str:
         """As a user gives them: "rules:0.7,random:0.3"."""
@@ -53,9 +58,18 @@ class Panel:
         """True when nobody answers any more."""
         return len(self.taking_part) == len(self.proposers) and all(one.exhausted for one in self.taking_part)
 
+    @property
+    def broken(self) -> str:
+        """Why one of them gives no answer any more; "" while all work."""
+        return next((why for one in self.taking_part if (why := one.broken)), "")
+
     def window(self, usual: int) -> int:
         """Proposal k sees the results up to k - window."""
         return min([usual, *(one.window for one, _ in self.proposers if one.window is not None)])
+
+    def history(self, usual: int | None) -> int:
+        """Best candidates and last failures that a proposer sees."""
+        return max((one.remembers for one in self.taking_part), default=0) if usual is None else usual
 
     def settled(self, usual: int) -> int:
         """Steps for which the best must stay the best before a noise floor ends the search."""

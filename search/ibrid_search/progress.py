@@ -91,6 +91,13 @@ class Progress:
         for line in lines:
             self._display.row(line)
 
+    def aside(self, text: str) -> None:
+        """Show for a moment what keeps the search, in place of where it stands."""
+        now = self._clock()
+        if now - self._shown >= self._display.pause:
+            self._display.state(printable(text)[: self._display.width])
+            self._shown = now
+
     def say(self, text: str) -> None:
         """Print a line that stays."""
         self._display.row(printable(text))

@@ -47,8 +47,9 @@ class Context:
     `study` : data, physics and words, without what is held out.
     `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
     refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
-    for agents. `remark` : what else is known of the device, for language models. `seen` : structure hash -> True when the
-    run has met it. `complaint` : why the first attempt failed. `leading` : False where another candidate ranks higher.
+    for agents. `recent` : the last steps, the latest first. `remark` : what else is known of the device, for language models.
+    `seen` : structure hash -> True when the run has met it. `complaint` : why the first attempt failed. `leading` : False where
+    another candidate ranks higher.
     """
 
     study: Study
@@ -57,6 +58,7 @@ class Context:
     best: tuple[Evaluated, ...] = ()
     failures: tuple[Step, ...] = ()
     last: Step | None = None
+    recent: tuple[Step, ...] = ()
     remark: str = ""
     seen: Callable[[str], bool] = field(default=lambda _: False)
     complaint: Complaint | None = None
@@ -88,7 +90,8 @@ class Proposal:
 
     `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a line. `reply` : the whole
     answer of a language model, kept and never parsed again. `diagnosis` : a paragraph for the store and the next context.
-    `usage` : tokens, cost, seconds, retries. `failure` : one sentence when there is no answer (a dead server).
+    `usage` : tokens, cost, seconds, retries. `failure` : one sentence when there is no answer (a dead server). `parent` : the
+    step of another candidate that was shown, where the edit is of its program.
     """
 
     edit: str
@@ -97,6 +100,7 @@ class Proposal:
     diagnosis: str = ""
     usage: Mapping[str, Any] = field(default_factory=dict)
     failure: str = ""
+    parent: int | None = None
 
     @classmethod
     def between(cls, parent: Diagram, diagram: Diagram, note: str, **told: Any) -> "Proposal":
@@ -139,11 +143,14 @@ class TakesPart:
     """What a run tells a proposer beside its questions and asks of it; inherit from it, and override what matters.
 
     `undisturbed` : True where nothing is taken away from the best between its steps. `settled` : steps for which the best must
-    stay the best before a noise floor ends the search; None leaves it to the settings.
+    stay the best before a noise floor ends the search; None leaves it to the settings. `remembers` : best and failed candidates
+    that it sees where the settings do not say. `tell` : shows for a moment what keeps it.
     """
 
     undisturbed: bool = False
     settled: int | None = None
+    remembers: int = 0
+    tell: Callable[[str], None] = staticmethod(lambda words: None)
 
     def remover(self, *, thorough: bool) -> Proposer | None:
         """Who takes away from the best what does not pay, now and then or `thorough` at the end; None: who usually does."""
@@ -171,3 +178,8 @@ class TakesPart:
     def exhausted(self) -> bool:
         """True once it answers no more; a run in which that holds of all proposers ends."""
         return False
+
+    @property
+    def broken(self) -> str:
+        """Why nothing can be expected of it, in the words of whoever says so; the run ends with them. "" while it works."""
+        return ""

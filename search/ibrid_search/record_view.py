@@ -11,12 +11,13 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.quantities import counted
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
+from ibrid.report.numbers import number
 from ibrid.report.parameter_rows import parameter_rows
 from ibrid.report.verdict import graded, verdict
 from ibrid_search.quoting import quoted
 
-#: Parts of the error and single frequencies that are shown.
-WORST_PARTS, WORST_FREQUENCIES = 12, 8
+#: Parts of the error and single frequencies that are shown, and frequencies of a part that was asked for.
+WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) ->
     """Everything of a fitted record that helps to decide on the next edit.
 
     `share` of a part : its squared error, each operating point relative to its own measurement, over the whole squared
-    error; all shares add up to 1. `error` : relative to the measured norm of the same part. With a `part`, the
-    frequencies of that part are listed instead of the worst ones.
+    error; all shares add up to 1. `error` : relative to the measured norm of the same part. Frequencies stand in their order:
+    those of a `part` that is asked for, else the worst. `left_out` says how much there is beside what is shown.
 
     Raises IbridError for a part that the data lack.
     """
@@ -62,21 +63,33 @@ def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) ->
     cells = list(_cells(record, sweep))
     whole = sum(cell["squared"] for cell in cells) or 1.0
     chosen = sorted((cell for cell in cells if _within(cell, part)), key=lambda cell: -cell["squared"])
+    parts, most = _parts(chosen, whole), OF_A_PART if part.chosen else WORST_FREQUENCIES
+    name = "frequencies" if part.chosen else "worst_frequencies"
+    left = {
+        what: f"{total - kept} of {total}"
+        for what, total, kept in (("worst_parts", len(parts), WORST_PARTS), (name, len(chosen), most))
+        if total > kept
+    }
     return {
         "verdict": verdict(record),
         **summary(record),
-        "stable": record.stable,
         "nrmse_by_op": record.nrmse_by_op,
         "nrmse_by_band_hz": record.nrmse_by_band,
         "nrmse_by_entry": record.nrmse_by_entry,
-        "worst_parts": _parts(chosen, whole)[:WORST_PARTS],
-        "frequencies" if part.chosen else "worst_frequencies": [
-            _frequency(cell, whole) for cell in (chosen if part.chosen else chosen[:WORST_FREQUENCIES])
-        ],
-        "at_bound": record.at_bound,
-        "parameters": [_parameter(row) for row in parameter_rows(record)],
-        "identifiability": record.identifiability,
-        "warnings": record.warnings,
+        "worst_parts": parts[:WORST_PARTS],
+        name: [_frequency(cell, whole) for cell in sorted(chosen[:most], key=lambda cell: (cell["hz"], cell["op"]))],
+        "parameters": dict(map(_parameter, parameter_rows(record))),
+        **{
+            name: found
+            for name, found in (
+                ("unstable_at", [op for op, stable in record.stable.items() if not stable]),
+                ("at_bound", record.at_bound),
+                ("identifiability", record.identifiability),
+                ("warnings", record.warnings),
+                ("left_out", left),
+            )
+            if found
+        },
     }
 
 
@@ -153,13 +166,13 @@ def polar(value: complex) -> str:
     return f"{abs(value):.4g} at {np.degrees(np.angle(value)):.1f} deg"
 
 
-def _parameter(row: Any) -> dict[str, Any]:
-    found = {"name": row.name, "value": row.value, "unit": row.unit, "interval_95": row.interval or "open"}
-    if row.where != "all":
-        found["op"] = row.where
-    if row.at_bound:
-        found["at_bound_of"] = row.box_words
-    return found
+def _parameter(row: Any) -> tuple[str, str]:
+    """Name, and value with unit and interval in words."""
+    name = row.name if row.where == "all" else f"{row.name} at {row.where}"
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    return name, f"{number(row.value)}{unit}, {row.interval or 'open'}" + (
+        f", at a bound of {row.box_words}" if row.at_bound else ""
+    )
 
 
 def score_text(record: Record) -> str:

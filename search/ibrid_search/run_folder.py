@@ -107,7 +107,7 @@ def _options_text(file: Path, store: Store) -> str:
 #: Packages whose versions can change a number.
 _PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "peft", "scipy", "torch", "transformers")
 #: Options that may differ when a run is resumed.
-FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall")
+FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "server.timeout")
 _DIGEST = "_sha256"
 
 

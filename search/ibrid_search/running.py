@@ -153,7 +153,8 @@ def search(
         study, labels = _put_right(start, study, settings)
     first, others = _starts(start, study, settings)
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
-    learnt: dict[str, Any] = {**proposers.weights(), **({"prompt": proposers.prompt} if proposers.models else {})}
+    asked = {"prompt": proposers.prompt, "server": dict(proposers.server)} if proposers.models else {}
+    learnt: dict[str, Any] = {**proposers.weights(), **asked}
     if (lesson := proposers.learning()) is not None:
         weighted = policy_part("learning.choose").learning(
             weighted, lesson, seed=study.seed, window=settings.window, study=study.blind, start=first, folder=folder
@@ -161,6 +162,7 @@ def search(
         settings = replace(settings, patience=max(settings.patience, PATIENT * lesson.steps))
         learnt["learning"] = vars(lesson)
     panel = Panel(weighted, others)
+    settings = replace(settings, history=panel.history(settings.history))
     if panel.undisturbed:
         settings = replace(settings, pruning=0.0)
     texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
@@ -183,6 +185,7 @@ def search(
         shown = Progress(progress) if isinstance(progress, str) else progress
         assessor = Assessor(study)
         watcher = Watcher(store, folder, shown, goal.budget)
+        panel.tell(shown.aside)
         with _evaluator(assessor, workers, settings) as evaluator, shown:
             loop = Loop(study.blind, store, evaluator, panel, settings, goal, watch=watcher)
             panel.begin(store, folder)

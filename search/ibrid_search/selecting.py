@@ -88,6 +88,24 @@ def selection_json(found: dict[str, Any]) -> str:
     return json.dumps(found, indent=1, allow_nan=False) + "\n"
 
 
+def given_answer_json(number: int, why: str, steps: Sequence[Step], record: Record) -> str:
+    """The text of selection.json where whoever evaluated the steps names the answer and says why."""
+    front = [
+        {"step": one.step, "nrmse": one.nrmse, "order": one.order, "free_parameters": one.free, "stable": one.stable}
+        for one in plain_selection(steps).front[:MOST]
+    ]
+    return selection_json(
+        {
+            "schema": "ibrid.selection/1",
+            "front": front,
+            "equally_good": [number],
+            "answer": number,
+            "why": why,
+            "residual_modules": residual_modules(record),
+        }
+    )
+
+
 def residual_modules(record: Record) -> list[str]:
     """Modules of a record that stand for no physics."""
     kinds = {kind.name: kind for kind in record.vocabulary}

@@ -81,7 +81,7 @@ class SearchSettings:
     `bound`, `residual` : the same for a parameter at the end of its box and for a residual module (notch, Pade).
 
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
-    something away from the best. `history` : best candidates and last failures that a proposer sees.
+    something away from the best. `history` : best candidates and last failures that a proposer sees; None: as it wants.
 
     Loop: `devices` : inverters behind the terminals. `starts` : shipped diagrams at most to begin from, where no start is
     given. `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
@@ -113,7 +113,7 @@ class SearchSettings:
         default_factory=lambda: MappingProxyType({"local": 0.3, "module": 0.4, "structural": 0.3})
     )
     pruning: float = 0.15
-    history: int = 0
+    history: int | None = None
     devices: int = 1
     starts: int = 5
     window: int = 8
@@ -151,7 +151,7 @@ def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     shares = dict(one.scales)
     yield one.devices >= 1, "devices must be 1 or more", one.devices
     yield one.starts >= 1, "starts must be 1 or more", one.starts
-    yield one.history >= 0, "history must be 0 or more", one.history
+    yield (one.history or 0) >= 0, "history must be 0 or more", one.history
     yield one.window >= 1, "window must be 1 or more", one.window
     yield one.patience >= 1, "patience must be 1 or more", one.patience
     yield one.settled >= 0, "settled must be 0 or more", one.settled

@@ -1,17 +1,25 @@
 """What language models may cost a run, and what they have cost so far."""
 
-from collections.abc import Mapping, Sequence
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid_search.proposal import TakesPart
+from ibrid_search.proposers.chat import ChatError
 from ibrid_search.store import Store
 
 #: Prices of a million tokens in and a million out, in whatever currency: one pair for all models, or one for each.
 Prices = Sequence[tuple[float, float]]
+#: Refusals in a row that are equal, after which a server is not asked again.
+EQUAL = 3
+_NUMBER = re.compile(r"[\d.,]+")
 _UNITS = {"tokens": "tokens", "cost": "of cost", "seconds": "s"}
 #: Parts of a usage that add up over answers.
 _SUMMED = ("prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
@@ -53,6 +61,11 @@ class Spending:
         return ""
 
     @property
+    def seconds_left(self) -> float:
+        """Of waiting for answers."""
+        return max(self.limits.seconds - self.spent["seconds"], 0.0)
+
+    @property
     def words(self) -> str:
         """What is spent, in a few words."""
         return spent_words(self.spent)
@@ -63,6 +76,7 @@ class Spender(TakesPart):
 
     name: str
     spending: Spending
+    _why, _times = "", 0
 
     def begin(self, store: Store, folder: Path) -> None:
         """Count what was spent in earlier sittings."""
@@ -74,6 +88,34 @@ class Spender(TakesPart):
     def exhausted(self) -> bool:
         """True when a limit is spent."""
         return bool(self.spending.over)
+
+    @property
+    def broken(self) -> str:
+        """What a server has said to some questions in a row, each time the same; "" while it answers."""
+        return self._why if self._times >= EQUAL else ""
+
+    @contextmanager
+    def asking(self, name: str) -> Iterator[None]:
+        """While a model is asked: says so every second, and counts refusals that are equal but for their numbers."""
+        over, began = Event(), time.monotonic()
+
+        def say() -> None:
+            while not over.wait(1.0):
+                spent = f"; {words} so far" if (words := self.spending.words) else ""
+                self.tell(f"{name} thinks, {time.monotonic() - began:.0f} s{spent}")
+
+        thread = Thread(target=say, daemon=True)
+        thread.start()
+        try:
+            yield
+            self._times = 0
+        except ChatError as error:
+            same = _NUMBER.sub("", str(error)) == _NUMBER.sub("", self._why)
+            self._why, self._times = str(error), self._times + 1 if same else 1
+            raise
+        finally:
+            over.set()
+            thread.join()
 
 
 def spent_words(spent: Mapping[str, float]) -> str:

@@ -22,6 +22,22 @@ _EVALUATED = """
     INSERT INTO evaluations VALUES (?, ?, ?)
     ON CONFLICT (number) DO UPDATE SET attempts = attempts + excluded.attempts, record = excluded.record"""
 _REOPENED = "UPDATE steps SET status = ?, reason = '', seconds = 0.0 WHERE number = ? AND status = ?"
+#: Made with the first call of a tool.
+_CALLS = """CREATE TABLE IF NOT EXISTS calls (number INTEGER PRIMARY KEY, after INTEGER NOT NULL, tool TEXT NOT NULL,
+    arguments TEXT NOT NULL, answer TEXT NOT NULL)"""
+_CALLED = (
+    "INSERT INTO calls (after, tool, arguments, answer) VALUES ((SELECT COALESCE(MAX(number), -1) FROM steps), ?, ?, ?)"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Call:
+    """A call of a tool. `after` : number of the last step when it was answered, -1 before any."""
+
+    after: int
+    tool: str
+    arguments: Any
+    answer: Mapping[str, Any]
 
 
 class Store:
@@ -147,6 +163,22 @@ class Store:
         if not all(isinstance(attempts, int) for attempts in found.values()):
             raise IbridError(f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run")
         return found
+
+    def note_call(self, tool: str, arguments: Any, answer: Mapping[str, Any]) -> None:
+        """Write a call of a tool and what it was answered, after the last step that there is."""
+        with self._database.transaction():
+            self._database.run(_CALLS)
+            self._database.run(_CALLED, *map(cell, (tool, json_text(arguments), json_text(dict(answer)))))
+
+    def calls(self) -> tuple[Call, ...]:
+        """Calls of tools in their order; none in a run without any."""
+        if not self._database.rows("SELECT 1 FROM sqlite_master WHERE name = 'calls'"):
+            return ()
+        rows = self._database.rows("SELECT after, tool, arguments, answer FROM calls ORDER BY number")
+        try:
+            return tuple(Call(after, tool, json.loads(given), json.loads(got)) for after, tool, given, got in rows)
+        except (TypeError, ValueError, RecursionError):
+            raise IbridError(f"{self.path}: a call is damaged; restore a copy, or start a new run") from None
 
     def close(self) -> None:
         """End; the right to write is free again. Twice is once."""

@@ -12,11 +12,14 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
 from ibrid_search.proposal import Evaluated
+from ibrid_search.step import Step
 
-#: Characters of JSON that an answer has at most.
-LONGEST_ANSWER = 12_000
+#: Characters of JSON that an answer has at most; a program in it comes whole and has so many beside.
+LONGEST_ANSWER, LONGEST_WHOLE = 4_000, 8_000
 #: (items of a list, characters of a text) that are kept, tried in turn until an answer is short enough.
-_CUTS = ((40, 8_000), (20, 4_000), (10, 2_000), (5, 1_000), (3, 400), (1, 100), (1, 30))
+_CUTS = ((40, 3_000), (24, 2_000), (16, 1_000), (10, 600), (6, 400), (3, 200), (1, 100), (1, 30))
+#: Where an answer says what is not in it.
+LEFT_OUT = "left_out"
 
 _TYPES: Mapping[str, tuple[type, ...]] = {
     "string": (str,),
@@ -32,7 +35,10 @@ STEP = {"type": "integer", "minimum": 0, "description": "number of an evaluated 
 
 
 class Steps(Protocol):
-    """Where the tools find what was evaluated."""
+    """Where the tools find what was evaluated. `steps` : all, in their order, refused ones too."""
+
+    @property
+    def steps(self) -> Sequence[Step]: ...
 
     def record(self, number: int) -> Record:
         """The record of a fitted step; IbridError otherwise."""
@@ -129,14 +135,20 @@ def plain(value: Any) -> Any:
 
 
 def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str, Any]:
-    """The answer as plain data; long lists and texts are cut, with a word about it, where it is longer than `longest`."""
+    """The answer as plain data; long lists and texts are cut where it is longer than `longest`, and a field `left_out` says
+    where and how much. A field `program` is kept whole, up to `LONGEST_WHOLE`: half a program is none."""
     whole = plain(answer)
     if _length(whole) <= longest:
         return whole
+    program = whole.get("program")
+    if isinstance(program, str) and _length(program) <= LONGEST_WHOLE:
+        rest = {key: value for key, value in whole.items() if key != "program"}
+        return capped(rest, longest - min(_length(program), longest // 2)) | {"program": program}
     for items, characters in _CUTS:
-        shorter = _cut(whole, items, characters)
-        if _length(shorter) <= longest:
-            return shorter
+        left = dict(whole.get(LEFT_OUT, {})) if isinstance(whole.get(LEFT_OUT), dict) else {}
+        shorter = {key: _cut(one, items, characters, key, left) for key, one in whole.items() if key != LEFT_OUT}
+        if _length(shorter | {LEFT_OUT: left}) <= longest:
+            return shorter | {LEFT_OUT: left}
     return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
 
 
@@ -180,14 +192,17 @@ def _length(answer: Any) -> int:
     return len(json.dumps(answer, ensure_ascii=False))
 
 
-def _cut(value: Any, items: int, characters: int) -> Any:
+def _cut(value: Any, items: int, characters: int, where: str, left: dict[str, str]) -> Any:
+    """The beginning of what is long; `left` takes what is missing, by its place."""
     if isinstance(value, dict):
-        return {key: _cut(one, items, characters) for key, one in value.items()}
+        return {key: _cut(one, items, characters, f"{where}.{key}", left) for key, one in value.items()}
     if isinstance(value, list):
-        kept = [_cut(one, items, characters) for one in value[:items]]
-        return kept if len(value) <= items else [*kept, f"... and {len(value) - items} more"]
+        if len(value) > items:
+            left[where] = f"{len(value) - items} of {len(value)}"
+        return [_cut(one, items, characters, where, left) for one in value[:items]]
     if isinstance(value, str) and len(value) > characters:
-        return f"{value[:characters]} ... ({len(value) - characters} more characters)"
+        left[where] = f"{len(value) - characters} of {len(value)} characters"
+        return value[:characters]
     return value
 
 

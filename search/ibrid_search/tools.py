@@ -1,10 +1,16 @@
-"""The tools of an agent that change nothing: vocabulary, grammar, records, comparison. Text is read, never run."""
+"""The tools of an agent that change nothing: records, residuals, steps, comparison, prediction, grammar, vocabulary. Text is
+read, never run; every answer names the next useful call."""
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+from ibrid.analysis.prediction import predict
 from ibrid.errors import IbridError, ProgramError
+from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.measurement.sweep import ENTRIES
 from ibrid.modules.in_full import kind_in_full
 from ibrid.modules.vocabulary import find_kind
 from ibrid.structure.check import Violation, examine
@@ -16,13 +22,16 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study
 from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.record_view import RecordPart, record_view, summary
+from ibrid_search.record_view import RecordPart, polar, record_view, summary
+from ibrid_search.step_view import differences, lineage, residuals_view, steps_view
 from ibrid_search.tool import STEP, Steps, Tool
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
 #: Candidates that list_best gives at most, and without being asked for a number.
 MOST_LISTED, LISTED = 20, 5
+#: Rows of a prediction.
+PREDICTED = 12
 
 PROGRAM = {
     "type": "string",
@@ -33,42 +42,56 @@ _EITHER = {
     "type": ["string", "integer"],
     "maxLength": LONGEST_PROGRAM,
     "minimum": 0,
-    "description": "program text, or the number of an evaluated step",
+    "description": "number of an evaluated step, or program text",
 }
+_OP = {"type": "string", "maxLength": 200, "description": "operating point, such as p=1,q=0.3"}
 
 
 class Tools:
-    """The tools over what was evaluated so far under one study; `ibrid_search.workbench` adds the one that evaluates."""
+    """The tools over what was evaluated so far under one study; `ibrid_search.workbench` adds those that evaluate and finish.
 
-    def __init__(self, study: Study, steps: Steps) -> None:
-        self.study, self.steps = study, steps
+    `hand_in` : what an agent does with a program that it believes in, for the next call that answers name.
+    """
+
+    def __init__(self, study: Study, steps: Steps, hand_in: str = "submit_edit") -> None:
+        self.study, self.steps, self.hand_in = study, steps, hand_in
 
     @property
     def reading(self) -> tuple[Tool, ...]:
         """Tools that evaluate nothing."""
+        band = "5-50, 50-500, 500-2000 or 2000-5000 (Hz)"
         return (
-            *Insight(self.study, self.steps).tools,
+            *Insight(self.study, self.steps, self.hand_in).tools,
             Tool(
                 "show_record",
-                "Where the error of an evaluated step lies, worst parts first (operating point, frequency band, admittance "
-                "entry), with parameters, those at a bound, stability and what the data cannot tell. "
-                "With op, band or entry: all frequencies of that part.",
+                "Where the error of an evaluated step lies: parts (operating point, band, entry of the admittance) worst first, "
+                "frequencies in their order, parameters, what the data cannot tell. With op, band or entry: that part alone.",
                 {
                     "step": STEP,
-                    "op": {"type": "string", "maxLength": 200, "description": "operating point, such as p=1,q=0.3"},
-                    "band": {
-                        "type": "string",
-                        "maxLength": 40,
-                        "description": "5-50, 50-500, 500-2000 or 2000-5000 (Hz)",
-                    },
+                    "op": _OP,
+                    "band": {"type": "string", "maxLength": 40, "description": band},
                     "entry": {"type": "string", "maxLength": 10, "description": "dd, dq, qd or qq"},
                 },
                 self.show_record,
                 ("step",),
             ),
             Tool(
+                "show_residuals",
+                "What an evaluated step leaves, in standard deviations of the noise, by frequency and entry: only what stands "
+                "out of the noise is worth an edit.",
+                {"step": STEP, "op": _OP},
+                self.show_residuals,
+                ("step",),
+            ),
+            Tool(
+                "list_steps",
+                "All steps in their order, refused ones too, with parent, note and how they ended.",
+                {"after": {"type": "integer", "minimum": -1, "description": "go on after this step"}},
+                self.list_steps,
+            ),
+            Tool(
                 "list_best",
-                "The best evaluated programs so far with NRMSE, order, free parameters and stability; stable ones first.",
+                "The most plausible steps so far: error, order, free parameters, lineage; stable ones first.",
                 {
                     "count": {
                         "type": "integer",
@@ -80,6 +103,21 @@ class Tools:
                 self.list_best,
             ),
             Tool(
+                "compare",
+                "Two steps or programs: what only one of the diagrams has, and for two steps how error and parameters changed.",
+                {"a": _EITHER, "b": _EITHER},
+                self.compare,
+                ("a", "b"),
+            ),
+            Tool(
+                "predict_point",
+                "What a step says of an operating point that it was not fitted to: the error where it was held out, "
+                "else the admittance with its band.",
+                {"step": STEP, "op": _OP},
+                self.predict_point,
+                ("step", "op"),
+            ),
+            Tool(
                 "check_grammar",
                 "Whether a program is legal, with every violation and what would mend it, at no cost.",
                 {"program": PROGRAM},
@@ -88,34 +126,81 @@ class Tools:
             ),
             Tool(
                 "describe_vocabulary",
-                "The kinds of modules with ports and parameters and how programs are written; one kind in full when named.",
-                {"kind": {"type": "string", "maxLength": 100, "description": "name of a kind"}},
+                "How programs are written, with the names of the kinds of modules; all kinds with their ports, or one in full.",
+                {
+                    "part": {"type": "string", "enum": ["language", "kinds"]},
+                    "kind": {"type": "string", "maxLength": 100, "description": "name of a kind"},
+                },
                 self.describe_vocabulary,
-            ),
-            Tool(
-                "compare_programs",
-                "Two diagrams matched up to naming: what they have in common and what only one has.",
-                {"a": _EITHER, "b": _EITHER},
-                self.compare_programs,
-                ("a", "b"),
             ),
         )
 
     def show_record(
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None
     ) -> dict[str, Any]:
-        """`ibrid_search.record_view` of a step, with its program."""
+        """`ibrid_search.record_view` of a step."""
         record = self.steps.record(step)
+        view = record_view(record, self.study.sweep, RecordPart(op, band, entry))
+        return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
+
+    def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:
+        """`ibrid_search.step_view` of what a step leaves."""
+        view = residuals_view(self.steps.record(step), self.study.fitted, op)
+        stands = bool(view["stand_out"])
         return {
             "step": step,
-            **record_view(record, self.study.sweep, RecordPart(op, band, entry)),
-            "program": record.program,
+            **view,
+            "next": f"diagnose with step={step}" if stands else f"nothing stands out; {self._done(step)}",
         }
 
+    def list_steps(self, after: int = -1) -> dict[str, Any]:
+        """Steps with their lineage."""
+        best = self.steps.best(1)
+        view = steps_view(self.steps.steps, after)
+        return view | ({"best": best[0].step, "next": f"diagnose with step={best[0].step}"} if best else {})
+
     def list_best(self, count: int = LISTED) -> dict[str, Any]:
-        """The best steps with their programs."""
+        """The best steps; their programs are read by read_diagram."""
         best = self.steps.best(count)
-        return {"best": [{"step": one.step, **summary(one.record), "program": one.record.program} for one in best]}
+        rows = [
+            {"step": one.step, **summary(one.record), "lineage": lineage(self.steps.steps, one.step)} for one in best
+        ]
+        return {"best": rows} | ({"next": f"show_residuals or diagnose with step={best[0].step}"} if best else {})
+
+    def predict_point(self, step: int, op: str) -> dict[str, Any]:
+        """Error at a held-out point, or rows of a prediction."""
+        record, sweep = self.steps.record(step), self.study.sweep
+        measured = sweep.point(op) if op in sweep.names else None
+        frequency = (measured or sweep.points[0]).frequency
+        with time_limit(LOOKING):
+            found = predict(record, op, frequency)
+        chosen = np.unique(np.linspace(0, len(frequency) - 1, min(PREDICTED, len(frequency))).round().astype(int))
+        answer: dict[str, Any] = {
+            "step": step,
+            "op": found.op.name,
+            "stable": found.stable,
+            "warnings": list(found.warnings),
+        }
+        if measured is not None:
+            answer |= {
+                "nrmse": nrmse(found.admittance, measured),
+                "fitted": op in record.settings["fitted_points"],
+            }
+        band = found.relative_band
+        return answer | {
+            "relative_band_95": None if band is None else float(band.max()),
+            "rows": [
+                {"hz": round(float(frequency[k]), 2)}
+                | {entry: polar(complex(found.admittance[k][place])) for entry, place in ENTRIES.items()}
+                for k in chosen
+            ],
+            **(
+                {"left_out": {"rows": f"{len(frequency) - len(chosen)} of {len(frequency)}"}}
+                if len(chosen) < len(frequency)
+                else {}
+            ),
+            "next": self._done(step),
+        }
 
     def check_grammar(self, program: str) -> dict[str, Any]:
         """Violations and warnings, and the size of what is legal."""
@@ -126,7 +211,7 @@ class Tools:
         with time_limit(LOOKING):
             found, habits = examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
             if found:
-                return {"legal": False, "violations": sentences(found)}
+                return {"legal": False, "violations": sentences(found), "next": "check_grammar with what mends them"}
             wiring = wire(diagram, self.study.kinds)
             met = self.steps.met(diagram)
         return {
@@ -136,23 +221,46 @@ class Tools:
             "order": sum(kind.order for kind in wiring.kinds.values()),
             "free_parameters": len(parameter_table(wiring, self.study.equilibrium).free),
             "met_before": met,
+            "next": f"try_programs, or {self.hand_in}" if met is None else "another program",
         }
 
-    def describe_vocabulary(self, kind: str | None = None) -> dict[str, Any]:
-        """All kinds in a line each, or one in full."""
+    def describe_vocabulary(self, part: str = "language", kind: str | None = None) -> dict[str, Any]:
+        """The language with the names of the kinds, all kinds in a line each, or one in full."""
         kinds, equilibrium = self.study.kinds, self.study.equilibrium
         if kind is not None:
-            return {"kind": kind, "lines": kind_in_full(find_kind(kind, kinds)).splitlines()}
+            return {"kind": kind, "lines": kind_in_full(find_kind(kind, kinds)).splitlines(), "next": "check_grammar"}
+        if part == "kinds":
+            return {"kinds": kinds_text(kinds, equilibrium, short=True), "next": "check_grammar"}
         return {
-            "language": api_text().splitlines(),
-            "rules": rules_text(kinds, equilibrium).splitlines(),
-            "kinds": kinds_text(kinds, equilibrium, short=True).splitlines(),
+            "language": api_text(),
+            "rules": rules_text(kinds, equilibrium),
+            "kinds": ", ".join(one.name for one in kinds),
+            "next": "describe_vocabulary with part=kinds, or kind=NAME",
         }
 
-    def compare_programs(self, a: str | int, b: str | int) -> dict[str, Any]:
-        """`ibrid compare` of two legal programs."""
+    def compare(self, a: str | int, b: str | int) -> dict[str, Any]:
+        """`ibrid compare` of two legal programs; of two steps also what changed in numbers."""
         with time_limit(LOOKING):
-            return compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds).to_json()
+            found = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
+        answer: dict[str, Any] = {
+            "same": found.same,
+            "f1_modules": found.modules.f1,
+            "f1_connections": found.connections.f1,
+            "only_a": list(found.only_first),
+            "only_b": list(found.only_second),
+        }
+        if isinstance(a, int) and isinstance(b, int):
+            answer |= differences(self.steps.record(a), self.steps.record(b))
+        best = self.steps.best(1)
+        return answer | ({"next": f"diagnose with step={best[0].step}"} if best else {})
+
+    def _done(self, step: int) -> str:
+        """What follows when a step leaves nothing to explain."""
+        return (
+            f"finish with step={step}"
+            if self.hand_in == "evaluate_program"
+            else f"take away what step {step} can do without"
+        )
 
     def _legal(self, program: str | int, name: str) -> Diagram:
         if isinstance(program, int):

@@ -1,28 +1,34 @@
-"""The tools with the one that evaluates: a program is checked, fitted and kept in a logbook."""
+"""The tools with those that change a logbook: a program is checked, fitted and kept, and an answer is given with its reasons."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ibrid.errors import IbridError
+from ibrid.evaluation.grade import Grade
 from ibrid.fit.settings import FitSettings
+from ibrid.report.verdict import graded, verdict
 from ibrid.study import Study
 from ibrid_search.logbook import Logbook
 from ibrid_search.record_view import record_view
 from ibrid_search.step import Status
-from ibrid_search.tool import Tool
+from ibrid_search.tool import STEP, Tool
 from ibrid_search.tools import PROGRAM, Tools
+
+#: Characters of the reasons for an answer.
+LONGEST_REASONS = 4_000
 
 
 class Workbench(Tools):
-    """The tools with evaluate_program: programs are evaluated and kept in a logbook."""
+    """The tools with evaluate_program and finish, over a logbook."""
 
     def __init__(self, logbook: Logbook) -> None:
-        super().__init__(logbook.study, logbook)
+        super().__init__(logbook.study, logbook, "evaluate_program")
         self.logbook = logbook
 
     @property
     def all(self) -> tuple[Tool, ...]:
-        """evaluate_program and the reading tools."""
+        """evaluate_program, finish and the reading tools."""
         most = self.logbook.fit.seconds
         settings = {
             "type": "object",
@@ -57,6 +63,17 @@ class Workbench(Tools):
                 self.evaluate_program,
                 ("program",),
             ),
+            Tool(
+                "finish",
+                "Give an evaluated step as the answer, with the reasons: what the data show, what was ruled out, what is open. "
+                "Kept in the run; more may follow.",
+                {
+                    "step": STEP,
+                    "reasons": {"type": "string", "maxLength": LONGEST_REASONS, "description": "some sentences"},
+                },
+                self.finish,
+                ("step", "reasons"),
+            ),
             *self.reading,
         )
 
@@ -75,7 +92,28 @@ class Workbench(Tools):
         if step.status not in (Status.OK, Status.DUPLICATE):
             return answer | {"reason": step.reason}
         same = {} if step.same_as is None else {"same_as": step.same_as, "reason": step.reason}
-        return answer | same | record_view(self.steps.record(step.number), self.study.sweep)
+        record = self.steps.record(step.number)
+        then = (
+            f"finish with step={step.number}, or show_residuals"
+            if graded(record) is Grade.EXPLAINS
+            else f"diagnose with step={step.number}"
+        )
+        return answer | same | {"next": then} | record_view(record, self.study.sweep)
+
+    def finish(self, step: int, reasons: str) -> dict[str, Any]:
+        """The answer is kept; what speaks against it is said."""
+        record = self.steps.record(step)
+        if not reasons.strip():
+            raise IbridError("an answer has reasons; say what the data show and what was ruled out")
+        doubts = [f"unstable at {op}" for op, stable in record.stable.items() if not stable]
+        grade = graded(record)
+        if grade is not Grade.EXPLAINS:
+            doubts.append(f"it leaves more than noise: {verdict(record)}")
+        best = self.logbook.best(1)
+        if best and best[0].step != step:
+            doubts.append(f"step {best[0].step} is more plausible (NRMSE {best[0].record.nrmse:.3g})")
+        self.logbook.answer(step, reasons)
+        return {"answer": step, "kept": True, "doubts": doubts, "next": "nothing, or go on and finish again"}
 
     def _asked(self, settings: Mapping[str, Any]) -> tuple[Study, FitSettings]:
         """The study and the effort with what a call changes; IbridError for what makes no sense."""

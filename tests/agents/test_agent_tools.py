@@ -10,14 +10,18 @@ import pytest
 from collecting import each_of
 from ibrid_search.logbook import Logbook
 from ibrid_search.mcp_server import open_logbook, serve
+from ibrid_search.page import write_run_page
+from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 from ibrid_search.tool import Tool, call_by_name, capped, complaint, listed
 from ibrid_search.workbench import Workbench
 
 import ibrid
+from ibrid.analysis.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.static import GAIN_DQ
 from ibrid.modules.vocabulary import VOCABULARY
@@ -70,9 +74,10 @@ def bench(sweep: Sweep) -> Workbench:
 
 
 def ask(bench: Workbench, tool: str, **arguments: object) -> dict:
-    """The answer, which always is JSON of bounded length."""
+    """The answer, which always is JSON of bounded length beside a program, which comes whole."""
     answer = call_by_name(bench.all, tool, arguments)
-    assert len(json.dumps(answer, allow_nan=False, ensure_ascii=False)) <= 12_000
+    rest = {key: value for key, value in answer.items() if key != "program"}
+    assert len(json.dumps(rest, allow_nan=False, ensure_ascii=False)) <= 4_000
     return answer
 
 
@@ -108,7 +113,7 @@ def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(sweep: S
     op = sweep.names[0]
     answer = ask(bench, "show_record", step=0, op=op, band="5-50", entry="qq")
     frequency = sweep.point(op).frequency
-    assert sorted(one["hz"] for one in answer["frequencies"]) == pytest.approx(frequency[frequency < 50], rel=1e-5)
+    assert [one["hz"] for one in answer["frequencies"]] == pytest.approx(frequency[frequency < 50], rel=1e-5)
     k = int(np.argmin(abs(frequency - answer["frequencies"][0]["hz"])))
     measured = sweep.point(op).admittance[k, 1, 1]
     assert answer["frequencies"][0]["measured"].startswith(f"{abs(measured):.4g} at ")
@@ -180,13 +185,84 @@ def test_a_time_limit_stops_what_hangs_and_the_structure_may_be_tried_again(swee
     assert [logbook.submit(program).status for _ in range(2)] == [Status.TIMEOUT, Status.TIMEOUT]
 
 
+def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
+    noisy = add_noise(sweep, 40, rng=np.random.default_rng(3))
+    bench = Workbench(Logbook(Study(noisy), fit=BRIEF))
+    ask(bench, "evaluate_program", program=NAIVE)
+    ask(bench, "evaluate_program", program=textbook_text("gfl_pll_filter_exact"))
+    wrong, right = (ask(bench, "show_residuals", step=step) for step in (0, 1))
+    point, record = noisy.points[0], bench.steps.record(0)
+    left = np.abs(record.response(point.op.name, point.frequency) - point.admittance) / (np.sqrt(2) * point.sigma)
+    assert [row["dq"] for row in wrong["rows"]] == pytest.approx(left[:, 0, 1], abs=0.05)
+    assert [row["hz"] for row in wrong["rows"]] == sorted(row["hz"] for row in wrong["rows"])
+    assert wrong["stand_out"]
+    assert wrong["next"] == "diagnose with step=0"
+    assert right["stand_out"] == []  # the truth leaves noise
+    assert max(row["dd"] for row in right["rows"]) < 5  # one in a million of |normal + j normal| / sqrt(2) beyond 3.7
+    assert right["next"].endswith("finish with step=1")
+
+
+def test_all_steps_are_listed_with_their_parents_also_those_that_were_refused(sweep: Sweep):
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
+    for program, parent in ((NAIVE, None), (UNWIRED, None), (L_FILTER_WITH_PI, 0)):
+        ask(bench, "evaluate_program", program=program, **({} if parent is None else {"parent": parent}))
+    answer = ask(bench, "list_steps")
+    assert [(one["step"], one["status"], one.get("parent")) for one in answer["steps"]] == [
+        (0, "ok", None),
+        (1, "illegal", None),
+        (2, "ok", 0),
+    ]
+    assert [one["step"] for one in ask(bench, "list_steps", after=1)["steps"]] == [2]
+    assert {one["step"]: one["lineage"] for one in ask(bench, "list_best")["best"]} == {0: [0], 2: [0, 2]}
+
+
+def test_a_held_out_point_is_predicted_by_a_tool_as_by_the_package(sweep: Sweep):
+    out = sweep.names[1]
+    bench = Workbench(Logbook(Study(sweep, holdout_op=out), fit=BRIEF))
+    ask(bench, "evaluate_program", program=textbook_text("gfl_pll_filter_exact"))
+    answer = ask(bench, "predict_point", step=0, op=out)
+    assert answer["nrmse"] == pytest.approx(bench.steps.record(0).holdout[out], rel=1e-5)
+    assert not answer["fitted"]
+    elsewhere = ask(bench, "predict_point", step=0, op="p=0.5,q=0")
+    expected = predict(bench.steps.record(0), "p=0.5,q=0", sweep.points[0].frequency).admittance[0, 1, 1]
+    assert elsewhere["rows"][0]["qq"].startswith(f"{abs(expected):.4g} at ")
+    assert "nrmse" not in elsewhere
+    assert "error" in ask(bench, "predict_point", step=0, op="nowhere")
+
+
+def test_an_answer_is_kept_in_the_run_with_its_reasons_and_what_speaks_against_it(sweep: Sweep, tmp_path: Path):
+    with open_logbook(Study(sweep), BRIEF, tmp_path, NAIVE) as logbook:
+        bench = Workbench(logbook)
+        ask(bench, "evaluate_program", program=NAIVE)
+        ask(bench, "evaluate_program", program=L_FILTER_WITH_PI)
+        assert "reasons" in ask(bench, "finish", step=0, reasons=" ")["error"]
+        answer = ask(bench, "finish", step=0, reasons="it is the smaller one")
+        assert any("step 1 is more plausible" in one for one in answer["doubts"])
+        assert any("more than noise" in one for one in answer["doubts"])
+    found = json.loads((tmp_path / "selection.json").read_text(encoding="utf-8"))
+    assert (found["answer"], found["why"]) == (0, "it is the smaller one")
+    assert ibrid.read_record(tmp_path / "best.json").modules == len(ibrid.textbook("naive").instances)
+    page = write_run_page(tmp_path).read_text(encoding="utf-8")
+    assert "It is the smaller one" in page or "it is the smaller one" in page
+
+
+def test_the_data_are_put_into_words(sweep: Sweep):
+    follows = " ".join(physics_in_words(ibrid.read_sweep(ibrid.benchmarks()["gfl_dc_link"])))
+    assert "active power does not depend on the size of the voltage" in follows  # as its DC link's control does it
+    assert "the angle has settled at 5 Hz" in follows
+    assert "an inductance of 0.0778 pu" in follows
+    forms = " ".join(physics_in_words(ibrid.read_sweep(ibrid.benchmarks()["gfm_vsm"])))
+    assert "a voltage is held" in forms
+    assert "the angle has not settled" in forms
+
+
 def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep, vocabulary="paper", equilibrium="paper", parameters="per-op"), fit=BRIEF))
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("Delay", "gain")')
     answer = ask(bench, "check_grammar", program=program)
     assert not answer["legal"]
     assert "Delay" in answer["violations"][0]["message"]
-    assert "Delay" not in "\n".join(ask(bench, "describe_vocabulary")["kinds"])
+    assert "Delay" not in ask(bench, "describe_vocabulary")["kinds"]
 
 
 def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(sweep: Sweep, bench: Workbench):
@@ -215,7 +291,7 @@ def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: 
     answer = ask(bench, "diagnose", step=0, count=3)
     assert len(answer["ranked"]) == 3
     assert answer["ranked"][0]["error"] <= answer["ranked"][1]["error"] * 1.5  # beside the error the size counts
-    after = ask(bench, "evaluate_program", program=answer["ranked"][0]["program"], parent=0)
+    after = ask(bench, "evaluate_program", program=answer["program"], parent=0)
     assert after["nrmse"] <= 1.01 * answer["ranked"][0]["error"] < before["nrmse"]
     again = ask(bench, "diagnose", step=0, count=3)
     assert answer["ranked"][0]["edit"] not in {one["edit"] for one in again["ranked"]}
@@ -235,24 +311,28 @@ def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Wo
 
 def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     answer = ask(bench, "describe_vocabulary")
-    listed = [line.strip().split(":")[0] for line in answer["kinds"]]
-    assert {kind.name for kind in VOCABULARY} <= set(listed)
+    assert {kind.name for kind in VOCABULARY} <= set(answer["kinds"].split(", "))
+    in_a_line_each = ask(bench, "describe_vocabulary", part="kinds")["kinds"].splitlines()
+    assert {kind.name for kind in VOCABULARY} <= {line.strip().split(":")[0] for line in in_a_line_each}
     in_full = "\n".join(ask(bench, "describe_vocabulary", kind="LCL")["lines"])
     assert all(name in in_full for name in ("L_F", "R_F", "C_F", "L_g", "R_g"))
     assert "did you mean Delay?" in ask(bench, "describe_vocabulary", kind="Dely")["error"]
 
 
 def test_steps_and_programs_are_compared(bench: Workbench):
-    assert ask(bench, "compare_programs", a=0, b=NAIVE)["same"]
-    assert not ask(bench, "compare_programs", a=0, b=1)["same"]
-    assert "not legal" in ask(bench, "compare_programs", a=0, b=UNWIRED)["error"]
+    assert ask(bench, "compare", a=0, b=NAIVE)["same"]
+    answer, errors = ask(bench, "compare", a=0, b=1), [bench.steps.record(step).nrmse for step in (0, 1)]
+    assert not answer["same"]
+    assert answer["first_then_second"]["nrmse"] == pytest.approx(errors, rel=1e-5)
+    assert "current" in answer["only_b"]
+    assert "not legal" in ask(bench, "compare", a=0, b=UNWIRED)["error"]
 
 
 @each_of("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workbench, text: str):
     assert ask(bench, "evaluate_program", program=text)["status"] in ("unreadable", "illegal")
     assert ask(bench, "check_grammar", program=text)["violations"]
-    assert ask(bench, "compare_programs", a=text, b=0)["error"]
+    assert ask(bench, "compare", a=text, b=0)["error"]
 
 
 @each_of(
@@ -294,14 +374,16 @@ def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Wor
 
 def test_the_reading_tools_evaluate_nothing(bench: Workbench):
     names = {tool.name for tool in bench.reading}
-    assert names == {tool.name for tool in bench.all} - {"evaluate_program"}
+    assert names == {tool.name for tool in bench.all} - {"evaluate_program", "finish"}
 
 
 def test_a_long_answer_is_cut_with_a_word_about_it():
     answer = capped({"list": list(range(10_000)), "text": "x" * 50_000}, 3_000)
     assert len(json.dumps(answer)) <= 3_000
-    assert "more" in str(answer["list"][-1])
-    assert "more characters" in answer["text"]
+    kept = len(answer["list"])
+    assert answer["list"] == list(range(kept))  # nothing stands among the entries that is none
+    assert answer["left_out"]["list"] == f"{10_000 - kept} of 10000"
+    assert answer["left_out"]["text"] == f"{50_000 - len(answer['text'])} of 50000 characters"
     assert "more than" in capped({f"key {k}": k for k in range(1_000)}, 3_000)["error"]
 
 

@@ -64,7 +64,7 @@ def asked(context: Context, *turns, **options) -> Proposal:
 def test_it_is_a_proposer():
     proposer = LanguageModel([(ChatServer("small"), 1.0)])
     assert isinstance(proposer, Proposer)
-    assert (proposer.name, proposer.attempts, proposer.window) == ("llm", 2, None)
+    assert (proposer.name, proposer.attempts, proposer.window) == ("llm", 2, 1)
 
 
 def test_a_good_answer_is_an_edit_that_applies(context):

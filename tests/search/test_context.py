@@ -149,16 +149,6 @@ def test_the_parent_is_shown_with_its_record():
     assert f"({100 * share:.0f} %)" in text
 
 
-def test_the_diagnosis_of_the_parent_is_told_where_it_is_asked_for_and_leaves_out_what_the_run_has_met():
-    question = replace(context(), parent=candidate("gfl_exact", 5))
-    (best, *_) = question.lacks(6)
-    told = f"- {best.edit.words}: {best.error:.3g}, {best.free} free parameters"
-    assert told in said(question, diagnosed=True)
-    assert told not in said(question)
-    met = replace(question, seen=Study(benchmark()).hash_of(best.edit.diagram).__eq__)
-    assert told not in said(met, diagnosed=True)
-
-
 def test_an_unstable_parent_is_shown_with_its_pole():
     parent = candidate("naive", 0)
     record = replace(

@@ -79,7 +79,17 @@ class Agent(Spender):
             messages = question(context, view, self.settings, author=self.name)
         except IbridError as error:  # the token limit is too small for this program
             return Proposal("", failure=str(error))
-        turn = Turn(self.chat, self.settings, self.spending, context, view, messages, rng, native=self._native)
+        turn = Turn(
+            self.chat,
+            self.settings,
+            self.spending,
+            context,
+            view,
+            messages,
+            rng,
+            native=self._native,
+            asking=self.asking,
+        )
         proposal = turn.proposal()
         self._native = turn.native
         return proposal

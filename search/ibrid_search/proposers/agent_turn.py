@@ -1,7 +1,8 @@
 """One turn of an agent: answers and tools in exchange, until an edit is taken or the answers are used up."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from ibrid_search.proposal import Context, Evaluated, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import SUBMIT, AgentSettings, RunView, paragraph
 from ibrid_search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
+from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.spending import Spending, added
 from ibrid_search.step import Status
 from ibrid_search.tool import call_by_name, failed
@@ -33,6 +36,9 @@ _ASK_DIAGNOSIS = (
 _CUT = "Your answer was cut off at its limit; be shorter. "
 _LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
 
+#: While a model of this name is asked.
+Asking = Callable[[str], AbstractContextManager[None]]
+
 
 class Turn:
     """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused."""
@@ -48,7 +54,9 @@ class Turn:
         rng: np.random.Generator,
         *,
         native: bool = True,
+        asking: Asking = nullcontext,
     ) -> None:
+        self.asking = asking
         self.chat, self.settings, self.spending, self.context, self.rng = chat, settings, spending, context, rng
         self.tools = Tools(context.study, view).reading
         self.dialogue = Dialogue(question)
@@ -86,7 +94,8 @@ class Turn:
         if self._failure:
             return None
         try:
-            answer = self._complete(int(self.rng.integers(2**31)))
+            with self.asking(self.chat.name):
+                answer = self._complete(int(self.rng.integers(2**31)))
         except ChatError as error:
             self._count(error.usage)
             self._failure = str(error)
@@ -98,16 +107,18 @@ class Turn:
 
     def _complete(self, seed: int) -> Answer:
         """An answer; a server that refuses tools at the first question is asked again without."""
-        messages = self.dialogue.messages
+        messages, chat = self.dialogue.messages, self.chat
+        if isinstance(chat, ChatServer | LocalModel):
+            chat = chat.bounded(self.spending.seconds_left)
         if self.native:
             try:
-                return self.chat.complete(messages, tools=self._declared, rng_seed=seed)
+                return chat.complete(messages, tools=self._declared, rng_seed=seed)
             except ChatError as error:
                 if self.dialogue.begun or not _refused(error):
                     raise
                 self._count(error.usage)
                 self.native = False
-        return self.chat.complete(messages, rng_seed=seed)
+        return chat.complete(messages, rng_seed=seed)
 
     @property
     def _declared(self) -> list[dict[str, Any]]:

@@ -3,8 +3,10 @@
 import importlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -13,10 +15,16 @@ from ibrid_search.proposers.chat import LONGEST_ANSWER, ChatError, ToolCall
 
 #: Bytes of a reply that are read at most.
 LARGEST_REPLY = 8_000_000
+#: Seconds that a thread may take to say that its time is up.
+GRACE = 0.5
 #: HTTP status that may be another one the next time, besides all from 500 on.
 _AGAIN = (408, 409, 425, 429)
-#: Parameters that some servers refuse, and what they want in their place.
-_INSTEAD: Mapping[str, str | None] = {"max_tokens": "max_completion_tokens", "seed": None, "temperature": None}
+#: What some servers want in place of a parameter that they refuse; others are left out.
+_INSTEAD: Mapping[str, str] = {"max_tokens": "max_completion_tokens"}
+#: What a request cannot do without, or does without only where somebody else decides so.
+_FIXED = ("model", "messages", "tools", "tool_choice", "response_format", "grammar")
+#: Parameters that the client knows by name; others go along in the body.
+_NAMED = (*_FIXED[:-1], "max_tokens", "max_completion_tokens", "temperature", "seed", "reasoning_effort")
 
 
 @dataclass(frozen=True)
@@ -24,29 +32,59 @@ class Refusal:
     """Why a request has no reply.
 
     `sentence` : goes on after the name of the model and its server. `again` : the next time may be better. `pause` :
-    seconds that the server asks to wait. `body` : the request without what this server does not know, None when that is
-    not the reason.
+    seconds that the server asks to wait. `unknown` : parameters that this server does not know, where that is the reason.
+    `status` : of HTTP, 0 without one.
     """
 
     sentence: str
     again: bool = False
     pause: float = 0.0
-    body: Mapping[str, Any] | None = None
+    unknown: tuple[str, ...] = ()
+    status: int = 0
+
+
+def adapted_body(body: Mapping[str, Any], unknown: Collection[str]) -> dict[str, Any]:
+    """A request without what its server does not know, or with what it wants in place of that."""
+    kept = {name: value for name, value in body.items() if name not in unknown}
+    return kept | {_INSTEAD[name]: body[name] for name in _INSTEAD if name in body and name in unknown}
 
 
 def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
-    """Ask once. The reply is read piece by piece, so that neither its size nor its slowness is up to the server.
+    """Ask once, `timeout` seconds at most, whatever the server does: a thread waits for it, and is left behind where it must.
 
     Raises ChatError when the package openai is not installed.
     """
+    require_openai()
+    answers: SimpleQueue[bytes | Refusal | BaseException] = SimpleQueue()
+
+    def ask() -> None:
+        try:
+            answers.put(_post(url, key, body, timeout))
+        except BaseException as error:
+            answers.put(error)
+
+    Thread(target=ask, daemon=True).start()
+    try:
+        found = answers.get(timeout=timeout + GRACE)
+    except Empty:
+        return Refusal(f"did not end its answer within {timeout:g} s", again=True)
+    if isinstance(found, BaseException):
+        raise found
+    return found
+
+
+def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
+    """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
     openai = require_openai()
     transport = _transport(openai)
     end = time.monotonic() + timeout
     pieces, size = [], 0
+    named = {name: value for name, value in body.items() if name in _NAMED}
+    other = {name: value for name, value in body.items() if name not in _NAMED}
     try:
         with (
             openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0) as client,
-            client.chat.completions.with_streaming_response.create(**body) as response,
+            client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
         ):
             for piece in response.iter_bytes():
                 pieces.append(piece)
@@ -95,13 +133,10 @@ def _transport(openai: Any) -> Any:
 
 def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
     status, said = error.status_code, _said(error)
-    unknown = [name for name in _INSTEAD if name in body and name in said] if status in (400, 422) else []
-    adapted = None
-    if unknown:
-        adapted = {name: value for name, value in body.items() if name not in unknown}
-        adapted |= {new: body[name] for name in unknown if (new := _INSTEAD[name])}
+    free = (name for name in body if name not in _FIXED and name not in _INSTEAD.values())
+    unknown = tuple(name for name in free if name in said) if status in (400, 422) else ()
     sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_remedy(status)}"
-    return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), adapted)
+    return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), unknown, status)
 
 
 def _said(error: Any) -> str:

@@ -3,19 +3,37 @@
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import isfinite
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid_search.blocks import strip_thinking
+from ibrid_search.proposers.answer_forms import FORMS, TOOL, fields_of, form_of, refused
 from ibrid_search.proposers.chat import Answer, ChatError, Message, estimated_tokens, prompt_text
-from ibrid_search.proposers.chat_request import Refusal, check_url, post, read_reply
+from ibrid_search.proposers.chat_request import Refusal, adapted_body, check_url, post, read_reply
 
 OPENAI = "https://api.openai.com/v1"
 #: Where the base URL comes from when none is given, in this order.
 URL_FROM = ("OPENAI_BASE_URL", "OPENAI_API_BASE")
 #: Seconds between two attempts at most, also when the server asks for more.
 LONGEST_PAUSE = 60.0
+#: Seconds of an attempt at least, and changes of a request that a server does not understand.
+SHORTEST, MOST_ADAPTED = 0.05, 6
+#: HTTP status of "this field I do not know".
+_UNKNOWN = (400, 404, 405, 415, 422, 501)
+
+
+class StatusError(ChatError):
+    """A refusal. `status` : of HTTP, 0 where there was no answer."""
+
+    def __init__(self, sentence: str, usage: Mapping[str, Any] | None = None, status: int = 0) -> None:
+        super().__init__(sentence, usage)
+        self.status = status
+
+
+class FormRefused(ChatError):
+    """The server does not take this form; the next question is asked in another."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +44,9 @@ class ChatServer:
     environment variable with the key; the key is read when a question is asked, sent to that server and kept nowhere.
     A server without keys (Ollama, vLLM, `transformers serve`) needs none. `timeout` : seconds for one answer. `retries` :
     after HTTP 429 or 5xx, a broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
-    `max_tokens`, `temperature` : of an answer. `price` : per million tokens in and out, in whatever currency.
+    `within` : seconds for a question, all attempts together. `max_tokens`, `temperature` : of an answer. `effort` : how much a
+    reasoning model thinks, in the words of its server. `extra` : further fields of the request. `form` : of `FORMS`, or "auto":
+    how the server is held to a schema, the first way it takes. `price` : per million tokens in and out, in whatever currency.
 
     Raises IbridError for settings that have no meaning.
     """
@@ -40,6 +60,10 @@ class ChatServer:
     max_tokens: int = 16_384
     temperature: float = 1.0
     price: tuple[float, float] = (0.0, 0.0)
+    within: float = inf
+    effort: str | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    form: str = "auto"
 
     def __post_init__(self) -> None:
         if not self.model or len(self.model) > 200 or not self.model.isprintable():
@@ -55,6 +79,13 @@ class ChatServer:
                 "negative; leave them out for the defaults"
             )
 
+        if self.form not in ("auto", *FORMS):
+            raise IbridError(
+                f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one of them"
+            )
+        if wrong := sorted({"messages", "model", "stream"}.intersection(self.extra)):
+            raise IbridError(f"the field {wrong[0]} of a request is not free; leave it out")
+
     @property
     def name(self) -> str:
         """The model's name."""
@@ -67,10 +98,44 @@ class ChatServer:
         check_url(found)
         return found
 
+    def bounded(self, seconds: float) -> "ChatServer":
+        """The same with less time for a question, where that is less."""
+        return replace(self, within=min(self.within, seconds))
+
+    @property
+    def asked_form(self) -> str:
+        """How the next answer is held to a schema."""
+        return form_of(self.form, self.url, self.model)
+
     def complete(
         self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
     ) -> Answer:
         """The next turn; see `ibrid_search.proposers.chat.Chat`. The seed is a wish: few servers repeat an answer exactly."""
+        return self._answer(messages, {"tools": [dict(one) for one in tools]} if tools else {}, rng_seed)
+
+    def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
+        """The next turn, held to a JSON schema in a form; its text is the JSON where the server holds to it.
+
+        Raises FormRefused for a form that the server does not take, which is remembered; ChatError for everything else.
+        """
+        try:
+            answer = self._answer(messages, fields_of(form, schema), rng_seed)
+        except StatusError as error:
+            if error.status not in _UNKNOWN or self.form != "auto" or form == FORMS[-1]:
+                raise
+            refused(self.url, self.model).add(form)
+            raise FormRefused(str(error), error.usage) from None
+        said = next((one.arguments for one in answer.tool_calls if one.name == TOOL), answer.text)
+        if (
+            self.form == "auto"
+            and form != FORMS[-1]
+            and not answer.cut
+            and not strip_thinking(said)[1].strip().startswith("{")
+        ):
+            refused(self.url, self.model).add(form)  # taken without a word, and not kept to
+        return replace(answer, text=said, tool_calls=())
+
+    def _answer(self, messages: Sequence[Message], more: Mapping[str, Any], rng_seed: int) -> Answer:
         started = time.monotonic()
         body: dict[str, Any] = {
             "model": self.model,
@@ -78,7 +143,9 @@ class ChatServer:
             "max_tokens": self.max_tokens,
             "temperature": self.temperature,
             "seed": rng_seed,
-            **({"tools": [dict(one) for one in tools]} if tools else {}),
+            **({"reasoning_effort": self.effort} if self.effort else {}),
+            **more,
+            **self.extra,
         }
         key, retries = "", 0
         try:
@@ -87,11 +154,14 @@ class ChatServer:
             reply, retries = self._ask(key, body)
             if isinstance(reply, Refusal):
                 times = f", {retries + 1} times" if retries else ""
-                raise ChatError(f"{where} {reply.sentence}{times}")
+                raise StatusError(f"{where} {reply.sentence}{times}", status=reply.status)
             found = read_reply(reply, where)
         except IbridError as error:
             spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
-            raise ChatError(without_key(key, str(error)), spent) from None
+            said = without_key(key, str(error))
+            raise (
+                StatusError(said, spent, error.status) if isinstance(error, StatusError) else ChatError(said, spent)
+            ) from None
         calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in found.tool_calls)
         spoken = found.text + "".join(one.arguments for one in calls)
         usage = {
@@ -106,18 +176,22 @@ class ChatServer:
         return Answer(without_key(key, found.text), calls, usage, found.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
-        """The reply or the last refusal, and how often it was asked again."""
+        """The reply or the last refusal, and how often it was asked again; no longer than `within` in all."""
         retries = adapted = 0
+        end, known = time.monotonic() + self.within, refused(self.url, self.model)
         while True:
-            reply = post(self.url, key, body, self.timeout)
+            left = end - time.monotonic()
+            reply = post(self.url, key, adapted_body(body, known), min(self.timeout, max(left, SHORTEST)))
             if isinstance(reply, bytes):
                 return reply, retries
-            if reply.body is not None and adapted < 3:
-                body, adapted = reply.body, adapted + 1
+            if reply.unknown and adapted < MOST_ADAPTED:
+                known.update(reply.unknown)
+                adapted += 1
                 continue
-            if not reply.again or retries >= self.retries:
+            pause = min(LONGEST_PAUSE, max(self.pause * 2**retries, reply.pause))
+            if not reply.again or retries >= self.retries or pause >= end - time.monotonic():
                 return reply, retries
-            time.sleep(min(LONGEST_PAUSE, max(self.pause * 2**retries, reply.pause)))
+            time.sleep(pause)
             retries += 1
 
     def key(self) -> str:

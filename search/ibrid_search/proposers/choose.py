@@ -39,6 +39,8 @@ class Proposers:
     `models` : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. `limits` : what they may spend in the whole
     run. `prices` : of a million tokens in and a million out; one pair for all models, or one for each.
     `prompt` : of the questions of "llm": "engineer", with the diagnosis of the parent, or "paper", the paper's own.
+    `server` : how servers are asked, fields of `ibrid_search.proposers.chat_server.ChatServer`: form, effort, extra, temperature,
+    max_tokens, timeout, retries; the latter four but retries of a local model too.
     `policy` : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
     `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
     it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
@@ -50,6 +52,7 @@ class Proposers:
     limits: Limits = field(default_factory=Limits)
     prices: Prices = ()
     prompt: str = "engineer"
+    server: Mapping[str, Any] = field(default_factory=dict)
     policy: str | Path | None = None
     learn: bool | str | Learning = False
 
@@ -101,7 +104,7 @@ def _is_weight(weight: object) -> bool:
 
 
 def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
-    limits, prices = given.limits, given.prices
+    asked: dict[str, Any] = {"limits": given.limits, "prices": given.prices, **given.server}
 
     def required(name: str) -> Sequence[str]:
         _require(given, name)
@@ -112,9 +115,9 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
         "diagnosis": Diagnosis,
         "rules": Rules,
         "random": RandomEdits,
-        "llm": lambda: LanguageModel.from_options(required("llm"), limits=limits, prices=prices, asked=given.prompt),
+        "llm": lambda: LanguageModel.from_options(required("llm"), asked=given.prompt, **asked),
         "policy": lambda: policy_part("proposer").PolicyProposer(given.policy),
-        "agent": lambda: Agent.from_options(required("agent"), limits=limits, prices=prices),
+        "agent": lambda: Agent.from_options(required("agent"), **asked),
     }
 
 
@@ -150,6 +153,7 @@ def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
         "--model-cost": limits.cost < inf,
         "--model-seconds": limits.seconds < inf,
         "--model-price": bool(proposers.prices),
+        **{f"--model-{name.replace('_', '-')}": True for name in proposers.server},
     }
     if found := [option for option, there in given.items() if there]:
         raise IbridError(

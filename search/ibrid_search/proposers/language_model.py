@@ -1,29 +1,40 @@
 """The proposer `llm`: one question to a language model, one edit; several models with weights, limits for the whole run."""
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, ProgramError
+from ibrid.structure.program import parse_program, program_text
 from ibrid_search.blocks import LONGEST_EDIT, EditError, read_blocks, shown, strip_thinking, write_block
 from ibrid_search.context import prompt
-from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.chat import LONGEST_ANSWER, Chat, ChatError, estimated_tokens
+from ibrid_search.edits import apply_edit, edit_between
+from ibrid_search.engineer_question import engineer_question, shown_programs
+from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
+from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
+from ibrid_search.proposers.chat_server import ChatServer, FormRefused
+from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
 from ibrid_search.spending import Limits, Prices, Spender, Spending
 
 _CHANGE = "change:"
-#: With the diagnosis of the parent; as in the paper, without it.
+_EDIT_STEP = re.compile(r"^[\s*#`]*EDIT STEP\W{0,4}(\d{1,9})\b", re.IGNORECASE | re.MULTILINE)
+#: A question with data and diagnosis, whose answer chooses what it edits; or that of the paper.
 QUESTIONS = ("engineer", "paper")
+#: Tokens of a question at most, by its kind.
+QUESTION_TOKENS = {"engineer": 6_000, "paper": 16_000}
 
 
 class LanguageModel(Spender):
     """Asks a model for an edit of the parent; a proposer in the sense of `ibrid_search.proposal`.
 
     `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one
-    question, see `ibrid_search.context.prompt`. `asked` : of `QUESTIONS`. `spending` : tokens, cost and seconds so far.
+    question, `QUESTION_TOKENS` when not given. `asked` : of `QUESTIONS`; an engineer is asked about the best, sees
+    every result before the next question, and may edit any program that it is shown. `spending` : so far.
     """
 
     name = "llm"
@@ -35,7 +46,7 @@ class LanguageModel(Spender):
         models: Sequence[tuple[Chat, float]],
         *,
         limits: Limits | None = None,
-        prompt_tokens: int = 16_000,
+        prompt_tokens: int | None = None,
         asked: str = "engineer",
     ) -> None:
         weights = np.array([weight for _, weight in models], dtype=float)
@@ -49,7 +60,9 @@ class LanguageModel(Spender):
             raise IbridError(
                 f"a language model is asked as {' or '.join(QUESTIONS)}, found {asked!r}; choose one of them"
             )
-        self.prompt_tokens, self.asked = prompt_tokens, asked
+        self.prompt_tokens, self.asked = prompt_tokens or QUESTION_TOKENS[asked], asked
+        if asked == "engineer":
+            self.window, self.remembers = 1, 4
         self.spending = Spending(limits)
 
     @classmethod
@@ -59,7 +72,7 @@ class LanguageModel(Spender):
         *,
         limits: Limits | None = None,
         prices: Prices = (),
-        prompt_tokens: int = 16_000,
+        prompt_tokens: int | None = None,
         asked: str = "engineer",
         **settings: Any,
     ) -> "LanguageModel":
@@ -69,23 +82,111 @@ class LanguageModel(Spender):
         """
         return cls(models_of(models, prices, **settings), limits=limits, prompt_tokens=prompt_tokens, asked=asked)
 
+    def origin(self, number: int) -> Origin:
+        """An engineer is always asked about the best."""
+        return Origin(number, leading=self.asked == "engineer")
+
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """An edit of `context.parent`; a failure in one sentence for whatever a server or a model does wrong."""
+        """An edit of `context.parent`, or of another candidate that the model was shown; a failure in one sentence for whatever
+        a server or a model does wrong."""
         chat = self.models[int(rng.choice(len(self.models), p=self.weights))]
         seed = int(rng.integers(2**31))
         if self.spending.over:
             return Proposal("", failure=self.spending.over)
         try:
-            count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
-            diagnosed = self.asked == "engineer"
-            question = prompt(context, limit_tokens=self.prompt_tokens, count=count, diagnosed=diagnosed)
-            answer = chat.complete(question, rng_seed=seed)
+            with self.asking(chat.name):
+                answer, form = self._answered(context, chat, seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
             self.spending.count(usage)
             return Proposal("", usage=usage, failure=str(error))
         self.spending.count(answer.usage)
-        return read_answer(answer.text, {**answer.usage, **({"cut": True} if answer.cut else {})}, chat.name)
+        usage = {**answer.usage, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
+        if form != "text" and (fields := read_fields(strip_thinking(answer.text)[1])) is not None:
+            return filled(fields, context, answer.text, usage)
+        proposal = read_answer(answer.text, usage, chat.name)
+        return proposal if self.asked == "paper" or proposal.failure else placed(proposal, context)
+
+    def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:
+        """An answer, and how the server was held to a schema; one that refuses a way is asked in the next."""
+        if isinstance(chat, ChatServer | LocalModel):
+            chat = chat.bounded(self.spending.seconds_left)
+        while isinstance(chat, ChatServer) and self.asked == "engineer" and (form := chat.asked_form) != "text":
+            schema = edit_schema(shown_programs(context), context.study.kinds)
+            try:
+                return chat.fill(self._question(context, chat, fields=True), schema, form, seed), form
+            except FormRefused as error:
+                self.spending.count(error.usage)
+                chat = chat.bounded(self.spending.seconds_left)
+        return chat.complete(self._question(context, chat), rng_seed=seed), "text"
+
+    def _question(self, context: Context, chat: Chat, *, fields: bool = False) -> list[Message]:
+        count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
+        if self.asked == "paper":
+            return prompt(context, limit_tokens=self.prompt_tokens, count=count)
+        return engineer_question(context, limit_tokens=self.prompt_tokens, count=count, fields=fields)
+
+
+def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mapping[str, Any]) -> Proposal:
+    """The edit that the fields of an answer say."""
+    of = next((one for one in shown_programs(context) if one.step == fields.get("step")), context.parent)
+    note = shown(str(fields.get("change", "")))
+    try:
+        edit = blocks_of(fields, of)
+    except EditError as error:
+        return Proposal("", note, reply[:LONGEST_ANSWER], usage=usage, failure=error.reason)
+    return Proposal(edit, note, reply[:LONGEST_ANSWER], usage=usage, parent=of.step)
+
+
+def placed(proposal: Proposal, context: Context) -> Proposal:
+    """A proposal with the step that it edits: the one that the answer names, else the first shown program that it fits.
+
+    A whole program in place of blocks becomes the edit that leads to it.
+    """
+    shown_ones = shown_programs(context)
+    said = strip_thinking(proposal.reply)[1]
+    named = _EDIT_STEP.search(said)
+    of = next((one for one in shown_ones if named and one.step == int(named[1])), None)
+    if not _has_blocks(proposal.edit) and (whole := whole_program(said)):
+        base = of or context.parent
+        return replace(proposal, edit=edit_between(program_text(base.diagram), whole), parent=base.step)
+    if of is None:
+        of = next((one for one in shown_ones if _fits(proposal.edit, one)), context.parent)
+    return replace(proposal, parent=of.step)
+
+
+def whole_program(text: str) -> str:
+    """The last whole program in an answer, as it is printed where it can be read; "" when there is none."""
+    found = [one for one in text.split("```")[1::2] if _BUILD.search(one)] or (
+        [text] if _BUILD.match(text.strip()) else []
+    )
+    if not found:
+        return ""
+    lines = found[-1].strip("\n").split("\n")
+    begin = next(number for number, line in enumerate(lines) if _BUILD.match(line.strip()))
+    written = "\n".join(lines[begin:]) + "\n"
+    try:
+        return program_text(parse_program(written))
+    except ProgramError:
+        return written
+
+
+_BUILD = re.compile(r"def \w{1,64}\(\w{1,64}\):", re.MULTILINE)
+
+
+def _has_blocks(edit: str) -> bool:
+    try:
+        return bool(read_blocks(edit))
+    except EditError:
+        return False
+
+
+def _fits(edit: str, one: Evaluated) -> bool:
+    try:
+        apply_edit(edit, program_text(one.diagram))
+    except EditError:
+        return False
+    return True
 
 
 def read_answer(text: str, usage: Mapping[str, Any], name: str) -> Proposal:

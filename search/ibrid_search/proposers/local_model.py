@@ -4,6 +4,7 @@ import importlib
 import os
 import time
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,14 @@ class LocalModel:
         """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
         kind = type(self)
         return {k: v for k, v in vars(self).items() if not isinstance(getattr(kind, k, None), cached_property)}
+
+    def bounded(self, seconds: float) -> "LocalModel":
+        """The same, with less time for an answer where that is less; what is loaded is shared."""
+        if seconds >= self.seconds:
+            return self
+        shorter = copy(self)
+        vars(shorter).update(vars(self), _loaded=self._loaded, seconds=max(seconds, 0.1))
+        return shorter
 
     @property
     def name(self) -> str:

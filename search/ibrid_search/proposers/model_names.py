@@ -22,14 +22,16 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
 
     "gpt-x@http://127.0.0.1:8123/v1*0.7" is model gpt-x of that server; "gpt-x" alone one of the server that the
     environment names; "?key=NAME" behind the URL takes the key from another variable than OPENAI_API_KEY; an existing
-    folder, or a path such as ./models/small, is a model on this machine. `settings` go to ChatServer.
+    folder, or a path such as ./models/small, is a model on this machine. `settings` go to ChatServer, max_tokens and temperature
+    to a local model too.
 
     Raises IbridError, also when the package that the model needs is not installed.
     """
     name, weight = _weight(option)
     where = re.search(r"@https?://", name)
     if where is None and ((name and Path(name).expanduser().is_dir()) or name.startswith(("/", "./", "../", "~"))):
-        model = LocalModel(name)
+        own = {name: value for name, value in settings.items() if name in ("max_tokens", "temperature")}
+        model = LocalModel(name, **own)
         _require("local-llm", "torch", "transformers")
         return model, weight
     url = None

@@ -25,6 +25,7 @@ from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
 from ibrid_search.step import Step
+from ibrid_search.store import Call
 from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
 
 
@@ -38,6 +39,7 @@ class Stored(Protocol):
     def steps(self) -> Iterator[Step]: ...
     def record(self, number: int, vocabulary: Sequence[ModuleKind], /) -> Record: ...
     def retried(self) -> Mapping[int, int]: ...
+    def calls(self) -> Sequence[Call]: ...
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class RunData:
     `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the milestones with their parents.
     `answer` : the step that is shown as found, None before the first valid one. `truth_record` : the given truth, fitted
     to the same data with the same options. `retried` : steps that were begun more than once, and how often. `archive` : its
-    statistics, once the search has ended. `notes` : what could not be had, in sentences.
+    statistics, once the search has ended. `notes` : what could not be had, in sentences. `calls` : of the tools of an agent.
     """
 
     meta: Mapping[str, str]
@@ -65,6 +67,7 @@ class RunData:
     retried: Mapping[int, int]
     archive: Mapping[str, Any]
     notes: tuple[str, ...]
+    calls: tuple[Call, ...] = ()
 
     @property
     def start(self) -> Step | None:
@@ -144,6 +147,7 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
         retried=store.retried(),
         archive=_archive(meta.get("archive", "")),
         notes=tuple(notes),
+        calls=tuple(store.calls()),
     )
 
 

@@ -97,7 +97,7 @@ def _policy(one: Proposer, settings: LearningSettings, folder: Path) -> Policy |
 
     options: dict[str, Any] = {
         "longest": settings.longest,
-        "prompt_tokens": min(one.prompt_tokens, settings.question),
+        "prompt_tokens": settings.question,
         "constrained": settings.constrained,
         "lines": settings.lines,
     }

@@ -1,0 +1,158 @@
+"""An answer held to a schema: what is asked of a server, what it refuses and remembers, and the edit that comes out."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from fitted import benchmark, evaluated
+from ibrid_search.edits import apply_edit
+from ibrid_search.judging import verdict_of
+from ibrid_search.proposal import Context, Evaluated
+from ibrid_search.proposers import answer_forms
+from ibrid_search.proposers.answer_forms import gbnf
+from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
+from ibrid_search.proposers.language_model import LanguageModel
+from ibrid_search.step import Status
+from jsonschema import validate
+from scripted_server import refuses, says, scripted
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.structure import program_text
+from ibrid.study import Study
+
+pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+
+FIELDS = {
+    "change": "a low-pass behind the gain",
+    "step": 0,
+    "remove": ['g.connect("gain.out", "plant.u_r")'],
+    "add": [{"kind": "LPF1_dq", "name": "smooth"}],
+    "connect": [{"source": "gain.out", "target": "smooth.in_"}, {"source": "smooth.out", "target": "plant.u_r"}],
+}
+ANSWER = json.dumps(FIELDS)
+NAIVE = program_text(ibrid.textbook("naive"))
+
+
+@pytest.fixture
+def context(monkeypatch) -> Context:
+    monkeypatch.setattr(answer_forms, "_REFUSED", {})
+    monkeypatch.setattr(Context, "lacks", lambda self, number=1: [])
+    return Context(Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0)))
+
+
+def asked(context: Context, script, number: int = 1, **settings):
+    chat = ChatServer("small", script.url, timeout=5.0, retries=0, **settings)
+    return [LanguageModel([(chat, 1.0)]).propose(context, np.random.default_rng(k)) for k in range(number)]
+
+
+def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(context):
+    schema = edit_schema([context.parent], context.study.kinds)
+    validate(FIELDS, schema)
+    edit = blocks_of(FIELDS, context.parent)
+    text = apply_edit(edit, NAIVE)
+    lines = [line.strip() for line in text.splitlines()]
+    assert FIELDS["remove"][0] not in lines
+    assert {'g.add("LPF1_dq", "smooth")', 'g.connect("smooth.out", "plant.u_r")'} < set(lines)
+    assert ibrid.parse_program(text)
+
+
+def test_a_server_that_takes_a_schema_is_asked_with_it_alone(context):
+    with scripted(says(ANSWER)) as script:
+        (proposal,) = asked(context, script)
+    assert verdict_of(proposal, context).status is Status.PENDING
+    assert (proposal.parent, proposal.note, proposal.usage["form"]) == (0, FIELDS["change"], "schema")
+    (request,) = script.requests
+    validate(FIELDS, request["response_format"]["json_schema"]["schema"])
+    assert "tools" not in request
+    assert "`remove` its lines" in request["messages"][0]["content"]
+    assert "SEARCH" not in request["messages"][0]["content"]
+
+
+def test_what_a_server_refuses_is_remembered_and_the_next_way_is_asked_for(context):
+    call = {"id": "1", "function": {"name": "submit_edit", "arguments": ANSWER}}
+    no = refuses(400, "response_format is not supported")
+    with scripted(no, says(None, tool_calls=[call]), says(None, tool_calls=[call])) as script:
+        found = asked(context, script, 2)
+    assert [one.usage["form"] for one in found] == ["tool", "tool"]
+    assert [("response_format" in one, "tool_choice" in one) for one in script.requests] == [
+        (True, False),
+        (False, True),
+        (False, True),
+    ]
+
+
+def test_a_server_that_takes_none_is_asked_for_text_and_never_again_for_a_form(context):
+    text = "CHANGE: a filter\n" + blocks_of(FIELDS, context.parent)
+    with scripted(*[refuses(422, "unknown field")] * 3, says(text)) as script:
+        found = asked(context, script, 3)
+    assert [verdict_of(one, context).status for one in found] == [Status.PENDING] * 3
+    assert [sorted({"response_format", "tools", "grammar"} & {*one}) for one in script.requests] == [
+        ["response_format"],
+        ["tools"],
+        ["grammar"],
+        [],
+        [],
+        [],
+    ]
+    assert "SEARCH" in script.requests[-1]["messages"][0]["content"]
+
+
+def test_a_form_that_is_taken_without_a_word_and_not_kept_to_is_not_asked_for_again(context):
+    with scripted(says("I would add a filter."), says(ANSWER)) as script:
+        first, second = asked(context, script, 2)
+    assert first.usage["form"] == "schema"
+    assert "tools" in script.requests[1]
+    assert verdict_of(second, context).status is Status.PENDING
+
+
+def test_parameters_that_a_server_does_not_know_are_left_out_from_then_on(context):
+    no = refuses(400, "Unsupported parameter: seed, reasoning_effort; use max_completion_tokens and not max_tokens")
+    with scripted(no, says("x")) as script:
+        asked(context, script, 2, form="text", effort="high", extra={"top_p": 0.9})
+    assert {"seed", "reasoning_effort", "max_tokens", "top_p"} <= {*script.requests[0]}
+    for request in script.requests[1:]:
+        assert not {"seed", "reasoning_effort", "max_tokens"} & {*request}
+        assert (request["max_completion_tokens"], request["top_p"]) == (16_384, 0.9)
+    assert len(script.requests) == 3
+
+
+def test_a_grammar_has_a_rule_for_all_that_it_names_and_says_what_the_schema_says(context):
+    schema = edit_schema([context.parent], context.study.kinds)
+    text = gbnf(schema)
+    rules = dict(line.split(" ::= ", 1) for line in text.splitlines())
+    bare = {
+        name: re.sub(r'"(?:[^"\\]|\\.)*"|\[(?:[^\]\\]|\\.)*\]|\{[\d,]+\}', " ", rule) for name, rule in rules.items()
+    }
+    assert {word for rule in bare.values() for word in re.findall(r"[a-z][a-z-]*", rule)} <= {*rules}
+    for kind in context.study.kinds:
+        assert json.dumps(json.dumps(kind.name)) in rules["root-add-item-kind"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"remove": 1}', '{"remove": [], "add": []}', "[" * 100_000])
+def test_what_is_not_these_fields_is_none(text):
+    assert read_fields(text) is None
+
+
+def test_hostile_fields_are_no_more_than_text_that_the_grammar_refuses(context, tmp_path):
+    harm = f'"); __import__("os").system("touch {tmp_path / "harm"}"); ("'
+    fields = {
+        **FIELDS,
+        "add": [{"kind": harm, "name": harm}, 5],
+        "connect": [{"source": harm}, None],
+        "remove": [1, harm],
+    }
+    with scripted(says(json.dumps(fields))) as script:
+        (proposal,) = asked(context, script)
+    assert verdict_of(proposal, context).status in (Status.UNREADABLE, Status.ILLEGAL)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"), [({"form": "json"}, "has the form auto"), ({"extra": {"model": "x"}}, "is not free")]
+)
+def test_settings_of_a_request_without_a_meaning_are_refused(settings, why):
+    with pytest.raises(IbridError, match=why):
+        ChatServer("small", **settings)
