@@ -16,6 +16,15 @@ def declare(commands: Any) -> None:
         "verb", metavar="train", choices=("train",), help="draw inverters, damage and fit them, learn the repairs"
     )
     train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
+    train.add_argument(
+        "--from",
+        dest="runs",
+        nargs="+",
+        default=[],
+        metavar="RUN",
+        help="learn from these finished searches which ideas are right, for ibrid search --proposer diagnosis --policy DIR; in "
+        "seconds, and none of the other options",
+    )
     train.add_argument("--inverters", type=inputs.natural, default=2500, metavar="N", help="drawn to learn from (2500)")
     train.add_argument("--steps", type=inputs.natural, default=16000, metavar="N", help="of training (16000)")
     train.add_argument(
@@ -32,6 +41,8 @@ def declare(commands: Any) -> None:
 
 def run_train(arguments: Namespace) -> int:
     """Train and say how good the policy is."""
+    if arguments.runs:
+        return _learn_from_runs(arguments)
     from ibrid_search.evaluation.ray_session import open_session
     from ibrid_search.policy_package import policy_part
 
@@ -61,4 +72,21 @@ def run_train(arguments: Namespace) -> int:
         )
         print(f"{name:<30} {one.questions:>9} {shares} {one.loss:>6.2f}" if one.questions else f"{name:<30} {0:>9}")
     print(f"\n{arguments.out}: model.safetensors, config.json, vocabulary.json, MODEL_CARD.md")
+    return 0
+
+
+def _learn_from_runs(arguments: Namespace) -> int:
+    """What finished searches teach the diagnosis."""
+    from pathlib import Path
+
+    from ibrid_search.experience import experience_of
+    from ibrid_search.run_folder import make_folder
+
+    found, folder = experience_of(arguments.runs), Path(arguments.out)
+    make_folder(folder)
+    found.write(folder)
+    print(f"{'idea':<40} {'tried':>6} {'in the answer':>14} {'bonus in ln(error)':>19}")
+    for part in sorted(found.tried, key=lambda part: -found.bonus(part)):
+        print(f"{part:<40} {found.tried[part]:>6} {found.kept.get(part, 0):>14} {found.bonus(part):>19.2f}")
+    print(f"\n{folder}: experience.json; search with --proposer diagnosis --policy {folder}")
     return 0

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 MODEL_HELP = (
-    "for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, or a folder with a "
-    "local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
+    "for llm and agent, repeatable: NAME@http://host:port/v1, NAME with OPENAI_BASE_URL set, litellm:VENDOR/NAME, or a folder "
+    "with a local model; *WEIGHT behind it for several. The key comes from OPENAI_API_KEY"
 )
 
 #: How servers are asked: what an option takes, how it is read, and what it is for.

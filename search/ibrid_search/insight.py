@@ -154,7 +154,7 @@ class Insight:
         floor = rankings.looker.criterion.floor
         answer = {
             "step": step,
-            "error": floor.error(record),
+            "step_error": floor.error(record),
             "noise_leaves": floor.level if floor.known else None,
             "ranked": [_told(look) for look in ranked],
             **({"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if ranked else {}),

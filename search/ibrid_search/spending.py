@@ -17,9 +17,10 @@ from ibrid_search.store import Store
 
 #: Prices of a million tokens in and a million out, in whatever currency: one pair for all models, or one for each.
 Prices = Sequence[tuple[float, float]]
-#: Refusals in a row that are equal, after which a server is not asked again.
+#: Refusals in a row that are equal, and useless answers, after which a server is not asked again.
 EQUAL = 3
-_NUMBER = re.compile(r"[\d.,]+")
+EMPTY = 10
+_NUMBER = re.compile(r"(, [\d.,]+ times)|[\d.,]+")
 _UNITS = {"tokens": "tokens", "cost": "of cost", "seconds": "s"}
 #: Parts of a usage that add up over answers.
 _SUMMED = ("prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
@@ -37,6 +38,11 @@ class Limits:
     def __post_init__(self) -> None:
         if not all(one > 0 for one in (self.tokens, self.cost, self.seconds)):
             raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
+
+
+def without_numbers(sentence: str) -> str:
+    """What two complaints have in common that differ in times and counts."""
+    return _NUMBER.sub("", sentence)
 
 
 class Spending:
@@ -76,7 +82,7 @@ class Spender(TakesPart):
 
     name: str
     spending: Spending
-    _why, _times = "", 0
+    _why, _times, _most = "", 0, EQUAL
 
     def begin(self, store: Store, folder: Path) -> None:
         """Count what was spent in earlier sittings."""
@@ -92,7 +98,7 @@ class Spender(TakesPart):
     @property
     def broken(self) -> str:
         """What a server has said to some questions in a row, each time the same; "" while it answers."""
-        return self._why if self._times >= EQUAL else ""
+        return self._why if self._times >= self._most else ""
 
     @contextmanager
     def asking(self, name: str) -> Iterator[None]:
@@ -108,14 +114,18 @@ class Spender(TakesPart):
         thread.start()
         try:
             yield
-            self._times = 0
         except ChatError as error:
-            same = _NUMBER.sub("", str(error)) == _NUMBER.sub("", self._why)
-            self._why, self._times = str(error), self._times + 1 if same else 1
+            self.complain(str(error), EQUAL)
             raise
         finally:
             over.set()
             thread.join()
+
+    def complain(self, why: str, most: int = EMPTY) -> None:
+        """Count a question without an answer that can be used; "" for one that has one. most : in a row that are borne."""
+        same = why and without_numbers(why) == without_numbers(self._why)
+        self._times = 0 if not why else self._times + 1 if same else 1
+        self._why, self._most = why, most
 
 
 def spent_words(spent: Mapping[str, float]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from ibrid_search.loop import Loop
 from ibrid_search.progress import Progress, Snapshot
 from ibrid_search.run_folder import write_best
-from ibrid_search.spending import Spending
+from ibrid_search.spending import Spending, without_numbers
 from ibrid_search.step import EVALUATED, Status, Step
 from ibrid_search.store import Store
 from ibrid_search.tally import Tally
@@ -15,6 +15,8 @@ from ibrid_search.trajectory import improves, milestone
 
 #: The text of the store that says how long all sittings took together.
 SECONDS = "seconds"
+#: Ends of a question that say something of the model that was asked.
+_USELESS = (Status.NO_ANSWER, Status.NO_EDIT, Status.UNREADABLE)
 
 
 class Watcher:
@@ -31,6 +33,7 @@ class Watcher:
         self._counts: Counter[Status] = Counter()
         self._evaluation = 0
         self._started = False
+        self._complaints: set[str] = set()
 
     def __call__(self, loop: Loop, step: Step) -> None:
         if not self._started:
@@ -46,6 +49,7 @@ class Watcher:
                 self._keep(loop, loop.best)
         else:
             self.store.set_meta(SECONDS, f"{time.monotonic() - self._began:.3f}")
+            self._complain(step)
             if loop.best is step:
                 self._keep(loop, step)
                 self._tell(loop, step)
@@ -55,6 +59,13 @@ class Watcher:
     def _keep(self, loop: Loop, step: Step) -> None:
         write_best(self.folder, loop.appraisal.record(step.number))
         self.store.set_meta("best", str(step.number))
+
+    def _complain(self, step: Step) -> None:
+        """Say what a language model or its server does wrong, each kind of it once."""
+        kind = without_numbers(step.reason)
+        if step.usage.get("model") and step.status in _USELESS and kind not in self._complaints:
+            self._complaints.add(kind)
+            self.shown.say(f"step {step.number}, {step.proposer}: {step.status}: {step.reason[:300]}")
 
     def _tell(self, loop: Loop, step: Step) -> None:
         before = self._mark

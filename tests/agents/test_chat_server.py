@@ -3,17 +3,21 @@
 import gzip
 import json
 import pickle
+import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from collecting import each_of
 from ibrid_search.proposers.chat import Chat, ChatError
 from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.proposers.model_names import model_of
 from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
 
 from ibrid.errors import IbridError
 
-pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+openai = pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+httpx = pytest.importorskip(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
 
 KEY = "sk-secret-0123456789"
 ASK = [{"role": "system", "content": "You edit programs."}, {"role": "user", "content": "Edit this."}]
@@ -49,6 +53,33 @@ def test_an_answer_comes_with_what_it_cost():
     assert (answer.usage["model"], answer.usage["retries"]) == ("small", 0)
     request = script.requests[0]
     assert (request["model"], request["messages"], request["seed"]) == ("small", ASK, 7)
+
+
+def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sentences(monkeypatch):
+    asked: list[dict] = []
+
+    class Reply:
+        def model_dump_json(self) -> str:
+            return completion({"content": "hello"}).decode()
+
+    def answered(**body):
+        asked.append(body)
+        if len(asked) == 1:
+            return Reply()
+        request = httpx.Request("POST", "http://elsewhere")
+        raise openai.AuthenticationError(
+            "no key", response=httpx.Response(401, request=request), body={"message": "no key"}
+        )
+
+    monkeypatch.setitem(sys.modules, "litellm", SimpleNamespace(completion=answered))
+    server, _ = model_of("litellm:vendor/large", timeout=5.0, effort="high")
+    assert server.complete(ASK).text == "hello"
+    assert (asked[0]["model"], asked[0]["messages"], asked[0]["reasoning_effort"]) == ("vendor/large", ASK, "high")
+    with pytest.raises(ChatError, match=r"vendor/large at litellm answered HTTP 401 \(no key\)"):
+        server.complete(ASK)
+    monkeypatch.setitem(sys.modules, "litellm", None)
+    with pytest.raises(ChatError, match="pip install litellm"):
+        server.complete(ASK)
 
 
 def test_a_server_is_a_chat():

@@ -91,5 +91,7 @@ class Agent(Spender):
             asking=self.asking,
         )
         proposal = turn.proposal()
+        if not proposal.failure:
+            self.complain("" if proposal.edit else f"the model {self.chat.name} ended its turn without an edit")
         self._native = turn.native
         return proposal

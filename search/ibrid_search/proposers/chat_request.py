@@ -13,6 +13,8 @@ from urllib.parse import urlsplit
 from ibrid.errors import IbridError
 from ibrid_search.proposers.chat import LONGEST_ANSWER, ChatError, ToolCall
 
+#: In place of an address: the package litellm finds the server by the name of the model.
+LITELLM = "litellm"
 #: Bytes of a reply that are read at most.
 LARGEST_REPLY = 8_000_000
 #: Seconds that a thread may take to say that its time is up.
@@ -74,25 +76,12 @@ def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes |
 
 
 def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
-    """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
+    """One attempt; what goes wrong is a refusal."""
     openai = require_openai()
     transport = _transport(openai)
-    end = time.monotonic() + timeout
-    pieces, size = [], 0
-    named = {name: value for name, value in body.items() if name in _NAMED}
-    other = {name: value for name, value in body.items() if name not in _NAMED}
+    ask = _by_litellm if url == LITELLM else _streamed
     try:
-        with (
-            openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0) as client,
-            client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
-        ):
-            for piece in response.iter_bytes():
-                pieces.append(piece)
-                size += len(piece)
-                if size > LARGEST_REPLY:
-                    return Refusal(f"sent more than {LARGEST_REPLY} bytes; ask for fewer tokens")
-                if time.monotonic() > end:
-                    return Refusal(f"did not end its answer within {timeout:g} s", again=True)
+        return ask(url, key, body, timeout)
     except (openai.APITimeoutError, transport.TimeoutException):
         return Refusal(f"did not answer within {timeout:g} s", again=True)
     except openai.APIStatusError as error:
@@ -101,7 +90,34 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
         return Refusal(f"cannot be reached ({_cause(error)}); is the server running?", again=True)
     except (openai.OpenAIError, transport.InvalidURL) as error:
         return Refusal(f"cannot be asked ({_cause(error)})")
+
+
+def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
+    """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
+    end, pieces, size = time.monotonic() + timeout, [], 0
+    named = {name: value for name, value in body.items() if name in _NAMED}
+    other = {name: value for name, value in body.items() if name not in _NAMED}
+    with (
+        require_openai().OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0) as client,
+        client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
+    ):
+        for piece in response.iter_bytes():
+            pieces.append(piece)
+            size += len(piece)
+            if size > LARGEST_REPLY:
+                return Refusal(f"sent more than {LARGEST_REPLY} bytes; ask for fewer tokens")
+            if time.monotonic() > end:
+                return Refusal(f"did not end its answer within {timeout:g} s", again=True)
     return b"".join(pieces)
+
+
+def _by_litellm(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes:
+    """The reply of any server that litellm knows, in the form of the OpenAI interface; its errors are those of openai."""
+    try:
+        litellm = importlib.import_module("litellm")
+    except ImportError:
+        raise ChatError("a model by litellm needs the package litellm; pip install litellm") from None
+    return litellm.completion(**body, timeout=timeout, num_retries=0).model_dump_json().encode()
 
 
 def check_url(url: str) -> None:

@@ -11,7 +11,7 @@ from ibrid.errors import IbridError
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.proposers.answer_forms import FORMS, TOOL, fields_of, form_of, refused
 from ibrid_search.proposers.chat import Answer, ChatError, Message, estimated_tokens, prompt_text
-from ibrid_search.proposers.chat_request import Refusal, adapted_body, check_url, post, read_reply
+from ibrid_search.proposers.chat_request import LITELLM, Refusal, adapted_body, check_url, post, read_reply
 
 OPENAI = "https://api.openai.com/v1"
 #: Where the base URL comes from when none is given, in this order.
@@ -40,7 +40,8 @@ class FormRefused(ChatError):
 class ChatServer:
     """One model of a server.
 
-    `base_url` : usually ends in /v1; None: OPENAI_BASE_URL or OPENAI_API_BASE, else OpenAI's own. `key_from` : name of the
+    `base_url` : usually ends in /v1; None: OPENAI_BASE_URL or OPENAI_API_BASE, else OpenAI's own; `LITELLM` for whatever the
+    package litellm knows, with its own environment variables for keys. `key_from` : name of the
     environment variable with the key; the key is read when a question is asked, sent to that server and kept nowhere.
     A server without keys (Ollama, vLLM, `transformers serve`) needs none. `timeout` : seconds for one answer. `retries` :
     after HTTP 429 or 5xx, a broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
@@ -70,7 +71,7 @@ class ChatServer:
             raise IbridError(f"a model has a name of printable characters, found {self.model!r:.60}; name one")
         if not self.key_from or not self.key_from.isidentifier():
             raise IbridError("key_from is the name of an environment variable, never the key; name one")
-        if self.base_url is not None:
+        if self.base_url not in (None, LITELLM):
             check_url(self.base_url)
         numbers = (self.timeout, self.pause, self.temperature, *self.price, self.retries)
         if not all(isfinite(one) and one >= 0 for one in numbers) or self.timeout == 0 or self.max_tokens < 1:
@@ -94,6 +95,8 @@ class ChatServer:
     @property
     def url(self) -> str:
         """Base URL that is asked; IbridError when the environment holds none."""
+        if self.base_url == LITELLM:
+            return LITELLM
         found = self.base_url or next((value for name in URL_FROM if (value := os.environ.get(name))), OPENAI)
         check_url(found)
         return found

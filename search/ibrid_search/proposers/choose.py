@@ -8,6 +8,8 @@ from typing import Any, Protocol
 
 from ibrid.errors import IbridError, near
 from ibrid.plugins import plugin_proposers
+from ibrid_search.experience import FILE as EXPERIENCE
+from ibrid_search.experience import Experience, read_experience
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
@@ -41,7 +43,8 @@ class Proposers:
     `prompt` : of the questions of "llm": "engineer", with the diagnosis of the parent, or "paper", the paper's own.
     `server` : how servers are asked, fields of `ibrid_search.proposers.chat_server.ChatServer`: form, effort, extra, temperature,
     max_tokens, timeout, retries; the latter four but retries of a local model too.
-    `policy` : folder of the weights for "policy", as `ibrid policy train` makes it; None: those that ship.
+    `policy` : folder of the weights for "policy", or of an experience for "diagnosis", as `ibrid policy train` makes them; None:
+    the weights that ship, no experience.
     `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
     it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
     `ibrid_policy.learning.settings.LearningSettings`. Needs the distribution ibrid-policy.
@@ -65,7 +68,7 @@ class Proposers:
         named = _parsed(self.chosen, _makers(self)) if isinstance(self.chosen, str) else []
         names = {one for one, _, _ in named} or {"proposers of your own"}
         _require_asked(names, self)
-        _require_policy(names, self.policy)
+        _require_policy(names, self.policy, experienced=self.experience is not None)
         return tuple((make(), weight) for _, make, weight in named) or _own(self.chosen)
 
     def learning(self) -> Learning | None:
@@ -77,11 +80,19 @@ class Proposers:
             return known.profile("paper" if self.learn is True else self.learn)
         return self.learn
 
+    @property
+    def experience(self) -> Experience | None:
+        """What earlier searches teach the diagnosis, where `policy` is a folder of that."""
+        if self.policy is None or not (Path(self.policy) / EXPERIENCE).is_file():
+            return None
+        return read_experience(Path(self.policy))
+
     def weights(self) -> Mapping[str, str]:
         """What run.toml says of the weights of the policy."""
         if self.policy is None:
             return {}
-        file = Path(self.policy) / policy_part("weights_folder").WEIGHTS_FILE
+        name = EXPERIENCE if self.experience else policy_part("weights_folder").WEIGHTS_FILE
+        file = Path(self.policy) / name
         return {"policy": str(self.policy), "policy_sha256": digest(file.read_bytes())}
 
 
@@ -112,7 +123,7 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
 
     return {
         **plugin_proposers(),
-        "diagnosis": Diagnosis,
+        "diagnosis": lambda: Diagnosis(given.experience),
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), asked=given.prompt, **asked),
@@ -121,12 +132,13 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
     }
 
 
-def _require_policy(names: Iterable[str], folder: str | Path | None) -> None:
-    """Raise IbridError for weights that no proposer reads."""
-    if folder is not None and "policy" not in names:
+def _require_policy(names: Iterable[str], folder: str | Path | None, *, experienced: bool) -> None:
+    """Raise IbridError for weights or an experience that no proposer reads."""
+    reader = "diagnosis" if experienced else "policy"
+    if folder is not None and reader not in names:
         raise IbridError(
-            f"--policy belongs to the proposer policy, found {', '.join(sorted(names))} alone; give --proposer policy, or "
-            "leave it out"
+            f"this --policy belongs to the proposer {reader}, found {', '.join(sorted(names))} alone; give --proposer {reader}, "
+            "or leave it out"
         )
 
 

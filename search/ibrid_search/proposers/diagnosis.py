@@ -6,7 +6,9 @@ import numpy as np
 
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
+from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.edits import edit_between
+from ibrid_search.experience import Experience
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.rules import Rules
@@ -14,12 +16,15 @@ from ibrid_search.rankings import rankings_of
 
 #: Share of the proposals that are rules' instead, so that structures remain that no look speaks for.
 CURIOSITY = 0.15
+#: Edits among which an experience chooses.
+AHEAD = 5
 
 
 class Diagnosis(TakesPart):
     """Edits by what a few warm steps say of every edit that control practice knows (`ibrid_search.rankings`).
 
-    The edit of the parent that ranks first and was not tried. What does not pay is taken away in the order of the same looks.
+    The edit of the parent that ranks first and was not tried; with an experience of other searches, of the first `AHEAD` the
+    one that ranks first with what these teach. What does not pay is taken away in the order of the same looks.
     """
 
     name = "diagnosis"
@@ -27,8 +32,8 @@ class Diagnosis(TakesPart):
     window: int | None = 2
     settled = 8
 
-    def __init__(self) -> None:
-        self.rules = Rules()
+    def __init__(self, experience: Experience | None = None) -> None:
+        self.rules, self.experience = Rules(), experience
 
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
@@ -42,13 +47,20 @@ class Diagnosis(TakesPart):
         """An edit of the parent that leads to a structure which the run has not met; one by rules where nothing can be ranked."""
         if rng.random() < CURIOSITY:
             return self.rules.propose(context, rng)
-        best = context.lacks()
+        best = self._ranked(context)
         if not best:
             why = "no edit that is new has a response near the values of the parent, so this one is by rules"
             return replace(self.rules.propose(context, rng), diagnosis=why)
         edit = edit_between(program_text(context.parent.diagram), program_text(best[0].edit.diagram))
         said = f"a first look leads to an error of {best[0].error:.3g} with {best[0].free} free numbers"
-        return Proposal(edit, note=best[0].edit.words, diagnosis=said, usage={"family": best[0].edit.part})
+        return Proposal(
+            edit, note=best[0].edit.words, diagnosis=said, usage={"family": best[0].edit.part, "look": best[0].error}
+        )
+
+    def _ranked(self, context: Context) -> list[RankedEdit]:
+        if (known := self.experience) is None:
+            return context.lacks()
+        return sorted(context.lacks(AHEAD), key=lambda look: look.worth - known.bonus(look.edit.part))
 
 
 def _loss(context: Context, diagram: Diagram) -> float:

@@ -103,8 +103,10 @@ class LanguageModel(Spender):
         self.spending.count(answer.usage)
         usage = {**answer.usage, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
         if form != "text" and (fields := read_fields(strip_thinking(answer.text)[1])) is not None:
+            self.complain("")
             return filled(fields, context, answer.text, usage)
         proposal = read_answer(answer.text, usage, chat.name)
+        self.complain(proposal.failure)
         return proposal if self.asked == "paper" or proposal.failure else placed(proposal, context)
 
     def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid_search.proposers.chat import Chat
+from ibrid_search.proposers.chat_request import LITELLM
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.spending import Prices
@@ -21,9 +22,9 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
     """A model and its weight (1 when none is given).
 
     "gpt-x@http://127.0.0.1:8123/v1*0.7" is model gpt-x of that server; "gpt-x" alone one of the server that the
-    environment names; "?key=NAME" behind the URL takes the key from another variable than OPENAI_API_KEY; an existing
-    folder, or a path such as ./models/small, is a model on this machine. `settings` go to ChatServer, max_tokens and temperature
-    to a local model too.
+    environment names; "litellm:vendor/model" one that the package litellm finds; "?key=NAME" behind the URL takes the key from
+    another variable than OPENAI_API_KEY; an existing folder, or a path such as ./models/small, is a model on this machine.
+    `settings` go to ChatServer, max_tokens and temperature to a local model too.
 
     Raises IbridError, also when the package that the model needs is not installed.
     """
@@ -39,6 +40,8 @@ def model_of(option: str, **settings: Any) -> tuple[Chat, float]:
         name, url = name[: where.start()], name[where.start() + 1 :]
         if (found := _KEY.fullmatch(url)) is not None:
             url, settings = found[1], {**settings, "key_from": found[2]}
+    if url is None and name.startswith(f"{LITELLM}:"):
+        name, url = name.removeprefix(f"{LITELLM}:"), LITELLM
     if not name.strip() or "://" in name:
         raise IbridError(
             f"a language model is written MODEL, MODEL@http://host:port/v1 or as a folder, each with *WEIGHT if it has "
