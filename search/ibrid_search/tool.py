@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -207,9 +208,9 @@ def _cut(value: Any, items: int, characters: int, where: str, left: dict[str, st
 
 
 def listed(tools: Iterable[Tool]) -> str:
-    """The tools as lines for a prompt: name, arguments, description."""
+    """The tools as lines for a prompt: name, arguments, and the description up to its first stop."""
     return "\n".join(
         f"- {tool.name}({', '.join(name if name in tool.required else name + '?' for name in tool.arguments)}): "
-        f"{tool.description}"
+        f"{re.split(r'[.:] ', tool.description)[0]}"
         for tool in tools
     )
