@@ -29,7 +29,7 @@ MOST = 1.0
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TriedEdit:
     """An edit that a search tried. `kept` : it is in the answer. `beyond` : ln(fit) - ln(look), None where no look was told."""
 
     part: str
@@ -76,18 +76,18 @@ def read_experience(folder: Path) -> Experience:
 
 def experience_of(folders: Sequence[str | Path]) -> Experience:
     """What finished searches teach; IbridError where none of them has tried an idea, or a folder holds no finished run."""
-    lessons = [lesson for folder in folders for lesson in lessons_of(Path(folder))]
-    if not lessons:
+    edits = [one for folder in folders for one in tried_edits(Path(folder))]
+    if not edits:
         raise IbridError(
             "these runs have tried no idea of control practice; give runs of --proposer diagnosis or rules"
         )
-    beyond = [one.beyond for one in lessons if one.beyond is not None]
+    beyond = [one.beyond for one in edits if one.beyond is not None]
     tau = min(float(np.std(beyond)), MOST) if len(beyond) > 1 else 0.0
-    tried = Counter(one.part for one in lessons)
-    return Experience(tried, Counter(one.part for one in lessons if one.kept), tau)
+    tried = Counter(one.part for one in edits)
+    return Experience(tried, Counter(one.part for one in edits if one.kept), tau)
 
 
-def lessons_of(folder: Path) -> Iterator[Lesson]:
+def tried_edits(folder: Path) -> Iterator[TriedEdit]:
     """The ideas that a finished run has tried."""
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         steps = list(store.steps())
@@ -97,7 +97,7 @@ def lessons_of(folder: Path) -> Iterator[Lesson]:
     inherited = set(_ancestors(steps, chosen.answer))
     for step in steps:
         if step.status is Status.OK and step.nrmse is not None and (part := step.usage.get("family")):
-            yield Lesson(str(part), step.number in inherited, _beyond(step.nrmse, step.usage.get("look")))
+            yield TriedEdit(str(part), step.number in inherited, _beyond(step.nrmse, step.usage.get("look")))
 
 
 def _beyond(fit: float, look: Any) -> float | None:

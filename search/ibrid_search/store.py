@@ -31,7 +31,7 @@ _CALLED = (
 
 
 @dataclasses.dataclass(frozen=True)
-class Call:
+class NotedCall:
     """A call of a tool. `after` : number of the last step when it was answered, -1 before any."""
 
     after: int
@@ -170,13 +170,13 @@ class Store:
             self._database.run(_CALLS)
             self._database.run(_CALLED, *map(cell, (tool, json_text(arguments), json_text(dict(answer)))))
 
-    def calls(self) -> tuple[Call, ...]:
+    def calls(self) -> tuple[NotedCall, ...]:
         """Calls of tools in their order; none in a run without any."""
         if not self._database.rows("SELECT 1 FROM sqlite_master WHERE name = 'calls'"):
             return ()
         rows = self._database.rows("SELECT after, tool, arguments, answer FROM calls ORDER BY number")
         try:
-            return tuple(Call(after, tool, json.loads(given), json.loads(got)) for after, tool, given, got in rows)
+            return tuple(NotedCall(after, tool, json.loads(given), json.loads(got)) for after, tool, given, got in rows)
         except (TypeError, ValueError, RecursionError):
             raise IbridError(f"{self.path}: a call is damaged; restore a copy, or start a new run") from None
 

@@ -25,7 +25,7 @@ from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
 from ibrid_search.step import Step
-from ibrid_search.store import Call
+from ibrid_search.store import NotedCall
 from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
 
 
@@ -39,7 +39,7 @@ class Stored(Protocol):
     def steps(self) -> Iterator[Step]: ...
     def record(self, number: int, vocabulary: Sequence[ModuleKind], /) -> Record: ...
     def retried(self) -> Mapping[int, int]: ...
-    def calls(self) -> Sequence[Call]: ...
+    def calls(self) -> Sequence[NotedCall]: ...
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RunData:
     retried: Mapping[int, int]
     archive: Mapping[str, Any]
     notes: tuple[str, ...]
-    calls: tuple[Call, ...] = ()
+    calls: tuple[NotedCall, ...] = ()
 
     @property
     def start(self) -> Step | None:
