@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from math import inf
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -10,8 +11,8 @@ from typing import Any
 from ibrid.analysis.drift import drift
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
@@ -20,19 +21,24 @@ from ibrid.structure.library import shipped_names, textbook
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.appraisal import sort_of_control
-from ibrid_search.diagnosis import Edited, Looker
+from ibrid_search.diagnosis import Edited, Looker, RankedEdit
+from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
 from ibrid_search.fleet.prior import DeviceFamily, Prior, joined
 from ibrid_search.fleet.usual import more_usual
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
-from ibrid_search.start import RESTARTS, SECONDS, family_words, start
+from ibrid_search.start import SECONDS, family_words, start
 
 #: What can be done for each device.
 JOBS = ("start", "search", "drift")
 #: Structures of the fleet that are looked at, the commonest first, and of them those that are fitted.
 LOOKED_AT, FITTED = 12, 2
+#: Difference of the looks' worth, of ln(error), from which the second is not fitted where the first explains the data.
+CLEAR = 0.2
+#: Of a fit that begins near its end.
+EFFORT = replace(QUICK, seconds=SECONDS)
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,7 @@ class Examiner:
         if record is None:
             record = self._examined(study)
         structure = structure_hash(record.diagram, study.kinds)
-        record = more_usual(record, looker, _label(structure, study), job.prior.of(structure))
+        record = more_usual(record, looker, _label(structure), job.prior.of(structure))
         return told(record, study, job.prior, expected)
 
     def _examined(self, study: Study) -> Record:
@@ -110,17 +116,18 @@ def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
     """The most plausible fit of a structure that the fleet has already, from its typical values; None unless it explains the
     data: then the device is asked as if it were the only one."""
     study, measure = looker.study, looker.criterion
-    looks = []
+    looks: list[RankedEdit] = []
     for family in prior.families[:LOOKED_AT]:
         edit = Edited(parse_program(family.program), family.label, family.label, {})
         looks.append(looker.fresh(edit, family.values))
-    fitted = []
-    for look in sorted(looks, key=lambda one: one.worth)[:FITTED]:
-        if look.error < inf:
-            warm = dict(zip(study.fitted.names, look.values, strict=True))
-            settings = FitSettings(seconds=SECONDS)
-            fitted.append(evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=settings, warm=warm))
-    explained = [one for one in fitted if one.grade == "explains"]
+    looks.sort(key=lambda one: one.worth)
+    fitted: list[Record] = []
+    for look in looks[:FITTED]:
+        if look.error == inf or (fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR):
+            break
+        warm = dict(zip(study.fitted.names, look.values, strict=True))
+        fitted.append(evaluate(look.edit.diagram, study, settings=EFFORT, warm=warm))
+    explained = [one for one in fitted if one.grade == Grade.EXPLAINS]
     return min(explained, key=lambda one: measure.value(measure.floor.error(one), one.free_parameters), default=None)
 
 
@@ -130,7 +137,7 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     family = prior.of(structure)
     own = {
         "structure": structure,
-        "diagram": _label(structure, study),
+        "diagram": _label(structure),
         "family": family_words(sort_of_control(record.diagram, study.kinds)),
         "expected": expected,
     }
@@ -143,9 +150,12 @@ def _known(record: Record, family: DeviceFamily) -> dict[str, Any]:
     return {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
 
 
-def _label(structure: str, study: Study) -> str:
+def _label(structure: str) -> str:
     """The name of a shipped diagram, or the beginning of the structure's hash."""
-    return next(
-        (name for name in shipped_names() if study.examined(textbook(name), name).hash == structure),
-        f"structure {structure[:8]}",
-    )
+    return _labels().get(structure, f"structure {structure[:8]}")
+
+
+@cache
+def _labels() -> Mapping[str, str]:
+    """Structure -> name of the shipped diagram."""
+    return {structure_hash(textbook(name), VOCABULARY): name for name in reversed(shipped_names())}
