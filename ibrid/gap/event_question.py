@@ -62,10 +62,10 @@ class Asked:
         """
         own = {one.id for one in self.limits}
         told = {name: one for name, one in self.values.items() if name.split(".")[0] in own}
-        rest = {name: one for name, one in self.values.items() if name not in told}
         wiring = wire(self.diagram, self.kinds)
         table = parameter_table(wiring, "exact")
         port = {one.name: Belief(one.typical, one.tolerance) for one in table.free if one.tolerance}
+        rest = {name: one for name, one in self.values.items() if name not in told and name not in port}
         limits = {name: float(one["value"] if isinstance(one, Mapping) else one) for name, one in told.items()}
         return {
             **(port if self.study is None else {}),

@@ -1,0 +1,1 @@
+"""Playback of records: what it costs, and which twins records tell apart."""
