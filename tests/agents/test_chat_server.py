@@ -55,6 +55,22 @@ def test_an_answer_comes_with_what_it_cost():
     assert (request["model"], request["messages"], request["seed"]) == ("small", ASK, 7)
 
 
+def test_a_question_takes_no_longer_than_it_may_in_all():
+    with scripted(hangs) as script:
+        error = failure(script, timeout=60.0, within=0.3)
+    assert "within 0.3 s" in str(error)
+    assert len(script.requests) == 1
+    with scripted(refuses(429, retry_after="31536000")) as script:
+        failure(script, within=5.0)
+    assert len(script.requests) == 1  # the pause would be longer than what is left
+
+
+def test_a_server_that_is_late_is_asked_once_more():
+    with scripted(hangs) as script:
+        failure(script, timeout=0.2, retries=4)
+    assert len(script.requests) == 2
+
+
 def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sentences(monkeypatch):
     asked: list[dict] = []
 

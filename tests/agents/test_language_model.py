@@ -119,6 +119,28 @@ def test_a_server_that_hangs_is_a_failure(context):
     assert "did not answer within 0.2 s" in asked(context, hangs, timeout=0.2, retries=0).failure
 
 
+def test_while_a_model_thinks_a_line_says_so_with_what_was_spent(context):
+    told: list[str] = []
+    with scripted(says(GOOD), hangs) as script:
+        proposer = model(script, timeout=2.5, retries=0, price=(1e4, 1e4))
+        proposer.tell = told.append
+        for _ in range(2):
+            proposer.propose(context, np.random.default_rng(0))
+    assert told[0].startswith("small thinks, ")
+    assert "120 tokens, cost 1.2 so far" in told[-1]
+
+
+def test_equal_refusals_are_borne_three_times_and_any_answer_makes_good_for_them(context):
+    with scripted(*[refuses(401, "no such key")] * 2, says(GOOD), refuses(401, "no such key")) as script:
+        proposer = model(script)
+        broken = []
+        for _ in range(6):
+            proposer.propose(context, np.random.default_rng(0))
+            broken.append(bool(proposer.broken))
+    assert broken == [False] * 5 + [True]
+    assert "no such key" in proposer.broken
+
+
 def test_a_busy_server_is_asked_again_and_the_retries_are_counted(context):
     proposal = asked(context, refuses(429), says(GOOD))
     assert proposal.edit == EDIT

@@ -35,7 +35,7 @@ class Refusal:
 
     `sentence` : goes on after the name of the model and its server. `again` : the next time may be better. `pause` :
     seconds that the server asks to wait. `unknown` : parameters that this server does not know, where that is the reason.
-    `status` : of HTTP, 0 without one.
+    `status` : of HTTP, 0 without one. `late` : the time was up.
     """
 
     sentence: str
@@ -43,6 +43,7 @@ class Refusal:
     pause: float = 0.0
     unknown: tuple[str, ...] = ()
     status: int = 0
+    late: bool = False
 
 
 def adapted_body(body: Mapping[str, Any], unknown: Collection[str]) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes |
     try:
         found = answers.get(timeout=timeout + GRACE)
     except Empty:
-        return Refusal(f"did not end its answer within {timeout:g} s", again=True)
+        return Refusal(f"did not end its answer within {timeout:.3g} s", again=True, late=True)
     if isinstance(found, BaseException):
         raise found
     return found
@@ -83,7 +84,7 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
     try:
         return ask(url, key, body, timeout)
     except (openai.APITimeoutError, transport.TimeoutException):
-        return Refusal(f"did not answer within {timeout:g} s", again=True)
+        return Refusal(f"did not answer within {timeout:.3g} s", again=True, late=True)
     except openai.APIStatusError as error:
         return _refused(error, body)
     except (openai.APIConnectionError, transport.HTTPError, transport.StreamError) as error:
@@ -107,7 +108,7 @@ def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> by
             if size > LARGEST_REPLY:
                 return Refusal(f"sent more than {LARGEST_REPLY} bytes; ask for fewer tokens")
             if time.monotonic() > end:
-                return Refusal(f"did not end its answer within {timeout:g} s", again=True)
+                return Refusal(f"did not end its answer within {timeout:.3g} s", again=True, late=True)
     return b"".join(pieces)
 
 

@@ -20,6 +20,8 @@ URL_FROM = ("OPENAI_BASE_URL", "OPENAI_API_BASE")
 LONGEST_PAUSE = 60.0
 #: Seconds of an attempt at least, and changes of a request that a server does not understand.
 SHORTEST, MOST_ADAPTED = 0.05, 6
+#: Attempts after one that took all of its time.
+LATE = 1
 #: HTTP status of "this field I do not know".
 _UNKNOWN = (400, 404, 405, 415, 422, 501)
 
@@ -192,7 +194,8 @@ class ChatServer:
                 adapted += 1
                 continue
             pause = min(LONGEST_PAUSE, max(self.pause * 2**retries, reply.pause))
-            if not reply.again or retries >= self.retries or pause >= end - time.monotonic():
+            most = min(self.retries, LATE) if reply.late else self.retries
+            if not reply.again or retries >= most or pause >= end - time.monotonic():
                 return reply, retries
             time.sleep(pause)
             retries += 1
