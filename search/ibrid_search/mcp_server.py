@@ -135,7 +135,7 @@ def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> di
     """A call whose unforeseen end is an answer too: one bad request must not take the evaluated programs with it."""
     try:
         answer = call_by_name(tools, name, arguments)
-        note(str(name)[:60], capped({"given": arguments or {}})["given"], answer)
+        note(str(name)[:60], capped({"given": arguments or {}}).get("given", {}), answer)
         return answer
     except Exception as error:
         return failed(f"{name} failed: {_in_words(error)}")
