@@ -22,6 +22,10 @@ _DEAD = {"D_dead_time": Strength((0.004, 0.008), (0.015, 0.03), (0.04, 0.06)), "
 _SOGI = Strength((2.0, 3.0), (1.2, 1.6), (0.5, 0.9))
 _FORWARDED, _LOCKED = {"k_ff": PRESENT}, {"kP_pll": PRESENT}
 _ANGLE = Strength((0.02, 0.04), (0.06, 0.12), (0.2, 0.3), either_sign=True)
+_RESONANT = {
+    "k_resonant": Strength((0.1, 0.2), (0.4, 0.8), (1.5, 3.0)),
+    "width_resonant": always(2 * pi * 10, 2 * pi * 30),
+}
 _PORT = {"R_shunt": always(0.02, 0.2), "C_shunt": Strength((0.004, 0.01), (0.02, 0.05), (0.1, 0.2))}
 
 #: Each as the catalogue calls it, but for the scale of p and q, which lies in the labels.
@@ -39,6 +43,8 @@ HARDWARE: tuple[HiddenEffect, ...] = (
     HiddenEffect(
         "pll_sequence_filter", "dsogi_fixed", "add", {"k_dsogi": _SOGI, "sogi_tuning": "nominal"}, base=_LOCKED
     ),
+    HiddenEffect("resonant_control", "negative_sequence", "add", {**_RESONANT, "omega_resonant": 4 * pi * F0_HZ}),
+    HiddenEffect("resonant_control", "harmonics", "add", {**_RESONANT, "omega_resonant": 12 * pi * F0_HZ}),
     HiddenEffect("delay_angle", "command", "add", {"delay_angle": _ANGLE}),
     HiddenEffect("shunt_capacitance", "pcc", "add", _PORT),
     HiddenEffect(

@@ -63,8 +63,11 @@ class Device:
     the command arrives turned. k_sogi : the feedforward passes a SOGI of this gain, k_dsogi : the PLL sees the positive
     sequence of a DSOGI; both in the stationary frame, tuned to the PLL's frequency or the nominal one (sogi_tuning).
 
-    In no catalogue. k_resonant, omega_resonant, width_resonant : 2 k w s / (s^2 + 2 w s + omega^2) on the error.
-    omega_zero, omega_pole : (1 + s/omega_zero) / (1 + s/omega_pole) on it. comb_gain, comb_delay : 1 / (1 - g e^-sT) on it.
+    k_resonant, omega_resonant, width_resonant : 2 k w s / (s^2 + 2 w s + omega^2) on the error of the current loop, at a multiple
+    of f0 control of the negative sequence (2) or of harmonics (6).
+
+    In no catalogue. omega_zero, omega_pole : (1 + s/omega_zero) / (1 + s/omega_pole) on it. comb_gain, comb_delay :
+    1 / (1 - g e^-sT) on it.
 
     Raises IbridError for a number out of range and for parameters that only make sense together.
     """

@@ -14,7 +14,7 @@ from ibrid_bench.hidden.program_lines import Lines
 
 from ibrid.errors import IbridError
 
-_IN_NO_PROGRAM = ("load_L", "omega_n_ff", "k_resonant", "omega_zero", "comb_gain")
+_IN_NO_PROGRAM = ("load_L", "omega_n_ff", "omega_zero", "comb_gain")
 
 
 @dataclass(frozen=True)

@@ -110,6 +110,12 @@ def additions(lines: Lines, device: Device, omega_0: float) -> None:
         lines.chain("plant.i_g", "minus_i_g.in_", "minus_i_g.out", "virtual_resistance.in_")
         lines.chain("virtual_resistance.out", subtracted_from)
         lines.chain("minus_i_g.out", "virtual_reactance.in_", "virtual_reactance.out", subtracted_from)
+    if m.k_resonant is not None:
+        multiple = (m.omega_resonant or 0.0) / omega_0
+        lines.add("Resonant_dq", "resonant", k=m.k_resonant, omega_c=m.width_resonant, n=multiple)
+        for source in lines.sources("current.in_"):
+            lines.chain(source, "resonant.in_")
+        lines.chain("resonant.out", command)
     if m.p_loop == "dc_link":
         for source in lines.sources("plant.u_r"):
             lines.chain(source, "dc_link.u")
