@@ -8,6 +8,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.devices", description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--page", type=Path, help="where the page is written")
-    parser.add_argument("--only", default="", help="devices whose names begin so")
+    parser.add_argument("--only", help="devices whose names begin so; '' for the page of what is there")
     options = parser.parse_args(arguments)
     return resumable("bench-devices", options.out, lambda: _benchmark(options))
 
@@ -119,25 +120,26 @@ def _benchmark(options: argparse.Namespace) -> int:
         held = sweep.names[-1:] if len(sweep.names) > 1 else ()
         for method, measure in METHODS.items():
             key = f"{name}/{method}"
-            if key not in ledger.rows and name.startswith(options.only):
+            wanted = options.only is None or (options.only and name.startswith(options.only))
+            if wanted and key not in ledger.rows:
                 ledger.add({"key": key, "device": name, "method": method, **measure(sweep, held)})
-    page = HEAD + table(list(ledger.rows.values()))
+    page = HEAD + table(ledger.rows)
     print(page)
     if options.page:
         options.page.write_text(page, encoding="utf-8")
     return 0
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A line for each device and method, with the noise floor of the device."""
-    floors = {row["device"]: f"{row['floor']:.2g} ({row['from']})" for row in rows if "floor" in row}
+def table(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """A line for each device and method, with the noise floor of the device; what is in no row was not measured."""
+    names = dict.fromkeys(row["device"] for row in rows.values())
+    floors = {row["device"]: f"{row['floor']:.2g} ({row['from']})" for row in rows.values() if "floor" in row}
     cells = []
-    for row in rows:
-        numbers = ["-" if row.get(name) is None else f"{row[name]:.3g}" for name in ("error", "held")]
+    for name, method in product(names, METHODS):
+        row = rows.get(f"{name}/{method}", {"answer": "not measured yet"})
+        numbers = ["-" if row.get(one) is None else f"{row[one]:.3g}" for one in ("error", "held")]
         told = row["answer"] + (f"; labels: {', '.join(row['labels'])}" if row.get("labels") else "")
-        cells.append(
-            (row["device"], row["method"], *numbers, row.get("grade") or "-", floors.get(row["device"], "-"), told)
-        )
+        cells.append((name, method, *numbers, row.get("grade") or "-", floors.get(name, "-"), told))
     return markdown_table(("device", "by", "error", "held out", "grade", "noise floor", "answer"), cells)
 
 
