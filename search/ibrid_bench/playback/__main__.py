@@ -47,8 +47,12 @@ def _twins(ledger: Ledger, devices: int) -> str:
     for kind in RECORDS:
         own = [ledger.rows[f"{kind}/{seed}"] for seed in range(devices)]
         far = median(row["twin"] for row in own)
-        rows.append((kind, f"{far:.1e}", f"{sum(row['apart'] for row in own)} of {devices}"))
-    return markdown_table(("record beside the sweep", "the twin is away by, median", "told apart"), rows)
+        off = [abs(row["gain"] - 1) for row in own if row["apart"]]
+        gain = f"{100 * max(off):.2g} %" if off else ""
+        rows.append((kind, f"{far:.1e}", f"{sum(row['apart'] for row in own)} of {devices}", gain))
+    return markdown_table(
+        ("record beside the sweep", "the twin is away by, median", "told apart", "its gain then off by, at most"), rows
+    )
 
 
 if __name__ == "__main__":

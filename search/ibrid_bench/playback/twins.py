@@ -31,19 +31,19 @@ RECORDS: Mapping[str, tuple[str, str, float]] = {
     "dip to 0.6 that reaches the current limit": ("dip:0.6,for=0.1", "current_limit", 1.2),
     "swell to 1.25 that reaches the voltage limit": ("swell:1.25,for=0.1", "command_limit", 1.04),
 }
-#: Relative error of the gain of the current controller up to which the right one of the two was found; the other is far off.
-RIGHT = 0.1
 
 
 @dataclass(frozen=True)
 class Told:
-    """`twin` : how far the twin's current is from the device's, of what happens. `apart` : the fit has no twin left and the right
-    gain. `sentence` : what it says of the twin."""
+    """`twin` : how far the twin's current is from the device's, of what happens. `apart` : the fit has no other answer left, and
+    its gain of the current controller is, as a ratio, nearer to the device's than to the twin's. `gain` : of the fit, over the
+    device's. `sentence` : what it says of the twin."""
 
     kind: str
     seed: int
     twin: float
     apart: bool
+    gain: float | None
     sentence: str
 
 
@@ -80,17 +80,16 @@ def told(seed: int, known: Container[str] = ()) -> Iterator[Told]:
         level = NOISE * float(np.sqrt(np.mean((clean.i - clean.i_rest) ** 2)))
         noisy = clean.i + level * rng.standard_normal(clean.i.shape)
         seen = EventRecord(clean.rest, clean.time, clean.v, noisy, clean.rest_end, np.full(len(noisy), level))
+        away = np.inf if error is None else error
         try:
             record = evaluate_events(textbook("gfl_exact"), Events((seen,)), sweep, values=own)
         except IbridError as refused:
-            yield Told(kind, seed, np.inf if error is None else error, False, str(refused))
+            yield Told(kind, seed, away, False, None, str(refused))
             continue
-        yield Told(kind, seed, np.inf if error is None else error, _apart(record, values), _sentence(record))
-
-
-def _apart(record: Record, values: Mapping[str, float]) -> bool:
-    gain = next(iter(record.parameters.values()))["current.kP"]
-    return not record.twins and abs(gain / values["current.kP"] - 1) < RIGHT
+        gain = next(iter(record.parameters.values()))["current.kP"]
+        nearer = abs(np.log(gain / values["current.kP"])) < abs(np.log(gain / twin["current.kP"]))
+        apart = not record.twins and bool(nearer)
+        yield Told(kind, seed, away, apart, gain / values["current.kP"], _sentence(record))
 
 
 def _sentence(record: Record) -> str:
