@@ -29,7 +29,10 @@ def declare(commands: Any) -> None:
     ask.set_defaults(run=run_next)
     changed = commands.add_parser("drift", help="what changed since a record: nothing, parameters, structure, labels")
     changed.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    changed.add_argument("data", metavar="DATA", help=f"new data of the device: {inputs.DATA_HELP}")
+    changed.add_argument(
+        "data", metavar="DATA", help=f"new data of the device: {inputs.DATA_HELP}; or {inputs.EVENTS_HELP}"
+    )
+    inputs.add_events_options(changed)
     add_kinds_option(changed)
     add_json_option(changed)
     changed.set_defaults(run=run_drift)
@@ -69,11 +72,11 @@ def run_drift(arguments: Namespace) -> int:
 
     from ibrid.analysis.drift import drift
 
+    record = inputs.record(arguments.record, arguments.kinds)
     if inputs.holds_events(arguments.data):
-        raise IbridError(
-            f"{arguments.data}: drift takes a sweep; of events ibrid gap {arguments.record} tells what differs"
-        )
-    found = drift(inputs.record(arguments.record, arguments.kinds), inputs.measured(arguments.data))
+        found = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
+    else:
+        found = drift(record, inputs.measured(arguments.data))
     if not give_json(found.plain(), arguments.json):
         print(f"{found.verdict}: {found.sentence}")
     return 0

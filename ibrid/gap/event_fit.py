@@ -191,7 +191,7 @@ class EventMisfit:
         return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
 
     def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        slopes = self._slopes(x)
+        slopes = self.record_slopes(x)
         _, down, hold = self.beliefs.pull(x)
         gradient, hessian = slopes.T @ residual, slopes.T @ slopes
         if self.sweep is not None:
@@ -200,7 +200,7 @@ class EventMisfit:
             hessian[np.ix_(self._place, self._place)] += two[0]
         return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
 
-    def _slopes(self, x: np.ndarray) -> np.ndarray:
+    def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
         high = self.box[1]
         step = np.where(x + SLOPE <= high, SLOPE, -SLOPE)

@@ -77,7 +77,7 @@ class Asked:
         """The data that answer it, and what may be missing."""
         swept = None if self.study is None else self.study.fitted
         refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
-        noise = event_noise(self.fitted, _rests(self.fitted) if swept is None else swept)
+        noise = event_noise(self.fitted, rests(self.fitted) if swept is None else swept)
         return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits)
 
 
@@ -110,7 +110,7 @@ def asked(
     return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
 
 
-def _rests(events: Events) -> Sweep:
+def rests(events: Events) -> Sweep:
     """The rest of each record as an operating point, where nothing was swept."""
     nothing = np.eye(2, dtype=complex)[None]
     points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)

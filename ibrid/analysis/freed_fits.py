@@ -1,0 +1,259 @@
+"""A record's model fitted to new data with some parameters free and the others as the record knows them: x = x_0 + B z + E d.
+
+The data are a sweep or records of events; both are whitened residuals and their slopes. Limits that stand beside the program are
+held where the record has them.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import f as f_law
+
+from ibrid.analysis.parametric import ParametricModel, uncertainty
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.fit.problem import Coordinates
+from ibrid.gap.event_fit import EventMisfit
+from ibrid.gap.event_noise import event_noise
+from ibrid.gap.event_question import rests
+from ibrid.gap.noise import noise_of
+from ibrid.measurement.events import Events
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.playback.compare import model_of_record
+
+#: Steps of a fit, and its relative end.
+STEPS, END = 25, 1e-6
+#: Parameters of which a fit to records of events is tried; the linear gain in T below which none is; T of a number from which on
+#: nothing is linear.
+LIKELY, LEAST, FAR = 3, 4.0, 10.0
+#: Logarithms of factors at which a parameter is scanned.
+SCAN = np.log(np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)]))
+
+
+@dataclass(frozen=True)
+class FreedFit:
+    """`x` (P,), `w` the coordinates (z, d), `cost` T, `curvature` J'J + prior of w."""
+
+    w: np.ndarray
+    x: np.ndarray
+    cost: float
+    curvature: np.ndarray
+
+
+class FreedFits(ABC):
+    """Fits of a record's model to new data.
+
+    `names`, `size` : of the parameters. `x0` : (P,) the record's. `root` : (P, R) one standard deviation each, as the record
+    knows them. `numbers` : measured. `source` : of the noise.
+    """
+
+    names: Sequence[str]
+    coordinates: Coordinates
+    x0: np.ndarray
+    root: np.ndarray
+    numbers: int
+    source: str
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.names)
+
+    @abstractmethod
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """(R,) whitened, model minus measured, at x (P,)."""
+
+    @abstractmethod
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """(R, P) of it."""
+
+    def p_value(self, cost: float) -> float:
+        """Of so large a T by noise alone."""
+        return float(chi2.sf(cost, self.numbers))
+
+    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
+        """Parameters, beside those that are free, whose change may be worth a fit."""
+        return [j for j in range(self.size) if j not in free]
+
+    def fit(self, free: Sequence[int], near: FreedFit | None = None) -> FreedFit:
+        """The least T with these parameters free, by damped least squares from some starts."""
+        return min((self._from(w, free) for w in self.starts(free, near)), key=lambda one: one.cost)
+
+    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
+        """The record's values, these with the last parameter a quarter up or down, and another fit with one parameter less."""
+        starts = np.zeros((3 if free else 1, self.root.shape[1] + len(free)))
+        if free:
+            starts[1:, -1] = np.log(1.25), -np.log(1.25)
+        if near is not None and len(near.w) < starts.shape[1]:
+            starts = np.vstack([starts, np.pad(near.w, (0, starts.shape[1] - len(near.w)))])
+        return starts
+
+    def _from(self, w: np.ndarray, free: Sequence[int]) -> FreedFit:
+        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
+        pulled = np.concatenate([np.ones(self.root.shape[1]), np.zeros(len(free))])
+        residual, damping = self.residual(self._x(directions, w)), 1e-3
+        if not np.isfinite(residual).all():
+            raise IbridError("the record's model has no finite answer at the operating points of the data")
+        cost = float(residual @ residual + pulled @ w**2)
+        curvature = np.diag(pulled)
+        for _ in range(STEPS):
+            slopes = self.slopes(self._x(directions, w)) @ directions
+            curvature = slopes.T @ slopes + np.diag(pulled)
+            gradient = slopes.T @ residual + pulled * w
+            before = cost
+            for _ in range(8):
+                step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature) + 1e-12), gradient)
+                there = self.residual(self._x(directions, w - step))
+                new = float(there @ there + pulled @ (w - step) ** 2)
+                if new < cost:
+                    w, residual, cost, damping = w - step, there, new, damping / 5
+                    break
+                damping *= 5
+            if before - cost <= END * max(cost, 1.0):
+                break
+        return FreedFit(w, self._x(directions, w), cost, curvature)
+
+    def _x(self, directions: np.ndarray, w: np.ndarray) -> np.ndarray:
+        return np.clip(self.x0 + directions @ w, self.coordinates.x_low, self.coordinates.x_high)
+
+
+class SweepFits(FreedFits):
+    """Of a sweep."""
+
+    def __init__(self, record: Record, sweep: Sweep) -> None:
+        settings = {**record.settings, "power_node": sweep.power_node}
+        model = ParametricModel(replace(record, settings=settings), _any_point(record))
+        noise = noise_of(sweep)
+        self.source = noise.source
+        self.names, self.x0 = model.names, model.x
+        self.coordinates = model.coordinates
+        self.root = _known(record)[1]
+        self._set(model, noise.sweep.points)
+        if not noise.known:  # its level is that of what the freest model leaves
+            everything = self.fit(tuple(range(self.size)))
+            scale = np.sqrt(everything.cost / max(self.numbers - self.size, 1))
+            self._set(model, noise.times(float(scale)).sweep.points)
+
+    def _set(self, model: ParametricModel, points: Sequence[PointSweep]) -> None:
+        self._problem = model.problem(points)
+        self._measured = np.concatenate([_flat(one.admittance[..., None])[:, 0] for one in points])
+        self._sigma = np.concatenate([np.tile(np.asarray(one.sigma).ravel(), 2) for one in points])
+        self.numbers = len(self._measured)
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Of the admittances."""
+        answer = np.concatenate([_flat(one[..., None])[:, 0] for one in self._problem.responses(x)])
+        return _finite((answer - self._measured) / self._sigma)
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """Of the same."""
+        return np.concatenate([_flat(one) for one in self._problem.jacobians(x)]) / self._sigma[:, None]
+
+
+class EventFits(FreedFits):
+    """Of records of events."""
+
+    def __init__(self, record: Record, events: Events) -> None:
+        model = model_of_record(record)
+        noise = event_noise(events, rests(events))
+        self._misfit = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None)
+        self._told_by, self.source = noise.told_by, noise.source
+        self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates
+        self.x0 = self._misfit.beliefs.start(model.values)
+        self.numbers = self._misfit.count
+        known, root = _known(record)
+        self.root = np.zeros((self.size, root.shape[1]))
+        for name, row in zip(known, root, strict=True):
+            self.root[self.names.index(name)] = row
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Of the currents."""
+        return _finite(self._misfit.played(x[None])[0])
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """Of the same."""
+        return self._misfit.record_slopes(x)
+
+    def p_value(self, cost: float) -> float:
+        """As sure as the noise was told."""
+        if not np.isfinite(self._told_by):
+            return super().p_value(cost)
+        return float(f_law.sf(cost / self.numbers, self.numbers, self._told_by))
+
+    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
+        """The best of a scan of the last parameter."""
+        middles = self._middles(len(free), near)
+        if not free:
+            return middles
+        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
+
+    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
+        """Near the noise those with the largest linear gain, far from it those with the best scan."""
+        others = [j for j in super().likely(free, last) if self.root[j].any()]
+        if last.cost > FAR * self.numbers:
+            middles = self._middles(len(free) + 1, last)
+            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
+            return sorted(sorted(costs, key=costs.__getitem__)[:LIKELY])
+        slopes = self.slopes(last.x)
+        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
+        pulled = np.diag(np.concatenate([np.ones(self.root.shape[1]), np.zeros(len(free))]))
+        seen = slopes @ directions
+        inverse = np.linalg.pinv(seen.T @ seen + pulled)
+        residual = self.residual(last.x)
+        gain = {}
+        for j in others:
+            beside = slopes[:, j] - seen @ (inverse @ (seen.T @ slopes[:, j]))
+            size = float(slopes[:, j] @ beside)
+            gain[j] = float(beside @ residual) ** 2 / size if size > 1e-9 else 0.0
+        return sorted(j for j in sorted(gain, key=lambda j: -gain[j])[:LIKELY] if gain[j] > LEAST)
+
+    def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
+        """Where scans are about: the record's values, and another fit with fewer parameters free."""
+        size = self.root.shape[1] + free
+        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
+        return np.array([np.zeros(size), *other])
+
+    def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
+        """T, and the coordinates, of the best of a scan of the last parameter: a limit or a resonance that is off by some per
+        cent has valleys of its own."""
+        w = np.repeat(middle[None], len(SCAN), axis=0)
+        w[:, -1] += SCAN
+        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
+        residual = _finite(self._misfit.played(np.array([self._x(directions, one) for one in w])))
+        cost = (residual**2).sum(axis=1) + (w[:, : self.root.shape[1]] ** 2).sum(axis=1)
+        best = int(np.argmin(cost))
+        return float(cost[best]), w[best]
+
+
+def fits_of(record: Record, data: Sweep | Events) -> FreedFits:
+    """The fits to a sweep or to records of events. Raises IbridError for a record without a covariance."""
+    return SweepFits(record, data) if isinstance(data, Sweep) else EventFits(record, data)
+
+
+def _known(record: Record) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the record's parameters and one standard deviation each, (P, R)."""
+    sure = uncertainty(record, ParametricModel(record, _any_point(record)))
+    if sure is None:
+        raise IbridError("the record holds no covariance; fit again with --parameters shared")
+    return sure.names, sure.directions
+
+
+def _finite(residual: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(residual, nan=1e12, posinf=1e12, neginf=-1e12)
+
+
+def _flat(values: np.ndarray) -> np.ndarray:
+    """(K, 2, 2, P) complex as (8 K, P): real parts, then imaginary ones."""
+    rows = values.reshape(-1, values.shape[-1])
+    return np.concatenate([np.real(rows), np.imag(rows)])
+
+
+def _any_point(record: Record) -> OperatingPoint:
+    name = next(iter(record.parameters), None)
+    if name is None:
+        raise IbridError("the record has no fitted values; make it with ibrid evaluate")
+    numbers = record.settings["operating_points"][name]
+    return OperatingPoint(name, *(float(numbers[key]) for key in "pqv"))
