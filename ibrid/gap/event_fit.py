@@ -9,7 +9,7 @@ until the model explains the data what is left over counts as noise, so that the
 predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,16 +29,26 @@ from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
 
-#: Step of a coordinate for a slope; steps of a simulation times the fastest mode.
-SLOPE, STEP = 3e-4, 1.0
+#: Step of a coordinate for a slope where noise is left, and at most: far from there slopes are chords across what jumps.
+SLOPE, WIDEST = 3e-5, 1e-2
+#: Steps of a simulation times the fastest mode.
+STEP = 1.0
 #: Rounds, and steps of each, of a descent by predictions and of the whole record.
-LED, PLAIN = (8, 2), (8, 3)
+LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
+#: Rounds in turn that gain less than that, after which a descent ends.
+IDLE = 3
+#: Part of the cost to which a descent begun again must come, or it was at its end; cost of a number where only noise is left.
+HELPS, LEFT = 0.8, 1.1
+#: Factors on what jumps, in coordinates from it, at which a descent is begun again.
+JUMPED = np.linspace(-0.5, 0.5, 25)
+#: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
+FOLLOWED, WORTH = 3, 30.0
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
-#: Parameter sets that are simulated together at most.
-TOGETHER = 32
+#: Parameter sets that are simulated together at most; single ones that are kept.
+TOGETHER, KNOWN = 32, 4
 DESCENT = Descent(
     marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
 )
@@ -99,6 +109,7 @@ class EventMisfit:
     ) -> None:
         self.player = Player(diagram, kinds, limits, noise.events.omega_0)
         self.led, self.scale, self.weight = False, 1.0, np.ones(1)
+        self._known: dict[bytes, np.ndarray] = {}  # residuals of the last few x alone, which a descent asks for again
         self.noise, self.sweep = noise, sweep
         self.numbers = [FreeNumber(one) for one in self.player.parameters]
         self.beliefs = Beliefs(self.player.parameters, prior)
@@ -110,7 +121,7 @@ class EventMisfit:
     def predicting(self) -> "EventMisfit":
         """The same of predictions: the states are led by the measured current."""
         other = copy(self)
-        other.led = True
+        other.led, other._known = True, {}
         return other
 
     def scaled(self, x: np.ndarray) -> "EventMisfit":
@@ -144,6 +155,17 @@ class EventMisfit:
 
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
+        if len(x) > 1:
+            return self._simulated(x) * self.weight
+        key = x.tobytes()
+        if key not in self._known:
+            if len(self._known) >= KNOWN:
+                self._known.clear()
+            self._known[key] = self._simulated(x)
+        return self._known[key] * self.weight
+
+    def _simulated(self, x: np.ndarray) -> np.ndarray:
+        """The same without weights."""
         values, parts = [self.values(one) for one in x], []
         for record in self.noise.events.records:
             sigma = self.noise.sigma[record.name][:, None]
@@ -158,7 +180,7 @@ class EventMisfit:
                 except IbridError:  # the first has no rest
                     found += self._one_by_one(record, some, sigma)
             parts.append(np.array(found))
-        return np.concatenate(parts, axis=1) * self.weight
+        return np.concatenate(parts, axis=1)
 
     def answered(self, x: np.ndarray) -> np.ndarray:
         """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
@@ -185,6 +207,25 @@ class EventMisfit:
         cost = cost / self.scale**2 + self.beliefs.pull(x)[0]
         return Points(x, np.where(np.isfinite(cost), cost, np.inf), carried(residual))
 
+    def best(self, x: np.ndarray, number: int) -> "list[Descending]":
+        """Of starts x (S, P) those of least cost, the best first; fewer where fewer have an answer."""
+        points = self.at(x)
+        order = [k for k in np.argsort(points.cost, kind="stable")[:number] if np.isfinite(points.cost[k])]
+        return [Descending(self, points.x[k], float(points.cost[k])) for k in order]
+
+    def jumped(self, x: np.ndarray) -> np.ndarray:
+        """x (P,) with other values of what jumps, (S, P)."""
+        jumps = [f"{one.id}.{name}" for one in self.player.limits for name in one.jumps]
+        places = [list(self.beliefs.names).index(name) for name in jumps]
+        found = np.repeat(x[None], len(JUMPED) ** len(places), axis=0)
+        for place, moved in zip(places, np.meshgrid(*[JUMPED] * len(places)), strict=True):
+            found[:, place] += moved.ravel()
+        return np.clip(found, *self.box)
+
+    def begun(self, x: np.ndarray) -> "Descending":
+        """A start at x (P,)."""
+        return Descending(self, x, float(self.at(x[None]).cost[0]))
+
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H."""
         pairs = [self._normal(x, residual) for x, residual in zip(points.x, points.carried[0], strict=True)]
@@ -203,7 +244,8 @@ class EventMisfit:
     def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
         high = self.box[1]
-        step = np.where(x + SLOPE <= high, SLOPE, -SLOPE)
+        size = min(SLOPE * self.scale, WIDEST)
+        step = np.where(x + size <= high, size, -size)
         found = self.played(np.concatenate([x[None], x + np.diag(step)]))
         return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
 
@@ -273,23 +315,18 @@ class EventFitter:
         except IbridError:
             return None
         x = np.unique(np.array([misfit.beliefs.start(values) for values in starts]), axis=0)
-        plain = misfit.at(x)
-        ends = [plain.x[int(np.argmin(plain.cost))]] if np.isfinite(plain.cost).any() else []
+        ends = [one.x for one in misfit.best(x, 1)]
         if led:
-            predicted = misfit.predicting.at(x)
-            if np.isfinite(predicted.cost).any():
-                ends.append(_descended(misfit.predicting, predicted.x[int(np.argmin(predicted.cost))], LED))
-        if not ends:
-            return None
-        cost = misfit.at(np.array(ends)).cost
-        best = _descended(misfit, ends[int(np.argmin(cost))], PLAIN)
-        return self.at(diagram, limits, best) if np.isfinite(misfit.at(best[None]).cost[0]) else None
+            ends += [one.go(*LED).x for one in misfit.predicting.best(x, FOLLOWED)]
+        plain = misfit.best(np.array(ends), len(ends)) if ends else []
+        done = [one.go(*PLAIN) for one in plain if one.cost <= WORTH * plain[0].cost]
+        return self.at(diagram, limits, min(done, key=lambda one: one.cost).x) if done else None
 
     def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
         """Values to which predictions lead the best start."""
         misfit = self.misfit(diagram, limits).predicting
-        begun = misfit.at(np.array([misfit.beliefs.start(values) for values in starts]))
-        return misfit.values(_descended(misfit, begun.x[int(np.argmin(begun.cost))], LED))
+        (best,) = misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1)
+        return misfit.values(best.go(*LED).x)
 
     def glance(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
@@ -332,20 +369,64 @@ class EventFitter:
         return self.at(diagram, limits, self.misfit(diagram, limits).beliefs.start(values))
 
 
-def _descended(misfit: EventMisfit, x: np.ndarray, rounds: tuple[int, int]) -> np.ndarray:
-    """Rounds of some steps, each with what is left over as the noise, until that is the noise or no less than before."""
-    scale = np.inf
-    for _ in range(rounds[0]):
-        scaled = misfit.scaled(x)
-        part = STILL if scale > NEARLY and not misfit.led else ENOUGH
-        if scaled.scale > part * scale and scale > 1.02:
-            break
-        scale = scaled.scale
-        batch = DESCENT.go(scaled, DESCENT.begin(scaled, x[None]), rounds[1])
-        x = batch.x[0]
-        if scale == 1.0 and batch.ended[0]:
-            break
-    return x
+@dataclass
+class Descending:
+    """A start under way: rounds of some steps, each with what is left over as the noise, until that is the noise or rounds in
+    turn gain little.
+
+    The damping goes on from round to round: a limit makes valleys in which every first step of a fresh one fails. `cost` : at x.
+    """
+
+    misfit: EventMisfit
+    x: np.ndarray
+    cost: float
+    scale: float = np.inf
+    idle: int = 0
+    over: bool = False
+    damping: np.ndarray | None = None
+
+    def go(self, rounds: int, steps: int) -> "Descending":
+        """So many rounds more."""
+        for _ in range(rounds):
+            if self.over:
+                break
+            self._round(steps)
+        self.cost = float(self.misfit.at(self.x[None]).cost[0])
+        return self
+
+    def to_its_end(self) -> None:
+        """Begun again while that helps much and more than noise is left: from here, from where predictions lead, and from other
+        values of what jumps."""
+        while self.cost > LEFT * self.misfit.count and any(self._again(x) for x in self._beginnings()):
+            pass
+
+    def _beginnings(self) -> Iterator[np.ndarray]:
+        yield self.x
+        yield self.misfit.predicting.begun(self.x).go(*LED).x
+        others = self.misfit.jumped(self.x)
+        yield from (one.x for one in self.misfit.best(others, 1 if len(others) > 1 else 0))
+
+    def _again(self, x: np.ndarray) -> bool:
+        """Whether a descent from x helped."""
+        again = self.misfit.begun(x).go(*PLAIN)
+        helped = again.cost < HELPS * self.cost
+        if again.cost < self.cost:
+            self.x, self.cost = again.x, again.cost
+        return helped
+
+    def _round(self, steps: int) -> None:
+        scaled = self.misfit.scaled(self.x)
+        part = STILL if self.scale > NEARLY and not self.misfit.led else ENOUGH
+        self.idle = self.idle + 1 if scaled.scale > part * self.scale and self.scale > 1.02 else 0
+        if self.idle == IDLE:
+            self.over = True
+            return
+        self.scale = min(scaled.scale, self.scale)
+        begun = DESCENT.begin(scaled, self.x[None])
+        batch = DESCENT.go(scaled, begun if self.damping is None else replace(begun, damping=self.damping), steps)
+        ended = bool(batch.ended[0])
+        self.x, self.over = batch.x[0], self.scale == 1.0 and ended and self.damping is None
+        self.damping = None if ended else batch.damping  # a step that damping makes short is no end
 
 
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:

@@ -64,7 +64,7 @@ def _banks(limit: Limit, events: Events) -> dict[str, tuple[float, ...]]:
         "v_freeze": voltages,
         "v_block": voltages,
         "i_max": np.geomspace(max(1.01 * resting, 0.05), max(1.1 * most, 1.2 * resting, 0.1), LEVELS),
-        "u_max": rest * np.array([1.02, 1.05, 1.08, 1.12, 1.16, 1.2, 1.26, 1.33, 1.45]),
+        "u_max": rest * np.geomspace(0.86, 1.45, 14),  # at rest the command may lie below the voltage at the terminals
     }
     return {
         name: tuple(float(one) for one in np.clip(shown.get(name, limit.banks[name]), box.low, box.high))

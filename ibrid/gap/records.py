@@ -11,7 +11,7 @@ from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
-from ibrid.gap.noise import ADEQUATE
+from ibrid.gap.limit_race import race
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
@@ -32,7 +32,8 @@ CLOSE = 2.0
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
-#: Id of a fit, and an edit's effect, change and place.
+#: An edit's effect, change and place; the same with the id of a fit.
+_Edit = tuple[str, str, str]
 _Key = tuple[int, str, str, str]
 
 
@@ -62,6 +63,7 @@ class Records:
             _Key, tuple[EventFit, Model | None, float]
         ] = {}  # with the fit, so that its id is not used again
         self._fits: dict[_Key, tuple[EventFit, Model | None]] = {}
+        self._races: dict[int, tuple[EventFit, dict[_Edit, Model | None]]] = {}
         self._predicted: dict[int, tuple[EventFit, Values]] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -102,28 +104,46 @@ class Records:
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records."""
-        limits = tuple(
-            limit_places(model.diagram, self.kinds, self.beside(model), self.noise.events, given=self.limits)
-        )
-        if model.adequate() or any(fit.adequate() for fit in self._first_fits(model, limits)):
+        limits = self._limit_places(model)
+        if model.adequate() or any(fit is not None and fit.adequate() for fit in self._raced(model).values()):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
-    def _first_fits(self, model: Model, limits: Sequence[LimitPlace]) -> Iterator[Model]:
-        fits = (self.edited(model, limit) for limit in limits)
-        return (fit for fit in fits if fit is not None)
+    def _limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
+        beside = self.beside(model)
+        return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))
+
+    def _raced(self, model: Model) -> dict[_Edit, Model | None]:
+        """The model with every limit that it lacks, or without one that it has, fitted together."""
+        key = id(model.refit)
+        if key not in self._races:
+            places = self._limit_places(model)
+            origins = [model.refit.values] if model.adequate() else [{}, *self._origins(model)]
+            fits = race(
+                self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
+                led=not model.adequate(),
+            )  # fmt: skip
+            self._races[key] = (
+                model.refit,
+                {
+                    _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
+                    for place, fit in zip(places, fits, strict=True)
+                },
+            )
+        return self._races[key][1]
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, fitted from its own and from predicted values with strengths of the effect.
 
-        None for what a glance ranks behind the first few: a fit takes seconds. Limits are always fitted, since what bends the
-        rest of a model, a limit that is missing, makes the glances at it poor.
+        None for an edit of the program that a glance ranks behind the first few: a fit takes seconds. Limits are fitted together,
+        since what bends the rest of a model, a limit that is missing, makes the glances at it poor.
         """
-        key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
+        if isinstance(insertion, LimitPlace):
+            return self._raced(model).get(_edit(insertion))
+        key = (id(model.refit), *_edit(insertion))
         if key not in self._fits:
             glance = self.glanced(model, insertion)
-            wanted = isinstance(insertion, LimitPlace) or self._ranks_first(key, model)
-            fit = self._best_fit(model, insertion, glance) if wanted else None
+            fit = self._best_fit(model, insertion, glance) if self._ranks_first(key, model) else None
             self._fits[key] = model.refit, None if fit is None else replace(self._changed(model, insertion), refit=fit)
         return self._fits[key][1]
 
@@ -137,28 +157,18 @@ class Records:
         return np.isfinite(cost) and cost <= (near if enough else ranked[min(FITTED, len(ranked)) - 1])
 
     def _best_fit(self, model: Model, insertion: Insertion, glance: Model | None) -> EventFit | None:
-        """The best of fits from the model's values and the glance; of a limit from nominal values before, which end it where they
-        explain all: one that is missing has bent the model, and what looks best before any step is bent as it is."""
-        limits = self.beside(self._changed(model, insertion))
-        groups = [self._starts(insertion, ({},))] if isinstance(insertion, LimitPlace) else []
-        groups.append(
-            [*self._starts(insertion, self._origins(model)), *([] if glance is None else [glance.refit.values])]
-        )
-        best: EventFit | None = None
-        for starts in groups:
-            fit = self.fitter.fit(insertion.diagram, limits, starts, led=not model.adequate())
-            if fit is not None and (best is None or fit.cost < best.cost):
-                best = fit
-            if best is not None and best.p_value() > ADEQUATE:
-                break
-        return best
+        starts = [*strengths(insertion, self._origins(model)), *([] if glance is None else [glance.refit.values])]
+        return self.fitter.fit(insertion.diagram, self.beside(model), starts, led=not model.adequate())
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
 
-        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
+        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit. Limits are
+        fitted at once.
         """
-        key = (id(model.refit), insertion.effect, insertion.change, insertion.where)
+        if isinstance(insertion, LimitPlace):
+            return self._raced(model).get(_edit(insertion))
+        key = (id(model.refit), *_edit(insertion))
         if key not in self._glances:
             found = self._glance(model, insertion)
             self._glances[key] = model.refit, found, np.inf if found is None else found.refit.cost
@@ -168,7 +178,7 @@ class Records:
         changed, name = self._changed(model, insertion), self._worst(model)
         if name not in self._alone:
             self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
-        starts = self._starts(insertion, (self._led(model),))
+        starts = [*strengths(insertion, (self._led(model),))]
         found = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
         if found is None:
             return None
@@ -195,11 +205,6 @@ class Records:
             led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
             self._predicted[key] = model.refit, led
         return self._predicted[key][1]
-
-    def _starts(self, insertion: Insertion, origins: Sequence[Values]) -> list[Values]:
-        if isinstance(insertion, LimitPlace):
-            return [{**values, **start} for start in insertion.starts for values in origins]
-        return [*strengths(insertion, origins)]
 
     def _worst(self, model: Model) -> str:
         pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)
@@ -232,3 +237,7 @@ class Records:
             squares.append(float(np.mean(misfit.played(fit.x[None])[0] ** 2)))
         found = float(np.sqrt(np.mean(squares)))
         return HeldOut(None, found if np.isfinite(found) else None)
+
+
+def _edit(insertion: Insertion) -> _Edit:
+    return insertion.effect, insertion.change, insertion.where

@@ -31,7 +31,8 @@ class Limit:
     """One effect of large signals in one form.
 
     `mode` : of a current limit, which axis comes first. `windup` : True where the integrators behind it go on.
-    `parameters` : name -> range. `banks` : name -> values that a fit begins with.
+    `parameters` : name -> range. `banks` : name -> values that a fit begins with. `jumps` : parameters that say when it acts
+    where its law jumps, so that slopes say little of them.
     """
 
     id: str
@@ -40,6 +41,7 @@ class Limit:
     banks: Mapping[str, tuple[float, ...]]
     mode: str = ""
     windup: bool = False
+    jumps: tuple[str, ...] = ()
 
     @property
     def words(self) -> str:
@@ -66,12 +68,19 @@ def _forms() -> Iterator[Limit]:
         law = "u_r is scaled to |u_r| <= u_max, before the delay"
         yield Limit("command_limit", law, {"u_max": _LIMIT}, {"u_max": limits}, windup=windup)
     law = "while |e| < v_freeze e_q counts as zero"
-    yield Limit("pll_freeze", law, {"v_freeze": _VOLTAGE}, {"v_freeze": (0.3, 0.5, 0.6, 0.7, 0.8, 0.9)})
+    yield Limit(
+        "pll_freeze", law, {"v_freeze": _VOLTAGE}, {"v_freeze": (0.3, 0.5, 0.6, 0.7, 0.8, 0.9)}, jumps=("v_freeze",)
+    )
     yield Limit(
         "momentary_cessation",
         "while |e| < v_block and for t_hold after it |r| <= 0, then |r| <= ramp x (time since)",
-        {"v_block": _VOLTAGE, "t_hold": Range(0.0, 1.0, 0.02, "s", "hold"), "ramp": _RATE},
-        {"v_block": (0.3, 0.5, 0.7, 0.9), "t_hold": (0.003, 0.02, 0.06), "ramp": (2.0, 10.0, 60.0)},
+        {"v_block": _VOLTAGE, "t_hold": Range(1e-4, 1.0, 0.02, "s", "hold"), "ramp": _RATE},
+        {
+            "v_block": (0.3, 0.5, 0.7, 0.9),
+            "t_hold": (0.002, 0.006, 0.012, 0.02, 0.03, 0.045, 0.07, 0.12),
+            "ramp": (1.0, 3.0, 8.0, 20.0, 60.0),
+        },
+        jumps=("v_block", "t_hold"),
     )
     yield Limit(
         "voltage_support",

@@ -16,6 +16,7 @@ from ibrid.assembly.rest import Rest, rest
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
+from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import NEVER, ORDER, Limit, Limited
 from ibrid.playback.places import Places, places_of
@@ -32,8 +33,10 @@ PHASE, HIGHEST = 1e-6, 2000.0
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
-#: How often a step is divided in which something switches: of an answer, of a fit, of predictions.
-DEEP, SHALLOW, FLAT = 5, 2, 0
+#: How often a step is divided in which something switches: of an answer, of a fit.
+DEEP, SHALLOW = 5, 2
+#: States at rest that are kept: limits and predictions change none.
+KEPT = 200
 #: Values of the orders of delays for which the laws are kept.
 _Orders = tuple[tuple[str, int], ...]
 
@@ -60,6 +63,7 @@ class Player:
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
         self._laws: dict[tuple[_Orders, bool], _Laws] = {}
+        self._rests: dict[tuple[OperatingPoint, float, _Orders, tuple[float, ...]], Rest] = {}
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -107,16 +111,21 @@ class Player:
     def _rest(self, values: Mapping[str, float], record: EventRecord, orders: _Orders) -> Rest:
         op = record.rest
         own = {one.name: values[one.name] for one in self.table.free}
-        return rest(
-            self.wiring,
-            self.table,
-            own,
-            (op.p, op.q, op.v),
-            power_node="pcc",
-            omega_0=self.omega_0,
-            pade_orders=dict(orders),
-            deviation=2 * np.pi * record.offset_hz,
-        )
+        key = op, record.offset_hz, orders, tuple(own.values())
+        if key not in self._rests:
+            if len(self._rests) >= KEPT:
+                self._rests.clear()
+            self._rests[key] = rest(
+                self.wiring,
+                self.table,
+                own,
+                (op.p, op.q, op.v),
+                power_node="pcc",
+                omega_0=self.omega_0,
+                pade_orders=dict(orders),
+                deviation=2 * np.pi * record.offset_hz,
+            )
+        return self._rests[key]
 
     def _laws_at(self, orders: _Orders, at: Rest, led: bool) -> "_Laws":
         if (orders, led) not in self._laws:
@@ -259,7 +268,7 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
-        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, FLAT if self.led else SHALLOW)
+        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, SHALLOW)
         current, left = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest)
         return current - drawn, left
 
