@@ -104,5 +104,6 @@ def _whole(forms: Sequence[EventMisfit | None], runner: Runner) -> Runner:
 
 
 def _first(runners: Iterable[Runner], number: int) -> list[Runner]:
-    """Those in front, by the cost of where they are."""
-    return sorted(runners, key=lambda one: one.descending.cost)[:number]
+    """Those in front, by the cost of where they are; what has no answer is out."""
+    running = (one for one in runners if np.isfinite(one.descending.cost))
+    return sorted(running, key=lambda one: one.descending.cost)[:number]
