@@ -668,14 +668,14 @@ def test_the_page_in_the_docs_is_that_of_its_ledger():
 @pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 def test_the_control_of_learning_updates_and_changes_no_weight():
     from ibrid_policy.interface import Sampled
-    from ibrid_policy.learning.trainer import Group, Trainer, fingerprint
+    from ibrid_policy.learning.trainer import Group, RewardTrainer, fingerprint
     from toy_policy import ASK, END, FIRST, tiny_model
 
     def weights_after(rate: float) -> str:
         model = tiny_model(FIRST + 2)
         answers = tuple(Sampled((FIRST + token, END), (-1.0, -1.0)) for token in (0, 1))
         group = Group((ASK, ASK), answers, (None, None), np.array([1.0, -1.0]))
-        trained = Trainer(model, LearningSettings(rate=rate, stop=inf)).update([group])
+        trained = RewardTrainer(model, LearningSettings(rate=rate, stop=inf)).update([group])
         assert trained.updated
         assert trained.gradient > 0
         return fingerprint(model)

@@ -37,7 +37,8 @@ def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> i
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
     proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
-    return ibrid.search(sweep, folder, proposer=Proposers(proposer, learn=given.pop("learn")), **given)
+    proposers = Proposers(proposer, learn=given.pop("learn"))
+    return ibrid.search(sweep, folder, start=given.pop("start", ibrid.textbook("naive")), proposer=proposers, **given)
 
 
 @needs_torch
@@ -111,7 +112,7 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--learn"], "--learn needs a proposer that learns, and one alone: found 0 among rules"),
+        (["--learn"], "--learn needs a proposer that learns, and one alone: found 0 among diagnosis"),
         (["--learn", "--proposer", "random:0.5,rules"], "found 0 among random, rules"),
         (["--learn", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"], "a model of a server"),
         (["--learn", "--proposer", "agent", "--model", "m@http://127.0.0.1:9/v1"], "found 0 among agent"),

@@ -43,7 +43,7 @@ def test_a_search_trains_a_folder_while_a_server_answers_and_loads_every_update(
     run = tmp_path / "run"
     with serving(folder) as served:
         given = ["--proposer", "llm", "--model", f"{folder}@{served.url}", "--learn", "--learn-profile", "small"]
-        given += ["--learn-longest", "90", "--learn-group", "4", "--budget", "5", "--workers", "1"]
+        given += ["--learn-longest", "90", "--learn-group", "4", "--budget", "5", "--workers", "1", "--start", "naive"]
         assert cli.main(["search", "paper_like", "--out", str(run), *given]) == 0
     with Store.open(run / "archive.sqlite", read_only=True) as store:
         updates = [one for one in read_updates(store.meta[META]) if one.updated]

@@ -187,6 +187,7 @@ def test_a_folder_that_cannot_be_sampled_from_is_one_sentence(tmp_path, content,
     with pytest.raises(IbridError, match="holds no model"):
         TextPolicy(tmp_path)
     (tmp_path / "config.json").write_text(content)
+    (tmp_path / "model.safetensors").write_bytes(b"")
     with pytest.raises(IbridError, match=sentence):
         TextPolicy(tmp_path)
 
@@ -333,7 +334,8 @@ def test_a_language_model_learns_from_first_looks_at_its_answers(folder, tmp_pat
     begun = [one.clone() for one in policy.model().parameters()]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     learn = LearningSettings(contexts=1, group=4, judge="look", rate=0.01)
-    ibrid.search(sweep, tmp_path / "run", proposer=Proposers(PolicyProposer(policy=policy), learn=learn), budget=4)
+    proposer = Proposers(PolicyProposer(policy=policy), learn=learn)
+    ibrid.search(sweep, tmp_path / "run", start=ibrid.textbook("naive"), proposer=proposer, budget=4)
     with Store.open(tmp_path / "run" / "archive.sqlite", read_only=True) as store:
         updates = read_updates(store.meta[META])
         looks = sum(step.usage.get(LOOKS, 0) for step in store.steps())

@@ -113,8 +113,9 @@ def test_a_search_with_damaged_weights_ends_before_the_start_is_fitted(folder, t
 def test_a_search_asks_the_weights_that_it_is_given(folder, tmp_path):
     changed(folder, lambda tensors: tensors.update({name: value * 0 for name, value in tensors.items()}))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    mine = ibrid.search(sweep, tmp_path / "mine", proposer=Proposers("policy", policy=folder), budget=6)
-    shipped = ibrid.search(sweep, tmp_path / "shipped", proposer="policy", budget=6)
+    given = Proposers("policy", policy=folder)
+    mine = ibrid.search(sweep, tmp_path / "mine", start=ibrid.textbook("naive"), proposer=given, budget=6)
+    shipped = ibrid.search(sweep, tmp_path / "shipped", start=ibrid.textbook("naive"), proposer="policy", budget=6)
     assert mine.trajectory != shipped.trajectory
     assert f'policy = "{folder}"' in (mine.folder / "run.toml").read_text(encoding="utf-8")
     with pytest.raises(IbridError, match="policy"):

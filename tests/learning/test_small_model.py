@@ -119,7 +119,7 @@ def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(fol
     monkeypatch.setattr("ibrid_policy.learning.text_policy.prompt", program_alone)
     run = tmp_path / "run"
     learn = "--learn --learn-constrained --learn-contexts 1 --learn-group 2 --learn-judge look --learn-optimizer sgd"
-    asked = f"--proposer llm --model {folder} --budget 3 --workers 1 {learn} --learn-longest 150"
+    asked = f"--proposer llm --model {folder} --start naive --budget 3 --workers 1 {learn} --learn-longest 150"
     assert cli.main(["search", "paper_like", "--out", str(run), *asked.split()]) == 0
     assert "3 evaluations" in capsys.readouterr().out
     with Store.open(run / "archive.sqlite", read_only=True) as store:

@@ -514,11 +514,14 @@ def imported(path: Path) -> set[str]:
 
 #: Who needs a textbook program: the naive one, where a run and a sitting begin.
 BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
-#: Where a run takes its starts from, all shipped diagrams, when none is given; and where an agent may look them up.
+#: Where a run takes its starts from, all shipped diagrams, when none is given; where an agent may look them up; and what a fleet
+#: begins with.
 STARTS = {
     "diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
     "insight.py": ("textbook", "textbook_text", "shipped_names"),
     "start.py": ("textbook",),
+    "fleet/examining.py": ("textbook", "shipped_names"),
+    "fleet/usual.py": ("published_names", "published_values"),
 }
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))

@@ -14,17 +14,6 @@ _SMALLER = Strength((0.65, 0.69), (0.5, 0.6), (0.32, 0.34))
 #: Blocks that no entry of the catalogue describes.
 FOREIGN: tuple[HiddenEffect, ...] = (
     HiddenEffect(
-        "resonant_controller",
-        "sixth_harmonic",
-        "add",
-        {
-            "k_resonant": Strength((0.1, 0.2), (0.4, 0.8), (1.5, 3.0)),
-            "omega_resonant": always(_HZ * 360, _HZ * 360.1),
-            "width_resonant": always(_HZ * 5, _HZ * 30),
-        },
-        verdicts=_UNNAMED,
-    ),
-    HiddenEffect(
         "lead_lag",
         "current_loop",
         "add",

@@ -25,7 +25,7 @@ from ibrid_search.settings import SearchSettings
 from ibrid_search.store import Store
 
 from ibrid.errors import IbridError
-from ibrid.structure.library import textbook_text
+from ibrid.structure.library import textbook, textbook_text
 from ibrid.study import Study
 
 #: Noise of the data of a search whose pace is measured.
@@ -84,8 +84,8 @@ def policy_step(search: Search, folder: Path, *, answers: int) -> dict[str, floa
     require("torch")
     settings = LearningSettings(contexts=answers // LearningSettings().group)
     search(
-        inverter("paper_like").sweep, folder, proposer=Proposers("policy", learn=settings), budget=answers,
-        seed=0, holdout_op=(), **EXACT_MODE,
+        inverter("paper_like").sweep, folder, start=textbook("naive"), proposer=Proposers("policy", learn=settings),
+        budget=answers, seed=0, holdout_op=(), **EXACT_MODE,
     )  # fmt: skip
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         updates = read_updates(store.meta.get(META, ""))

@@ -50,3 +50,9 @@ def threads(number: int) -> Iterator[None]:
 def device() -> str:
     """A GPU that torch finds, else the CPU."""
     return "cuda" if require("torch").cuda.is_available() else "cpu"
+
+
+def read_so_far(answer: Any) -> dict[str, Any]:
+    """What a causal model has read, as an argument of its next call: `cache`, or `past_key_values` before transformers 5.24."""
+    name = "cache" if hasattr(answer, "cache") else "past_key_values"
+    return {name: getattr(answer, name)}

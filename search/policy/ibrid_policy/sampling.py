@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid_policy.backend import require
+from ibrid_policy.backend import read_so_far, require
 from ibrid_policy.grammar import LONGEST, Grammar
 from ibrid_policy.interface import Sampled
 from ibrid_policy.tokens import END, TOKENS
@@ -23,7 +23,7 @@ def draw_answers(
     with torch.inference_mode():
         question = torch.tensor([list(prompt)], device=model.device)
         read = model(input_ids=question, use_cache=True, logits_to_keep=1)
-        cache = read.past_key_values
+        (cache,) = (kept := read_so_far(read)).values()
         cache.batch_repeat_interleave(number)
         logits = read.logits[:, -1].expand(number, -1)
         for _ in range(LONGEST):
@@ -39,7 +39,7 @@ def draw_answers(
             if len(going) < len(open_rows):
                 cache.batch_select_indices(torch.tensor(going, device=model.device))
                 open_rows = [open_rows[place] for place in going]
-            read = model(input_ids=following, past_key_values=cache, use_cache=True)
+            read = model(input_ids=following, use_cache=True, **kept)
             logits = read.logits[:, -1]
     return [Sampled(tuple(one), tuple(other)) for one, other in zip(tokens, logprobs, strict=True)]
 

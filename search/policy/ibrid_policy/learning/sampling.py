@@ -15,6 +15,7 @@ import torch  # pyright: ignore[reportMissingImports]
 from transformers import GenerationConfig  # pyright: ignore[reportMissingImports]
 
 from ibrid.errors import IbridError
+from ibrid_policy.backend import read_so_far
 from ibrid_policy.interface import Sampled
 from ibrid_policy.learning.scoring import QUESTION, score, side_by_side
 
@@ -77,7 +78,7 @@ def _side_by_side(
     owners = torch.full((len(prompt),), EVERYBODY)
     with torch.inference_mode():
         read = model(input_ids=torch.tensor([list(prompt)], device=device), use_cache=True, logits_to_keep=1)
-        kept = read.past_key_values
+        kept = read_so_far(read)
         logits = read.logits[0].float().expand(number, -1)
         for place in range(longest):
             distribution = _distribution(logits, [tuple(answers[one]) for one in going], guide)
@@ -97,8 +98,8 @@ def _side_by_side(
                 input_ids=chosen[None],
                 position_ids=torch.full((1, len(going)), len(prompt) + place, device=device),
                 attention_mask=seen[None, None].to(device),
-                past_key_values=kept,
                 use_cache=True,
+                **kept,
             ).logits[0].float()  # fmt: skip
     return [Sampled(tuple(some), tuple(said)) for some, said in zip(answers, logprobs, strict=True)]
 

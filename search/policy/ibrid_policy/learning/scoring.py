@@ -16,6 +16,8 @@ import torch  # pyright: ignore[reportMissingImports]
 from torch import Tensor  # pyright: ignore[reportMissingImports]
 from transformers.cache_utils import DynamicLayer  # pyright: ignore[reportMissingImports]
 
+from ibrid_policy.backend import read_so_far
+
 
 @dataclass(frozen=True)
 class Scored:
@@ -74,7 +76,8 @@ def _exact(model: Any) -> bool:
     weight = next(model.parameters())
     try:
         read = model(input_ids=torch.tensor([QUESTION], device=weight.device), use_cache=True, logits_to_keep=1)
-        if not all(type(layer) is DynamicLayer for layer in read.past_key_values.layers):
+        (kept,) = read_so_far(read).values()
+        if not all(type(layer) is DynamicLayer for layer in kept.layers):
             return False
         found = _side_by_side(model, QUESTION, ANSWERS)
     except (RuntimeError, ValueError, AttributeError, TypeError, IndexError):  # its forward knows no such mask or cache
@@ -97,8 +100,8 @@ def _side_by_side(model: Any, prompt: Sequence[int], answers: Sequence[Sequence[
             input_ids=given[None],
             position_ids=(len(prompt) + places)[None],
             attention_mask=seen[None, None],
-            past_key_values=read.past_key_values,
             use_cache=True,
+            **read_so_far(read),
         )
         said.append(after.logits[0].float())
     where, row = [], 0

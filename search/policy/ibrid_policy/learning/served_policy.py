@@ -114,7 +114,7 @@ class ServedPolicy(TextPolicy):
     def _asked(self, body: dict[str, Any], seed: int) -> bytes:
         """The reply to one request; without what the server does not know when it refuses that."""
         server, plain = self.server, {**body, "seed": seed}
-        extended = {**plain, "extra_body": EXTRAS} if self._extras else plain
+        extended = {**plain, **EXTRAS} if self._extras else plain
         reply = post(server.url, server.key, extended, server.timeout)
         if self._extras and isinstance(reply, Refusal) and not reply.again:
             reply = post(server.url, server.key, plain, server.timeout)
