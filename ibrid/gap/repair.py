@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
 from ibrid.gap.verdict import fits, scale_of
@@ -180,10 +181,14 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
 
 
 def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
-    """The models of a step, and its first ones on the data as they read with another label, where that pays; best first."""
+    """The models of a step, and its first ones on the data as they read with another label, where that pays; best first.
+
+    Of labels the usual mistakes alone: any number for a scale takes up a part of whatever is missing.
+    """
     found = list(level)
     for one in level[:first]:
         trials = [] if len(one.edits) >= MOST_EDITS or enough(bench, one) else _read_otherwise(bench, one, np.inf)
+        trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
         bench.tests += len(trials)
         found += sorted(paying(bench, one, trials), key=lambda one: one.bic(bench.scale))[:1]
     return sorted(found, key=lambda one: one.bic(bench.scale))
