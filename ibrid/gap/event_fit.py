@@ -41,7 +41,7 @@ STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
 IDLE = 3
 #: Part of the cost to which a descent begun again must come, or it was at its end; cost of a number where only noise is left.
 HELPS, LEFT = 0.8, 1.1
-#: Factors on what jumps, in coordinates from it, at which a descent is begun again.
+#: Distances in search coordinates from what jumps at which a descent is begun again.
 JUMPED = np.linspace(-0.5, 0.5, 25)
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
@@ -216,7 +216,7 @@ class EventMisfit:
     def jumped(self, x: np.ndarray) -> np.ndarray:
         """x (P,) with other values of what jumps, (S, P)."""
         jumps = [f"{one.id}.{name}" for one in self.player.limits for name in one.jumps]
-        places = [list(self.beliefs.names).index(name) for name in jumps]
+        places = [self.beliefs.names.index(name) for name in jumps]
         found = np.repeat(x[None], len(JUMPED) ** len(places), axis=0)
         for place, moved in zip(places, np.meshgrid(*[JUMPED] * len(places)), strict=True):
             found[:, place] += moved.ravel()
@@ -319,14 +319,16 @@ class EventFitter:
         if led:
             ends += [one.go(*LED).x for one in misfit.predicting.best(x, FOLLOWED)]
         plain = misfit.best(np.array(ends), len(ends)) if ends else []
-        done = [one.go(*PLAIN) for one in plain if one.cost <= WORTH * plain[0].cost]
+        worth = [one for one in plain if one.cost <= WORTH * plain[0].cost]  # all of them before any is descended
+        done = [one.go(*PLAIN) for one in worth]
         return self.at(diagram, limits, min(done, key=lambda one: one.cost).x) if done else None
 
     def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
-        """Values to which predictions lead the best start."""
+        """Values to which predictions lead the best start; the first start where none has an answer."""
         misfit = self.misfit(diagram, limits).predicting
-        (best,) = misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1)
-        return misfit.values(best.go(*LED).x)
+        x = np.array([misfit.beliefs.start(values) for values in starts])
+        best = misfit.best(x, 1)
+        return misfit.values(best[0].go(*LED).x if best else x[0])
 
     def glance(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]

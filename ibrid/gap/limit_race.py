@@ -53,16 +53,18 @@ def race(
 
     front = _heats(forms, places, origins) if led else []
     whole = _first((_whole(forms, one) for one in front), len(front))
-    for runner in whole:
-        if runner.descending.cost <= WORTH * whole[0].descending.cost:
-            runner.descending.go(*PLAIN)
-    whole = _first(whole, len(whole))
-    if whole:
-        whole[0].descending.to_its_end()
-    others = [fitted(whole[0]).values] if whole else origins
-    arrived = {one.form for one in whole}
+    worth = [
+        one for one in whole if one.descending.cost <= WORTH * whole[0].descending.cost
+    ]  # all before any is descended
+    for runner in worth:
+        runner.descending.go(*PLAIN)
+    ended = _first(worth, 1)
+    for runner in ended:
+        runner.descending.to_its_end()
+    others = [fitted(runner).values for runner in ended] or origins
+    first = {runner.form for runner in ended}
     for number, misfit in enumerate(forms):
-        if misfit is not None and number not in arrived:
+        if misfit is not None and number not in first:
             whole += [Runner(number, one.go(*BESIDE)) for one in _starts(misfit, places[number], others, 1)]
     found = {one.form: fitted(one) for one in reversed(_first(whole, len(whole)))}
     return [found.get(number) for number in range(len(places))]
