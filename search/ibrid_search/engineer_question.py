@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.measurement.quantities import counted
+from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.structure.compare import difference
 from ibrid.structure.program import program_text
@@ -60,7 +61,7 @@ def engineer_question(
 
     Raises IbridError when even the shortest form is longer.
     """
-    system, ranked = engineer_system(context.study, fields=fields), context.lacks(DETAILS[0].ranked)
+    system, ranked = engineer_system(context.study, fields=fields), ranked_edits(context)
     used = 0
     for detail in DETAILS:
         user = "\n\n".join(_parts(context, ranked, detail))
@@ -83,16 +84,22 @@ def shown_programs(context: Context) -> tuple[Evaluated, ...]:
     return (context.parent, *(one for one in context.best if one.step != context.parent.step))
 
 
+def ranked_edits(context: Context) -> list[RankedEdit]:
+    """What an answer may take of the diagnosis, in the order of the numbers that the question gives them."""
+    return context.lacks(DETAILS[0].ranked)
+
+
 def _parts(context: Context, ranked: list[RankedEdit], detail: Detail) -> Iterator[str]:
     parent, study = context.parent, context.study
-    yield "# The data, in words\n" + "\n".join(f"- {one}" for one in physics_in_words(study.fitted))
+    said = (*physics_in_words(study.fitted), *sequence_view(study.fitted).sentences)
+    yield "# The data, in words\n" + "\n".join(f"- {one}" for one in said)
     yield "\n".join(_data(study, detail.rows))
     yield f"# The best program (step {parent.step})\n{program_block(parent)}"
     yield f"# Its record\n{record_text(parent.record, short=not detail.whole)}"
     if ranked:
         rows = (
-            f"- {one.edit.words}: {one.error:.3g}, {counted(one.free, 'free parameter')}"
-            for one in ranked[: detail.ranked]
+            f"{number}. {one.edit.words}: {one.error:.3g}, {counted(one.free, 'free parameter')}"
+            for number, one in enumerate(ranked[: detail.ranked], 1)
         )
         yield (
             "# Diagnosis: what it lacks\nOf all edits that control practice knows these explain most of what is left; behind "
@@ -106,7 +113,8 @@ def _parts(context: Context, ranked: list[RankedEdit], detail: Detail) -> Iterat
         yield "# The last steps\n" + "\n".join(_outcome(step) for step in recent)
     if context.remark:
         yield f"# What else is known\n{fenced(context.remark)}"
-    yield "# What to do\nWrite the edit that you believe in most."
+    either = "Take an edit of the diagnosis by its number, or write" if ranked else "Write"
+    yield f"# What to do\n{either} the edit that you believe in most."
     if context.complaint is not None:
         yield complaint_text(context.complaint)
 

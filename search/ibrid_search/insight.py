@@ -1,6 +1,6 @@
 """The tools of an agent that look at the data: what was measured, what ships, what a step lacks, what a program promises."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +9,8 @@ import numpy as np
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.measurement.inspect import inspect
-from ibrid.measurement.sweep import ENTRIES, PointSweep
+from ibrid.measurement.sequence_view import sequence_view
+from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.structure.check import examine
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import shipped_names, textbook_text
@@ -45,15 +46,16 @@ class Insight:
             Tool(
                 "show_data",
                 "The measurement in frequency order, admittance Y or impedance Z = -Y^-1 seen from the grid, each entry as size "
-                f"and angle, with what that says of the device in words; at most {ROWS} frequencies, evenly chosen from low to "
-                "high (Hz).",
+                "and angle, or as sequences see it: the impedance at f0 + f of the positive one and at f0 - f of the negative "
+                f"one; with what that says of the device in words; at most {ROWS} frequencies, evenly chosen from low to high "
+                "(Hz).",
                 {
                     "op": {
                         "type": "string",
                         "maxLength": 200,
                         "description": "operating point; the first if not given",
                     },
-                    "view": {"type": "string", "enum": ["Y", "Z"]},
+                    "view": {"type": "string", "enum": list(_VIEWS)},
                     "low": hertz,
                     "high": hertz,
                 },
@@ -119,7 +121,7 @@ class Insight:
             "p_q_v": [point.op.p, point.op.q, point.op.v],
             "operating_points": list(self.study.fitted.names),
             "view": view,
-            "rows": list(_rows(point, view, shown)),
+            "rows": list(_VIEWS[view](point, shown, self.study.fitted)),
             "left_out_between": int(inside.size - shown.size),
             "in_words": list(physics_in_words(self.study.fitted)),
             "warnings": list(inspect(self.study.fitted).warnings),
@@ -199,11 +201,37 @@ class Insight:
         return legal and self.steps.met(diagram) is None
 
 
-def _rows(point: PointSweep, view: str, chosen: np.ndarray) -> Iterator[dict[str, Any]]:
-    matrix = point.admittance[chosen]
-    matrix = matrix if view == "Y" else -np.linalg.inv(matrix)
-    for frequency, values in zip(point.frequency[chosen], matrix, strict=True):
-        yield {"hz": float(frequency)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
+def _admittance(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
+    return _entries(point.frequency[chosen], point.admittance[chosen])
+
+
+def _impedance(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
+    return _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen]))
+
+
+def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:
+    for hertz, values in zip(frequency, matrix, strict=True):
+        yield {"hz": float(hertz)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
+
+
+def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
+    """Impedances by sequence; a negative frequency of the network is one of the other sequence."""
+    seen = sequence_view(replace(sweep, points=(point,))).impedance[point.op.name]
+    for k in chosen:
+        above, below = sweep.f0_hz + point.frequency[k], sweep.f0_hz - point.frequency[k]
+        yield {
+            "hz": float(point.frequency[k]),
+            f"positive, at {above:.4g} Hz": polar(complex(seen[k, 0])),
+            f"negative, at {below:.4g} Hz": polar(complex(seen[k, 1])),
+        }
+
+
+#: What show_data shows: name -> rows.
+_VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, Any]]]] = {
+    "Y": _admittance,
+    "Z": _impedance,
+    "sequence": _sequences,
+}
 
 
 def _told(look: RankedEdit) -> dict[str, Any]:

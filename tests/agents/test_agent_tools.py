@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
+from ibrid_bench.hidden.hardware import draw_hardware
 from ibrid_search.logbook import Logbook
 from ibrid_search.mcp_server import open_logbook, serve
 from ibrid_search.page import write_run_page
@@ -275,6 +276,22 @@ def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(s
     impedance = -np.linalg.inv(point.admittance[k])
     assert answer["rows"][3]["dq"].startswith(f"{abs(impedance[0, 1]):.4g} at ")
     assert "nothing lies between" in ask(bench, "show_data", low=1e6)["error"]
+
+
+def test_a_feedforward_through_a_sogi_is_seen_by_the_negative_sequence_and_said():
+    sweep = draw_hardware(0, ["feedforward_band_pass:add:sogi"], points=2).sweep
+    bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
+    answer = ask(bench, "show_data", view="sequence", low=40, high=400)
+    seen = {row["hz"]: [float(cell.split()[0]) for name, cell in row.items() if name != "hz"] for row in answer["rows"]}
+    near = min(seen, key=lambda hertz: abs(hertz - 2 * sweep.f0_hz))
+    assert seen[near][1] > 2 * max(seen[min(seen)][1], seen[max(seen)][1])
+    assert seen[near][1] > 2 * seen[near][0]
+    assert set(answer["rows"][0]) == {
+        "hz",
+        f"positive, at {sweep.f0_hz + answer['rows'][0]['hz']:.4g} Hz",
+        f"negative, at {sweep.f0_hz - answer['rows'][0]['hz']:.4g} Hz",
+    }
+    assert any("passes a SOGI band-pass" in sentence for sentence in answer["warnings"])
 
 
 def test_shipped_diagrams_come_in_the_order_of_a_first_look(bench: Workbench):

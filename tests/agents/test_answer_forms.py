@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.diagnosis import Edited, RankedEdit
 from ibrid_search.edits import apply_edit
 from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated
@@ -20,7 +21,8 @@ from scripted_server import refuses, says, scripted
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.structure import program_text
+from ibrid.structure import parse_program, program_text
+from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
@@ -57,6 +59,59 @@ def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(contex
     assert FIELDS["remove"][0] not in lines
     assert {'g.add("LPF1_dq", "smooth")', 'g.connect("smooth.out", "plant.u_r")'} < set(lines)
     assert ibrid.parse_program(text)
+
+
+@pytest.fixture
+def ranked(context, monkeypatch) -> list[RankedEdit]:
+    """A diagnosis of two edits."""
+    words = {"a sign at the gain": ("gain", "Negate_dq"), "a filter at the gain": ("gain", "LPF1_dq")}
+    found = [
+        RankedEdit(Edited(replaced(context.parent.diagram, *edit), told, "filters", {}), 0.5, 5, 0.0)
+        for told, edit in words.items()
+    ]
+    monkeypatch.setattr(Context, "lacks", lambda self, number=1: found)
+    return found
+
+
+def replaced(diagram: Diagram, name: str, kind: str) -> Diagram:
+    """A diagram with another kind of module in the place of one."""
+    return parse_program(program_text(diagram).replace(f'g.add("Gain_dq", "{name}")', f'g.add("{kind}", "{name}")'))
+
+
+def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
+    said = {**FIELDS, "take": 2, "change": "the filter is what is missing"}
+    with scripted(says(json.dumps(said))) as script:
+        (proposal,) = asked(context, script)
+    schema = script.requests[0]["response_format"]["json_schema"]["schema"]
+    validate(said, schema)
+    assert schema["properties"]["take"]["enum"] == [0, 1, 2]
+    assert [*schema["properties"]][:2] == ["change", "take"]
+    assert "2. a filter at the gain: 0.5, 5 free parameters" in script.requests[0]["messages"][1]["content"]
+    assert apply_edit(proposal.edit, NAIVE) == program_text(ranked[1].edit.diagram)
+    assert proposal.note == "a filter at the gain (the filter is what is missing)"
+    assert (proposal.parent, proposal.usage["taken"]) == (0, True)
+
+
+@pytest.mark.parametrize("take", [0, 3, -1, 2.5, "2", None])
+def test_any_other_number_means_an_edit_of_its_own(context, ranked, take):
+    with scripted(says(json.dumps({**FIELDS, "take": take}))) as script:
+        (proposal,) = asked(context, script)
+    assert proposal.edit == blocks_of(FIELDS, context.parent)
+
+
+@pytest.mark.parametrize(("text", "place"), [("CHANGE: a sign\n\nTAKE 1", 0), ("I would do this.\n**TAKE 2**\n", 1)])
+def test_an_edit_of_the_diagnosis_is_taken_in_a_line_of_text(context, ranked, text, place):
+    with scripted(says(text)) as script:
+        (proposal,) = asked(context, script, form="text")
+    assert "`TAKE n`" in script.requests[0]["messages"][0]["content"]
+    assert apply_edit(proposal.edit, NAIVE) == program_text(ranked[place].edit.diagram)
+
+
+def test_blocks_in_a_text_go_before_a_number_in_it(context, ranked):
+    text = "CHANGE: a filter\nTAKE 1\n" + blocks_of(FIELDS, context.parent)
+    with scripted(says(text)) as script:
+        (proposal,) = asked(context, script, form="text")
+    assert apply_edit(proposal.edit, NAIVE) == apply_edit(blocks_of(FIELDS, context.parent), NAIVE)
 
 
 def test_a_server_that_takes_a_schema_is_asked_with_it_alone(context):

@@ -94,8 +94,30 @@ def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sen
     with pytest.raises(ChatError, match=r"vendor/large at litellm answered HTTP 401 \(no key\)"):
         server.complete(ASK)
     monkeypatch.setitem(sys.modules, "litellm", None)
-    with pytest.raises(ChatError, match="pip install litellm"):
+    with pytest.raises(ChatError, match=r"pip install 'ibrid\[litellm\]'"):
         server.complete(ASK)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::DeprecationWarning")
+def test_litellm_itself_asks_a_server_with_schema_and_effort_and_its_refusals_and_delays_are_sentences(
+    monkeypatch, capfd
+):
+    pytest.importorskip("litellm", reason="other servers need litellm; make setup-llm")
+    schema = {"type": "object", "properties": {"change": {"type": "string"}}, "required": ["change"]}
+    with scripted(says("hello"), says('{"change": "x"}'), refuses(401, "no key"), hangs) as script:
+        monkeypatch.setenv("OPENAI_BASE_URL", script.url)
+        monkeypatch.setenv("OPENAI_API_BASE", script.url)
+        server, _ = model_of("litellm:openai/large", timeout=5.0, retries=0, effort="high")
+        assert server.complete(ASK).text == "hello"
+        assert server.fill(ASK, schema, "schema").text == '{"change": "x"}'
+        with pytest.raises(ChatError, match="openai/large at litellm answered HTTP 401"):
+            server.complete(ASK)
+        with pytest.raises(ChatError, match=r"did not answer within 0\.5 s"):
+            server.bounded(0.5).complete(ASK)
+    first, second, *_ = script.requests
+    assert (first["model"], first["messages"], first["reasoning_effort"]) == ("large", ASK, "high")
+    assert second["response_format"]["json_schema"]["schema"]["properties"] == schema["properties"]
+    assert "litellm" not in "".join(capfd.readouterr()).lower()
 
 
 def test_a_server_is_a_chat():

@@ -1,12 +1,14 @@
 """The benchmark of small language models: its questions are those of a search, its ends those of a search, its page its rows."""
 
 import importlib.util
+import json
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from ibrid_bench.language_model import __main__ as program
-from ibrid_bench.language_model.answering import SETTINGS, STATES, WAYS, answered, cases
+from ibrid_bench.language_model.answering import SCHEMA, SETTINGS, STATES, WAYS, answered, cases
 from ibrid_bench.language_model.page import page
 from ibrid_bench.language_model.questions import INVERTERS, PLACES, Question, questions
 from ibrid_bench.ledger import NAME, Ledger
@@ -16,6 +18,7 @@ from ibrid_search.edits import edit_between
 from ibrid_search.proposers.language_model import read_answer
 from ibrid_search.running import search
 from scripted_search import context_of
+from scripted_server import says, scripted
 
 import ibrid
 
@@ -33,6 +36,18 @@ REPLIES = {
     edit_between(STIFFER, NAIVE): "no match",
     edit_between(NAIVE, NAIVE.replace("Gain_dq", "PI_da")): "illegal",
 }
+
+
+#: An edit that keeps to the schema of a server.
+FIELDS = json.dumps(
+    {
+        "change": "a low-pass behind the gain",
+        "step": 0,
+        "remove": ['g.connect("gain.out", "plant.u_r")'],
+        "add": [{"kind": "LPF1_dq", "name": "smooth"}],
+        "connect": [{"source": "gain.out", "target": "smooth.in_"}, {"source": "smooth.out", "target": "plant.u_r"}],
+    }
+)
 
 
 class Talker:
@@ -92,9 +107,11 @@ def test_an_answer_ends_as_it_would_in_a_search(monkeypatch):
     assert row["question_tokens"] == 7
 
 
-def test_every_question_is_asked_in_both_ways_before_and_after_learning():
+def test_every_question_is_asked_in_both_ways_before_and_after_learning_and_of_a_server_once():
     found = list(cases("talker 0"))
-    assert len({one.key for one in found}) == len(found) == len(STATES) * len(WAYS) * len(INVERTERS) * len(PLACES)
+    number = (len(STATES) * len(WAYS) + 1) * len(INVERTERS) * len(PLACES)
+    assert len({one.key for one in found}) == len(found) == number
+    assert all(one.state == STATES[0] for one in found if one.way == SCHEMA)
     states = [one.state for one in found]
     assert states == sorted(states, key=STATES.index)  # the weights change once
 
@@ -108,6 +125,12 @@ def test_nothing_is_asked_twice_and_the_page_says_what_came_of_it(tmp_path, monk
         heard.append(name)
         return [replace(question(), place=one) for one in PLACES]
 
+    @contextmanager
+    def serving(folder, *, longest):
+        with scripted(*[says("I do not know."), says(FIELDS)] * 50) as script:
+            yield script.url
+
+    monkeypatch.setattr(program, "serving", serving)
     monkeypatch.setattr(program, "questions", two)
     (tmp_path / "model").mkdir()
     asked = ["--model", str(tmp_path / "model"), "--before", "--out", str(tmp_path / "out")]
@@ -116,10 +139,12 @@ def test_nothing_is_asked_twice_and_the_page_says_what_came_of_it(tmp_path, monk
     assert program.main(asked) == 0
     assert heard == list(INVERTERS)
     rows = Ledger(tmp_path / "out").rows
-    assert len(rows) == len(WAYS) * len(INVERTERS) * len(PLACES)
+    assert len(rows) == (len(WAYS) + 1) * len(INVERTERS) * len(PLACES)
     text = (tmp_path / "out" / "language_model_results.md").read_text(encoding="utf-8")
     # of four answers the third alone is valid; Wilson's interval of 6 of 24 by hand
     assert "as it is, free: 6/24 25% (12-45) of the answers are valid" in text
+    # of a server's four the second and the fourth, by turns
+    assert "as it is, schema: 12/24 50% (31-69) of the answers are valid" in text
     assert "after learning" not in text
     assert "written:" in capsys.readouterr().out
 

@@ -12,9 +12,23 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ibrid_bench.language_model.answering import SETTINGS, STATES, Case, Guided, answered, cases, learning_key, learnt
+from ibrid_bench.language_model.answering import (
+    LONGEST_FIELDS,
+    SCHEMA,
+    SETTINGS,
+    STATES,
+    Case,
+    Guided,
+    Row,
+    answered,
+    answered_by_server,
+    cases,
+    learning_key,
+    learnt,
+)
 from ibrid_bench.language_model.page import line, page
 from ibrid_bench.language_model.questions import Question, questions
+from ibrid_bench.language_model.schema_server import serving
 from ibrid_bench.learning.arms import weights_digest
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_policy.smollm2 import smollm2
@@ -63,22 +77,34 @@ def _ask(missing: Sequence[Case], folder: Path, model: str, ledger: Ledger, sear
     """Answer what is missing; the weights change in between, where answers after learning are among it."""
     from ibrid_policy.learning.text_policy import TextPolicy
 
+    known = cache(lambda name: {one.place: one for one in questions(name, search)})
+    if served := [case for case in missing if case.way == SCHEMA]:
+        with serving(folder, longest=LONGEST_FIELDS) as address:
+            for case in served:
+                _kept(ledger, answered_by_server(case, _question(case, known), address))
     policy = TextPolicy(
         folder, longest=SETTINGS.longest, prompt_tokens=SETTINGS.question, constrained=True, lines=SETTINGS.lines
     )
-    known = cache(lambda name: {one.place: one for one in questions(name, search)})
     state = STATES[0]
     for case in missing:
+        if case.way == SCHEMA:
+            continue
         if case.state != state:
             _learn(policy, model, ledger, search)
             state = case.state
-        asked: Question | None = known(case.inverter).get(case.place)
-        if asked is None:
-            raise IbridError(
-                f"the search of {case.inverter} ended before question {case.place}; ask about earlier ones"
-            )
-        ledger.add(answered(case, asked, policy))
-        print(line(ledger.rows[case.key]), flush=True)
+        _kept(ledger, answered(case, _question(case, known), policy))
+
+
+def _question(case: Case, known: Callable[[str], dict[int, Question]]) -> Question:
+    asked = known(case.inverter).get(case.place)
+    if asked is None:
+        raise IbridError(f"the search of {case.inverter} ended before question {case.place}; ask about earlier ones")
+    return asked
+
+
+def _kept(ledger: Ledger, row: Row) -> None:
+    ledger.add(row)
+    print(line(row), flush=True)
 
 
 def _learn(policy: Guided, model: str, ledger: Ledger, search: Callable[..., Any]) -> None:

@@ -1,11 +1,12 @@
 """A language model asked, and what became of each of its answers, in the words of a search."""
 
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from ibrid_bench.language_model.questions import INVERTERS, MODE, PLACES, Question
 from ibrid_bench.search.inverters import inverter
 from ibrid_policy.backend import threads
@@ -14,7 +15,10 @@ from ibrid_policy.learning.learner import Learner
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_search.judging import verdict_of
+from ibrid_search.proposal import Proposal
+from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.choose import Proposers
+from ibrid_search.proposers.language_model import QUESTION_TOKENS, LanguageModel
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.settings import SearchSettings
 from ibrid_search.store import Store
@@ -23,6 +27,8 @@ Row = Mapping[str, Any]
 
 #: How answers are drawn: any text, or edits of `ibrid_policy.learning.edit_automaton` alone.
 WAYS = ("free", "constrained")
+#: By a server, with the whole question of an engineer, held to the JSON schema of an edit; tokens of such an answer at most.
+SCHEMA, LONGEST_FIELDS = "schema", 600
 #: The weights as they were saved, and after a search that trains them.
 STATES = ("as it is", "after learning")
 #: A small batch that a CPU masters: an update after each question, by first looks at its four answers, along the gradient; the
@@ -54,7 +60,14 @@ class Case:
     def key(self) -> str:
         """Names the row in the ledger."""
         return "-".join(
-            [*self.model.split(), self.state.replace(" ", "_"), self.way, self.inverter, str(self.place), size()]
+            [
+                *self.model.split(),
+                self.state.replace(" ", "_"),
+                self.way,
+                self.inverter,
+                str(self.place),
+                size(self.way),
+            ]
         )
 
     @property
@@ -66,15 +79,18 @@ class Case:
 def cases(model: str) -> Iterator[Case]:
     """All of them, in the order in which they are asked; after the weights have changed the way that was trained comes first."""
     for state in STATES:
-        for way in WAYS if state == STATES[0] else reversed(WAYS):
+        for way in (SCHEMA, *WAYS) if state == STATES[0] else reversed(WAYS):
             for name in INVERTERS:
                 for place in PLACES:
                     yield Case(model, state, way, name, place)
 
 
-def size() -> str:
+def size(way: str = WAYS[0]) -> str:
     """Of questions and answers, since another one gives other shares: answers x tokens of an answer, tokens of a question."""
-    return f"{SETTINGS.group}x{SETTINGS.longest}-{SETTINGS.question}"
+    longest, asked = (
+        (LONGEST_FIELDS, QUESTION_TOKENS["engineer"]) if way == SCHEMA else (SETTINGS.longest, SETTINGS.question)
+    )
+    return f"{SETTINGS.group}x{longest}-{asked}"
 
 
 def answered(case: Case, question: Question, policy: Guided) -> Row:
@@ -84,17 +100,37 @@ def answered(case: Case, question: Question, policy: Guided) -> Row:
     began = time.process_time()
     with threads(SETTINGS.threads):
         (drawn,) = policy.sample([prompt], [question.context], SETTINGS.group, case.seed)
-    seconds = time.process_time() - began
+    proposals = [_counted(policy.proposal(one, question.context), len(one.tokens)) for one in drawn]
+    return _row(case, question, proposals, len(prompt), time.process_time() - began)
+
+
+def answered_by_server(case: Case, question: Question, address: str) -> Row:
+    """The same of a server, asked as `--proposer llm` asks it."""
+    chat = ChatServer(case.model.split()[0], address, timeout=600.0, retries=0, form="schema")
+    began = time.process_time()
+    proposals = [
+        LanguageModel([(chat, 1.0)]).propose(question.context, np.random.default_rng(case.seed + 100_000 * k))
+        for k in range(SETTINGS.group)
+    ]
+    read = max(int(one.usage.get("prompt_tokens", 0)) for one in proposals)
+    return _row(case, question, proposals, read, time.process_time() - began)
+
+
+def _counted(proposal: Proposal, number: int) -> Proposal:
+    """A proposal that tells how many tokens its answer has."""
+    return replace(proposal, usage={**proposal.usage, "completion_tokens": number})
+
+
+def _row(case: Case, question: Question, proposals: Sequence[Proposal], read: int, seconds: float) -> Row:
     answers = []
-    for one in drawn:
-        proposal = policy.proposal(one, question.context)
+    for proposal in proposals:
         verdict = verdict_of(proposal, question.context)
         answers.append(
             {
                 "status": str(verdict.status),
                 "reason": verdict.reason,
                 "cut": bool(proposal.usage.get("cut")),
-                "tokens": len(one.tokens),
+                "tokens": int(proposal.usage.get("completion_tokens", 0)),
                 "reply": proposal.reply,
             }
         )
@@ -102,7 +138,7 @@ def answered(case: Case, question: Question, policy: Guided) -> Row:
         "key": case.key,
         **asdict(case),
         "parent_nrmse": question.context.parent.record.nrmse,
-        "question_tokens": len(prompt),
+        "question_tokens": read,
         "answers": answers,
         "seconds": round(seconds, 1),
     }

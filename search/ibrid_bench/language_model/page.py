@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from ibrid_bench.gap.share import Share
-from ibrid_bench.language_model.answering import SETTINGS, STATES, WAYS, Row
+from ibrid_bench.language_model.answering import LONGEST_FIELDS, SCHEMA, SETTINGS, STATES, WAYS, Row
 from ibrid_bench.language_model.questions import BUDGET, INVERTERS, PLACES
 from ibrid_bench.markdown import markdown_table
 from ibrid_policy.learning.updates import mean_of_known
+from ibrid_search.proposers.language_model import QUESTION_TOKENS
 from ibrid_search.step import Status
 
 #: What became of an answer, as columns: the ends of a proposal that each stands for.
@@ -38,6 +39,8 @@ Questions number {places} of searches of {budget} evaluations on
 in the paper's setting, each in its shortest form ({question:,} tokens at most); {group} answers to each at temperature 1, of
 {longest} tokens at most. **free**: any text. **constrained**: the model chooses among the tokens that go on an edit of the
 program, with lines, kinds and ports that exist, {lines} lines taken out and {lines} put in at most (`--learn-constrained`).
+**schema**: a server on loopback is asked as `--proposer llm` asks it, with data and diagnosis ({engineer:,} tokens at most), and
+holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by its number.
 **different**: texts among the answers to each question, added up. **cut**: answers that had not ended by then. Shares with
 Wilson's 95 % interval in percent; answers to one question are alike, so the true interval is wider. Seconds: of one processor
 core for an answer, its part of the reading of the question included.
@@ -60,6 +63,8 @@ def page(rows: Iterable[Row]) -> str:
         group=SETTINGS.group,
         longest=SETTINGS.longest,
         lines=SETTINGS.lines,
+        engineer=QUESTION_TOKENS["engineer"],
+        fields=LONGEST_FIELDS,
     )
     models = dict.fromkeys(row["model"] for row in kept)
     parts = [_section(name, [row for row in kept if row["model"] == name]) for name in models]
@@ -89,8 +94,9 @@ def _section(model: str, rows: Sequence[Row]) -> str:
 
 def _groups(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
     """(state, way) -> its rows, those that are there."""
+    ways = (*WAYS, SCHEMA)
     found = {
-        (state, way): [r for r in rows if (r["state"], r["way"]) == (state, way)] for state in STATES for way in WAYS
+        (state, way): [r for r in rows if (r["state"], r["way"]) == (state, way)] for state in STATES for way in ways
     }
     return {key: own for key, own in found.items() if own}
 

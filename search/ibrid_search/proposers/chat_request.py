@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -114,10 +115,12 @@ def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> by
 
 def _by_litellm(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes:
     """The reply of any server that litellm knows, in the form of the OpenAI interface; its errors are those of openai."""
+    os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")  # else importing it waits for the network
     try:
-        litellm = importlib.import_module("litellm")
+        litellm: Any = importlib.import_module("litellm")
     except ImportError:
-        raise ChatError("a model by litellm needs the package litellm; pip install litellm") from None
+        raise ChatError("a model by litellm needs the package litellm; pip install 'ibrid[litellm]'") from None
+    litellm.suppress_debug_info = True  # it prints an advertisement beside every error
     return litellm.completion(**body, timeout=timeout, num_retries=0).model_dump_json().encode()
 
 

@@ -20,14 +20,16 @@ _END = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]{0,40}(\.[A-Za-z0-9
 _NAME = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]{0,40}$"}
 
 
-def edit_schema(programs: Sequence[Evaluated], kinds: Vocabulary) -> dict[str, Any]:
-    """JSON schema of an edit of one of these programs."""
+def edit_schema(programs: Sequence[Evaluated], kinds: Vocabulary, ranked: int = 0) -> dict[str, Any]:
+    """JSON schema of an edit of one of these programs. ranked : edits of the diagnosis that may be taken by number as they stand;
+    0 is an edit of one's own."""
     lines = list(dict.fromkeys(line for one in programs for line in _statements(one)))
     added = _object({"kind": {"type": "string", "enum": [kind.name for kind in kinds]}, "name": _NAME})
     joined = _object({"source": _END, "target": _END})
     return _object(
         {
             "change": {"type": "string", "maxLength": LONGEST},
+            **({"take": {"type": "integer", "enum": list(range(ranked + 1))}} if ranked else {}),
             "step": {"type": "integer", "enum": [one.step for one in programs]},
             "remove": {"type": "array", "items": {"type": "string", "enum": lines}, "maxItems": MOST},
             "add": {"type": "array", "items": added, "maxItems": MOST},

@@ -11,8 +11,9 @@ from ibrid.errors import IbridError, ProgramError
 from ibrid.structure.program import parse_program, program_text
 from ibrid_search.blocks import LONGEST_EDIT, EditError, read_blocks, shown, strip_thinking, write_block
 from ibrid_search.context import prompt
+from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.edits import apply_edit, edit_between
-from ibrid_search.engineer_question import engineer_question, shown_programs
+from ibrid_search.engineer_question import engineer_question, ranked_edits, shown_programs
 from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer, FormRefused
@@ -23,6 +24,7 @@ from ibrid_search.spending import Limits, Prices, Spender, Spending
 
 _CHANGE = "change:"
 _EDIT_STEP = re.compile(r"^[\s*#`]*EDIT STEP\W{0,4}(\d{1,9})\b", re.IGNORECASE | re.MULTILINE)
+_TAKE = re.compile(r"^[\s*#`]*TAKE\W{0,4}(\d{1,3})\b", re.MULTILINE)
 #: A question with data and diagnosis, whose answer chooses what it edits; or that of the paper.
 QUESTIONS = ("engineer", "paper")
 #: Tokens of a question at most, by its kind.
@@ -110,13 +112,14 @@ class LanguageModel(Spender):
         return proposal if self.asked == "paper" or proposal.failure else placed(proposal, context)
 
     def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:
-        """An answer, and how the server was held to a schema; one that refuses a way is asked in the next."""
+        """An answer, and how the model was held to a schema; a server that refuses a way is asked in the next."""
         if isinstance(chat, ChatServer | LocalModel):
             chat = chat.bounded(self.spending.seconds_left)
-        while isinstance(chat, ChatServer) and self.asked == "engineer" and (form := chat.asked_form) != "text":
-            schema = edit_schema(shown_programs(context), context.study.kinds)
+        while self.asked == "engineer" and isinstance(chat, ChatServer | LocalModel) and chat.asked_form != "text":
+            form, question = chat.asked_form, self._question(context, chat, fields=True)
+            schema = edit_schema(shown_programs(context), context.study.kinds, len(ranked_edits(context)))
             try:
-                return chat.fill(self._question(context, chat, fields=True), schema, form, seed), form
+                return chat.fill(question, schema, form, seed), form
             except FormRefused as error:
                 self.spending.count(error.usage)
                 chat = chat.bounded(self.spending.seconds_left)
@@ -131,8 +134,10 @@ class LanguageModel(Spender):
 
 def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mapping[str, Any]) -> Proposal:
     """The edit that the fields of an answer say."""
-    of = next((one for one in shown_programs(context) if one.step == fields.get("step")), context.parent)
     note = shown(str(fields.get("change", "")))
+    if (look := taken(fields.get("take"), context)) is not None:
+        return of_diagnosis(look, context, note, reply[:LONGEST_ANSWER], usage)
+    of = next((one for one in shown_programs(context) if one.step == fields.get("step")), context.parent)
     try:
         edit = blocks_of(fields, of)
     except EditError as error:
@@ -140,13 +145,29 @@ def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mappi
     return Proposal(edit, note, reply[:LONGEST_ANSWER], usage=usage, parent=of.step)
 
 
+def taken(place: Any, context: Context) -> RankedEdit | None:
+    """The edit of the diagnosis with this number; None for 0, and where there is none."""
+    ranked = ranked_edits(context)
+    return ranked[place - 1] if isinstance(place, int) and 0 < place <= len(ranked) else None
+
+
+def of_diagnosis(look: RankedEdit, context: Context, note: str, reply: str, usage: Mapping[str, Any]) -> Proposal:
+    """An edit of the diagnosis as the answer of a model; the note says first what changes."""
+    said = f"{look.edit.words} ({note})" if note else look.edit.words
+    edit = edit_between(program_text(context.parent.diagram), program_text(look.edit.diagram))
+    return Proposal(edit, said, reply, usage={**usage, "taken": True}, parent=context.parent.step)
+
+
 def placed(proposal: Proposal, context: Context) -> Proposal:
     """A proposal with the step that it edits: the one that the answer names, else the first shown program that it fits.
 
-    A whole program in place of blocks becomes the edit that leads to it.
+    In place of blocks an answer may take an edit of the diagnosis, or hold a whole program, which becomes the edit to it.
     """
     shown_ones = shown_programs(context)
     said = strip_thinking(proposal.reply)[1]
+    take = None if _has_blocks(proposal.edit) else _TAKE.search(said)
+    if take and (look := taken(int(take[1]), context)) is not None:
+        return of_diagnosis(look, context, proposal.note, proposal.reply, proposal.usage)
     named = _EDIT_STEP.search(said)
     of = next((one for one in shown_ones if named and one.step == int(named[1])), None)
     if not _has_blocks(proposal.edit) and (whole := whole_program(said)):

@@ -1,6 +1,8 @@
 """A language model in a folder on this machine, run by transformers; nothing is downloaded and no code of the folder runs."""
 
 import importlib
+import importlib.util
+import json
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -13,13 +15,17 @@ from ibrid.errors import IbridError
 from ibrid_search.model_folder import damage, pretrained, require_model
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
 
+#: Parameters of a model below which a CPU computes in single precision: half precision is emulated there, many times slower.
+SMALL = 1_000_000_000
+
 
 class LocalModel:
     """A model saved with `save_pretrained`: weights, config and tokenizer in one folder.
 
     `max_tokens`, `seconds` : where an answer ends at the latest. `temperature`, `top_p` : of the sampling, which is seeded
     by `rng_seed`, so an answer repeats on one machine. `threads` : of torch on the CPU, by default half the cores, so that
-    evaluations beside it keep running; a GPU that torch finds is used.
+    evaluations beside it keep running; a GPU that torch finds is used. With the package llguidance answers can be held to a
+    JSON schema (`fill`).
 
     Raises IbridError when the folder holds no model, or weights that can run code.
     """
@@ -67,6 +73,18 @@ class LocalModel:
         self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
     ) -> Answer:
         """The next turn; see `ibrid_search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
+        return self._answer(messages, rng_seed)
+
+    @property
+    def asked_form(self) -> str:
+        """How an answer is held to the fields of an edit, in the words of `ibrid_search.proposers.answer_forms`."""
+        return "schema" if importlib.util.find_spec("llguidance") else "text"
+
+    def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
+        """The next turn as JSON that follows a schema: tokens that would leave it are never drawn."""
+        return self._answer(messages, rng_seed, schema)
+
+    def _answer(self, messages: Sequence[Message], rng_seed: int, schema: Mapping[str, Any] | None = None) -> Answer:
         started = time.monotonic()
         _, model, tokenizer = self._loaded
         prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
@@ -75,7 +93,8 @@ class LocalModel:
         if room is not None and number >= room:
             raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
         most = self.max_tokens if room is None else min(self.max_tokens, room - number)
-        new = self._generated(prompt, most, rng_seed)[number:]
+        held = {} if schema is None else {"logits_processor": [_Held(tokenizer, schema, number)]}
+        new = self._generated(prompt, most, rng_seed, **held)[number:]
         usage = {
             "model": self.name,
             "prompt_tokens": number,
@@ -92,7 +111,7 @@ class LocalModel:
         """Number of tokens of a text."""
         return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
 
-    def _generated(self, prompt: Any, most: int, seed: int) -> list[int]:
+    def _generated(self, prompt: Any, most: int, seed: int, **held: Any) -> list[int]:
         """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
         torch, model, tokenizer = self._loaded
         padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
@@ -110,6 +129,7 @@ class LocalModel:
                     max_new_tokens=most,
                     max_time=self.seconds,
                     pad_token_id=padding,
+                    **held,
                 )
         except (RuntimeError, ValueError) as error:  # out of memory, probabilities that are not numbers
             raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
@@ -126,6 +146,8 @@ class LocalModel:
             model = pretrained("AutoModelForCausalLM", self.folder, dtype="auto")
         except damage() as error:
             raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
+        if not torch.cuda.is_available() and model.num_parameters() < SMALL:
+            model = model.float()
         return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 
     def _templated(self, tokenizer: Any, messages: Sequence[Message]) -> str:
@@ -140,6 +162,28 @@ class LocalModel:
             except errors as error:
                 reason = error
         raise ChatError(f"the template of {self.name} takes no such conversation ({str(reason)[:200]})")
+
+
+class _Held:
+    """Holds one answer to a JSON schema, as a logits processor of transformers. `begins` : tokens before the answer."""
+
+    def __init__(self, tokenizer: Any, schema: Mapping[str, Any], begins: int) -> None:
+        guidance, self.masks = _require("llguidance"), _require("llguidance.torch")
+        words = _require("llguidance.hf").from_tokenizer(tokenizer)
+        compact = json.dumps({**schema, "x-guidance": {"whitespace_flexible": False}})
+        self.matcher = guidance.LLMatcher(words, guidance.grammar_from("json_schema", compact))
+        self.taken, self.size = begins, words.vocab_size
+
+    def __call__(self, tokens: Any, scores: Any) -> Any:
+        new = tokens[0, self.taken :].tolist()
+        if (new and not self.matcher.consume_tokens(new)) or self.matcher.is_error():
+            raise ValueError(f"no answer follows the schema: {self.matcher.get_error() or 'a token that it excludes'}")
+        self.taken += len(new)
+        mask = self.masks.allocate_token_bitmask(1, self.size)
+        self.masks.fill_next_token_bitmask(self.matcher, mask, 0)
+        scores = scores.clone()
+        self.masks.apply_token_bitmask_inplace(scores, mask.to(scores.device))
+        return scores
 
 
 def _without_system(messages: Sequence[Message]) -> list[dict[str, str]]:
