@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.fit.anchor import nearest
+from ibrid.fit.anchor import nearest, nearest_to_typical
 from ibrid.fit.corner_swap import corner_swaps
 from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.problem import Misfit, Problem
@@ -168,11 +168,12 @@ class Search:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
 
     def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Of the best answer and its twins that fit equally well, the least implausible one, and the others."""
-        best = self.best
-        batch = self._twin_batch(best.x)
-        bound = max(best.error * (1 + TWIN_TOLERANCE), self.settings.solved)
-        equal = [best.x, *batch.x[self._errors(batch.x) <= bound]]
+        """Of the best answer and its twins that fit equally well, the least implausible one, and the others; where the data leave a
+        scale open, twins of the usual scale, since a twin of another may lie outside the boxes."""
+        best = nearest_to_typical(self.problem, self.best.x, self.settings.minimised)
+        batch = self._twin_batch(best)
+        bound = max(float(self._errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
+        equal = [best, *batch.x[self._errors(batch.x) <= bound]]
         if len(equal) > 1:
             equal.sort(key=self.swaps[0].implausibility)
         return equal[0], equal[1:]

@@ -16,10 +16,12 @@ from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.fit.waves import Search
+from ibrid.fit.twins import twins_of
+from ibrid.fit.waves import Finished, Search
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 from ibrid.modules.delay import PHASE_TOLERANCE, pade_limit, pade_state_space
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants import PLANTS
 from ibrid.structure.wiring import wire
 
 
@@ -55,6 +57,22 @@ def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
     search.hop()
     assert all(one.wave == 0 for one in search.agreeing)
     assert not search.settled  # one wave proves nothing
+
+
+def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
+    problem, wiring, omega_0 = problem_of("gfl_pll_filter_exact")
+    search = Search(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0)
+    values = dict(PLANTS["paper_like"].diagram_values)
+    for name in ("plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"):  # which scale together
+        values[name] *= 5.0
+    x = problem.coordinates.to_x(np.array([values[one.parameter.name] for one in problem.numbers]))
+    assert problem.costs(x[None], "nrmse").max() < 1e-20
+    assert twins_of(problem, search.swaps, x) == []  # the twin of this scale has a resistance above its box
+    search.finished.append(Finished(x, 0.0, 0))
+    best, twins = search.most_plausible()
+    assert len(twins) == 1
+    assert problem.costs(np.array([best, *twins]), "nrmse").max() < 1e-16
+    assert best[search.swaps[0].resistance] < twins[0][search.swaps[0].resistance]
 
 
 def test_an_alarm_that_rings_while_the_block_is_left_does_not_tear_it():

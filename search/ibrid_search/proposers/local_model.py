@@ -8,8 +8,11 @@ import time
 from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid_search.model_folder import damage, pretrained, require_model
@@ -78,7 +81,8 @@ class LocalModel:
     @property
     def asked_form(self) -> str:
         """How an answer is held to the fields of an edit, in the words of `ibrid_search.proposers.answer_forms`."""
-        return "schema" if importlib.util.find_spec("llguidance") else "text"
+        fast = bool(importlib.util.find_spec("llguidance")) and getattr(self._loaded[2], "is_fast", False)
+        return "schema" if fast else "text"
 
     def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
         """The next turn as JSON that follows a schema: tokens that would leave it are never drawn."""
@@ -93,7 +97,8 @@ class LocalModel:
         if room is not None and number >= room:
             raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
         most = self.max_tokens if room is None else min(self.max_tokens, room - number)
-        held = {} if schema is None else {"logits_processor": [_Held(tokenizer, schema, number)]}
+        ends = model.generation_config.eos_token_id
+        held = {} if schema is None else {"logits_processor": [_Held(tokenizer, schema, ends, number)]}
         new = self._generated(prompt, most, rng_seed, **held)[number:]
         usage = {
             "model": self.name,
@@ -103,7 +108,6 @@ class LocalModel:
             "seconds": time.monotonic() - started,
             "retries": 0,
         }
-        ends = model.generation_config.eos_token_id
         cut = not new or new[-1] not in (ends if isinstance(ends, list) else [ends])
         return Answer(tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut)
 
@@ -165,25 +169,27 @@ class LocalModel:
 
 
 class _Held:
-    """Holds one answer to a JSON schema, as a logits processor of transformers. `begins` : tokens before the answer."""
+    """Holds one answer to a JSON schema, as a logits processor of transformers. `ends` : tokens that end an answer. `begins` :
+    tokens before it."""
 
-    def __init__(self, tokenizer: Any, schema: Mapping[str, Any], begins: int) -> None:
-        guidance, self.masks = _require("llguidance"), _require("llguidance.torch")
-        words = _require("llguidance.hf").from_tokenizer(tokenizer)
+    def __init__(self, tokenizer: Any, schema: Mapping[str, Any], ends: Any, begins: int) -> None:
+        guidance = _require("llguidance")
         compact = json.dumps({**schema, "x-guidance": {"whitespace_flexible": False}})
-        self.matcher = guidance.LLMatcher(words, guidance.grammar_from("json_schema", compact))
-        self.taken, self.size = begins, words.vocab_size
+        words = _require("llguidance.hf").from_tokenizer(tokenizer, eos_token=ends)
+        self.matcher, self.taken = guidance.LLMatcher(words, guidance.grammar_from("json_schema", compact)), begins
 
     def __call__(self, tokens: Any, scores: Any) -> Any:
         new = tokens[0, self.taken :].tolist()
-        if (new and not self.matcher.consume_tokens(new)) or self.matcher.is_error():
-            raise ValueError(f"no answer follows the schema: {self.matcher.get_error() or 'a token that it excludes'}")
         self.taken += len(new)
-        mask = self.masks.allocate_token_bitmask(1, self.size)
-        self.masks.fill_next_token_bitmask(self.matcher, mask, 0)
-        scores = scores.clone()
-        self.masks.apply_token_bitmask_inplace(scores, mask.to(scores.device))
-        return scores
+        allowed = (
+            np.frombuffer(self.matcher.compute_logit_bias(), np.uint8) if self.matcher.consume_tokens(new) else None
+        )
+        if allowed is None or self.matcher.is_error():
+            raise ValueError(f"no answer follows the schema: {self.matcher.get_error()}")
+        kept = np.flatnonzero(allowed[: scores.shape[-1]])  # models have more scores than their tokenizer has words
+        held = scores.new_full(scores.shape, -inf)
+        held[:, kept] = scores[:, kept]
+        return held
 
 
 def _without_system(messages: Sequence[Message]) -> list[dict[str, str]]:
