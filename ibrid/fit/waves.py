@@ -168,8 +168,10 @@ class Search:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
 
     def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Of the best answer and its twins that fit equally well, the least implausible one, and the others; where the data leave a
-        scale open, twins of the usual scale, since a twin of another may lie outside the boxes."""
+        """Of the best answer and its twins that fit equally well, the least implausible one, and the others.
+
+        Where the data leave a scale open they are of the usual one, since a twin of another may lie outside the boxes.
+        """
         best = nearest_to_typical(self.problem, self.best.x, self.settings.minimised)
         batch = self._twin_batch(best)
         bound = max(float(self._errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
