@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,17 +16,13 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from ibrid_bench.language_model.schema_server import serving
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.smollm2 import missing, smollm2
 from ibrid_search.context import prompt
-from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal
 from ibrid_search.proposers.chat import ChatError, estimated_tokens
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
-from ibrid_search.step import Status
 from ibrid_search.store import Store
 from jsonschema import validate
 
@@ -96,20 +91,6 @@ def test_an_answer_held_to_a_schema_follows_it_and_repeats(folder):
         validate(json.loads(one.text), schema)
     assert found[2].text == found[3].text
     assert len({one.text for one in found}) == 3
-
-
-def test_four_of_five_answers_of_a_server_that_holds_to_the_schema_are_edits_to_be_fitted(folder, context):
-    pytest.importorskip("llguidance", reason="a schema needs llguidance; make setup-llm")
-    ends = []
-    with serving(folder, longest=400, threads=1) as address:
-        server = ChatServer("smollm2", address, timeout=600.0, retries=0)
-        proposer = LanguageModel([(server, 1.0)], prompt_tokens=4_500)
-        for seed in range(5):
-            proposal = proposer.propose(replace(context, complaint=None), np.random.default_rng(seed))
-            assert proposal.usage["form"] == "schema"
-            assert proposal.usage["prompt_tokens"] < 6_000
-            ends.append(verdict_of(proposal, context).status)
-    assert ends.count(Status.PENDING) >= 4, ends
 
 
 def test_a_local_model_counts_its_tokens_and_the_estimate_is_not_far_from_it(local, context):
