@@ -91,6 +91,8 @@ def test_an_answer_held_to_a_schema_follows_it_and_repeats(folder):
         validate(json.loads(one.text), schema)
     assert found[2].text == found[3].text
     assert len({one.text for one in found}) == 3
+    with pytest.raises(ChatError, match="broke off"):
+        model.fill(HELLO, {"type": "no such type"}, "schema")
 
 
 def test_a_local_model_counts_its_tokens_and_the_estimate_is_not_far_from_it(local, context):

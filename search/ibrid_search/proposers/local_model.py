@@ -81,8 +81,7 @@ class LocalModel:
     @property
     def asked_form(self) -> str:
         """How an answer is held to the fields of an edit, in the words of `ibrid_search.proposers.answer_forms`."""
-        fast = bool(importlib.util.find_spec("llguidance")) and getattr(self._loaded[2], "is_fast", False)
-        return "schema" if fast else "text"
+        return "schema" if importlib.util.find_spec("llguidance") and self._loaded[2].is_fast else "text"
 
     def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
         """The next turn as JSON that follows a schema: tokens that would leave it are never drawn."""
@@ -97,9 +96,7 @@ class LocalModel:
         if room is not None and number >= room:
             raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
         most = self.max_tokens if room is None else min(self.max_tokens, room - number)
-        ends = model.generation_config.eos_token_id
-        held = {} if schema is None else {"logits_processor": [_Held(tokenizer, schema, ends, number)]}
-        new = self._generated(prompt, most, rng_seed, **held)[number:]
+        new = self._generated(prompt, most, rng_seed, schema)[number:]
         usage = {
             "model": self.name,
             "prompt_tokens": number,
@@ -108,6 +105,7 @@ class LocalModel:
             "seconds": time.monotonic() - started,
             "retries": 0,
         }
+        ends = model.generation_config.eos_token_id
         cut = not new or new[-1] not in (ends if isinstance(ends, list) else [ends])
         return Answer(tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut)
 
@@ -115,13 +113,15 @@ class LocalModel:
         """Number of tokens of a text."""
         return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
 
-    def _generated(self, prompt: Any, most: int, seed: int, **held: Any) -> list[int]:
+    def _generated(self, prompt: Any, most: int, seed: int, schema: Mapping[str, Any] | None) -> list[int]:
         """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
         torch, model, tokenizer = self._loaded
         padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
         threads = torch.get_num_threads()
         torch.set_num_threads(self.threads)
         try:
+            ends, begins = model.generation_config.eos_token_id, prompt["input_ids"].shape[1]
+            held = None if schema is None else [_Held(tokenizer, schema, ends, begins)]
             with torch.random.fork_rng(), torch.inference_mode():
                 torch.manual_seed(seed)
                 found = model.generate(
@@ -133,9 +133,12 @@ class LocalModel:
                     max_new_tokens=most,
                     max_time=self.seconds,
                     pad_token_id=padding,
-                    **held,
+                    logits_processor=held,
                 )
-        except (RuntimeError, ValueError) as error:  # out of memory, probabilities that are not numbers
+        except (
+            RuntimeError,
+            ValueError,
+        ) as error:  # out of memory, probabilities that are not numbers, no such grammar
             raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
         finally:
             torch.set_num_threads(threads)
@@ -169,8 +172,7 @@ class LocalModel:
 
 
 class _Held:
-    """Holds one answer to a JSON schema, as a logits processor of transformers. `ends` : tokens that end an answer. `begins` :
-    tokens before it."""
+    """A logits processor that holds one answer to a JSON schema. `ends` : tokens that end it. `begins` : tokens before it."""
 
     def __init__(self, tokenizer: Any, schema: Mapping[str, Any], ends: Any, begins: int) -> None:
         guidance = _require("llguidance")
@@ -181,11 +183,9 @@ class _Held:
     def __call__(self, tokens: Any, scores: Any) -> Any:
         new = tokens[0, self.taken :].tolist()
         self.taken += len(new)
-        allowed = (
-            np.frombuffer(self.matcher.compute_logit_bias(), np.uint8) if self.matcher.consume_tokens(new) else None
-        )
-        if allowed is None or self.matcher.is_error():
+        if not self.matcher.consume_tokens(new) or self.matcher.is_error():
             raise ValueError(f"no answer follows the schema: {self.matcher.get_error()}")
+        allowed = np.frombuffer(self.matcher.compute_logit_bias(), np.uint8)
         kept = np.flatnonzero(allowed[: scores.shape[-1]])  # models have more scores than their tokenizer has words
         held = scores.new_full(scores.shape, -inf)
         held[:, kept] = scores[:, kept]
