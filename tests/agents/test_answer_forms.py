@@ -16,7 +16,7 @@ from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.step import Status
-from jsonschema import validate
+from jsonschema import ValidationError, validate
 from scripted_server import refuses, says, scripted
 
 import ibrid
@@ -28,13 +28,13 @@ from ibrid.study import Study
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 
 FIELDS = {
-    "change": "a low-pass behind the gain",
     "step": 0,
     "remove": ['g.connect("gain.out", "plant.u_r")'],
     "add": [{"kind": "LPF1_dq", "name": "smooth"}],
     "connect": [{"source": "gain.out", "target": "smooth.in_"}, {"source": "smooth.out", "target": "plant.u_r"}],
 }
-ANSWER = json.dumps(FIELDS)
+CHANGE = "a low-pass behind the gain"
+ANSWER = json.dumps({"change": CHANGE, "edit": FIELDS})
 NAIVE = program_text(ibrid.textbook("naive"))
 
 
@@ -52,7 +52,7 @@ def asked(context: Context, script, number: int = 1, **settings):
 
 def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(context):
     schema = edit_schema([context.parent], context.study.kinds)
-    validate(FIELDS, schema)
+    validate(json.loads(ANSWER), schema)
     edit = blocks_of(FIELDS, context.parent)
     text = apply_edit(edit, NAIVE)
     lines = [line.strip() for line in text.splitlines()]
@@ -79,13 +79,15 @@ def replaced(diagram: Diagram, name: str, kind: str) -> Diagram:
 
 
 def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
-    said = {**FIELDS, "take": 2, "change": "the filter is what is missing"}
+    said = {"change": "the filter is what is missing", "edit": {"take": 2}}
     with scripted(says(json.dumps(said))) as script:
         (proposal,) = asked(context, script)
     schema = script.requests[0]["response_format"]["json_schema"]["schema"]
     validate(said, schema)
-    assert schema["properties"]["take"]["enum"] == [0, 1, 2]
-    assert [*schema["properties"]][:2] == ["change", "take"]
+    validate(json.loads(ANSWER), schema)
+    for wrong in ({"take": 0}, {"take": 3}, {**FIELDS, "take": 1}):
+        with pytest.raises(ValidationError):
+            validate({"change": "", "edit": wrong}, schema)
     assert "2. a filter at the gain: 0.5, 5 free parameters" in script.requests[0]["messages"][1]["content"]
     assert apply_edit(proposal.edit, NAIVE) == program_text(ranked[1].edit.diagram)
     assert proposal.note == "a filter at the gain (the filter is what is missing)"
@@ -93,10 +95,28 @@ def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
 
 
 @pytest.mark.parametrize("take", [0, 3, -1, 2.5, "2", None])
-def test_any_other_number_means_an_edit_of_its_own(context, ranked, take):
-    with scripted(says(json.dumps({**FIELDS, "take": take}))) as script:
-        (proposal,) = asked(context, script)
-    assert proposal.edit == blocks_of(FIELDS, context.parent)
+def test_any_other_number_is_no_edit_unless_one_is_written_beside_it(context, ranked, take):
+    alone, beside = ({"change": "", "edit": {**own, "take": take}} for own in ({}, FIELDS))
+    with scripted(says(json.dumps(alone)), says(json.dumps(beside))) as script:
+        none, own = asked(context, script, 2)
+    assert verdict_of(none, context).status is Status.NO_EDIT
+    assert own.edit == blocks_of(FIELDS, context.parent)
+
+
+def test_a_model_whose_own_edits_are_none_is_held_to_the_diagnosis(context, ranked):
+    none, good = json.dumps({"change": "", "edit": {**FIELDS, "connect": []}}), ANSWER
+    take = json.dumps({"change": "", "edit": {"take": 1}})
+    script = [none, none, good, none, take, none, none, take]
+    with scripted(*map(says, script)) as server:
+        chat = ChatServer("small", server.url, timeout=5.0, retries=0)
+        proposer = LanguageModel([(chat, 1.0)])
+        found = [proposer.propose(context, np.random.default_rng(k)) for k in range(len(script))]
+    assert [verdict_of(one, context).status is Status.PENDING for one in found] == [
+        one in (good, take) for one in script
+    ]
+    schemas = [one["response_format"]["json_schema"]["schema"]["properties"]["edit"] for one in server.requests]
+    assert ["anyOf" in one for one in schemas] == [True] * 7 + [False]
+    assert [*schemas[-1]["properties"]] == ["take"]
 
 
 @pytest.mark.parametrize(("text", "place"), [("CHANGE: a sign\n\nTAKE 1", 0), ("I would do this.\n**TAKE 2**\n", 1)])
@@ -118,9 +138,9 @@ def test_a_server_that_takes_a_schema_is_asked_with_it_alone(context):
     with scripted(says(ANSWER)) as script:
         (proposal,) = asked(context, script)
     assert verdict_of(proposal, context).status is Status.PENDING
-    assert (proposal.parent, proposal.note, proposal.usage["form"]) == (0, FIELDS["change"], "schema")
+    assert (proposal.parent, proposal.note, proposal.usage["form"]) == (0, CHANGE, "schema")
     (request,) = script.requests
-    validate(FIELDS, request["response_format"]["json_schema"]["schema"])
+    validate(json.loads(ANSWER), request["response_format"]["json_schema"]["schema"])
     assert "tools" not in request
     assert "`remove` its lines" in request["messages"][0]["content"]
     assert "SEARCH" not in request["messages"][0]["content"]
@@ -174,8 +194,9 @@ def test_parameters_that_a_server_does_not_know_are_left_out_from_then_on(contex
     assert len(script.requests) == 3
 
 
-def test_a_grammar_has_a_rule_for_all_that_it_names_and_says_what_the_schema_says(context):
-    schema = edit_schema([context.parent], context.study.kinds)
+@pytest.mark.parametrize("number", [0, 2])
+def test_a_grammar_has_a_rule_for_all_that_it_names_and_says_what_the_schema_says(context, number):
+    schema = edit_schema([context.parent], context.study.kinds, number)
     text = gbnf(schema)
     rules = dict(line.split(" ::= ", 1) for line in text.splitlines())
     bare = {
@@ -183,10 +204,16 @@ def test_a_grammar_has_a_rule_for_all_that_it_names_and_says_what_the_schema_say
     }
     assert {word for rule in bare.values() for word in re.findall(r"[a-z][a-z-]*", rule)} <= {*rules}
     for kind in context.study.kinds:
-        assert json.dumps(json.dumps(kind.name)) in rules["root-add-item-kind"]
+        assert json.dumps(json.dumps(kind.name)) in rules["root-edit-add-item-kind"]
+    assert ("root-edit-take" in rules) == bool(number)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"remove": 1}', '{"remove": [], "add": []}', "[" * 100_000])
+@pytest.mark.parametrize("edit", ['{"remove": 1}', '{"remove": [], "add": []}', "[]", "1"])
+def test_fields_that_say_no_edit_are_none(edit):
+    assert read_fields(f'{{"edit": {edit}}}') is None
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"remove": [], "add": [], "connect": []}', "[" * 100_000])
 def test_what_is_not_these_fields_is_none(text):
     assert read_fields(text) is None
 
@@ -199,7 +226,7 @@ def test_hostile_fields_are_no_more_than_text_that_the_grammar_refuses(context, 
         "connect": [{"source": harm}, None],
         "remove": [1, harm],
     }
-    with scripted(says(json.dumps(fields))) as script:
+    with scripted(says(json.dumps({"change": harm, "edit": fields}))) as script:
         (proposal,) = asked(context, script)
     assert verdict_of(proposal, context).status in (Status.UNREADABLE, Status.ILLEGAL)
     assert not list(tmp_path.iterdir())

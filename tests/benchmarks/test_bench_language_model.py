@@ -42,10 +42,15 @@ REPLIES = {
 FIELDS = json.dumps(
     {
         "change": "a low-pass behind the gain",
-        "step": 0,
-        "remove": ['g.connect("gain.out", "plant.u_r")'],
-        "add": [{"kind": "LPF1_dq", "name": "smooth"}],
-        "connect": [{"source": "gain.out", "target": "smooth.in_"}, {"source": "smooth.out", "target": "plant.u_r"}],
+        "edit": {
+            "step": 0,
+            "remove": ['g.connect("gain.out", "plant.u_r")'],
+            "add": [{"kind": "LPF1_dq", "name": "smooth"}],
+            "connect": [
+                {"source": "gain.out", "target": "smooth.in_"},
+                {"source": "smooth.out", "target": "plant.u_r"},
+            ],
+        },
     }
 )
 

@@ -285,7 +285,12 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     row = measured(case, tmp_path / "run", scripted(seen))
     ((sweep, options),) = seen
     assert len(sweep.points) == 2  # the search never sees the held-out point
-    assert (options["proposer"], options["budget"], options["seed"]) == (Proposers("policy", learn=SMALL), 99, 3)
+    assert (options["proposer"], options["budget"], options["seed"]) == (
+        Proposers("policy", learn=SMALL, informed=False),
+        99,
+        3,
+    )
+    assert options["start"] == ibrid.textbook("naive")
     assert (options["equilibrium"], options["parameters"]) == ("exact", "shared")
     assert row["curve"] == [[1, 0.9], [2, 0.8], [3, 0.04]]
     assert (row["modules_f1"], row["connections_f1"]) == (1.0, 1.0)
@@ -298,6 +303,9 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
     chance = measured(replace(case, arm="random"), tmp_path / "third", scripted(seen))
     assert (seen[2][1]["proposer"].chosen, chance["weights"]) == ("random", "")
     mixed = measured(replace(case, arm="mixed"), tmp_path / "fourth", scripted(seen))
+    assert not seen[3][1]["proposer"].informed
+    measured(replace(case, arm="informed"), tmp_path / "fifth", scripted(seen))
+    assert seen[4][1]["proposer"].informed
     assert (seen[3][1]["proposer"].chosen, mixed["weights"]) == ("policy:0.5,rules:0.5", "abc")
 
 

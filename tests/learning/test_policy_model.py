@@ -8,6 +8,7 @@ import pytest
 from ibrid_policy.asking import NOTHING_NEW
 from ibrid_policy.experience.examples import BRIEF, draw_examples
 from ibrid_policy.interface import Policy
+from ibrid_search.diagnosis import Edited, RankedEdit
 from ibrid_search.edits import apply_edit
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, Look
 from ibrid_search.judging import judge, verdict_of
@@ -187,6 +188,25 @@ def test_every_other_time_the_first_look_chooses_among_the_answers(policy, conte
     assert best > 8
     halves = [PolicyProposer(policy=policy).propose(context, np.random.default_rng(seed)) for seed in range(60)]
     assert sum(LOOKS in one.usage for one in halves) / 60 == pytest.approx(LOOKED_AT, abs=0.26)
+
+
+def test_the_best_edit_of_the_diagnosis_stands_among_the_answers_when_looks_choose(policy, context, monkeypatch):
+    monkeypatch.setattr("ibrid_policy.asking.first_look", lambda *_: Look(0.0))
+    other = textbook("gfl_delay")
+
+    def proposed(worth: float, seed: int, **settings):
+        best = RankedEdit(Edited(other, "a delay", "control_delay", {}), 0.5, 5, worth)
+        monkeypatch.setattr(Context, "lacks", lambda *_: [best])
+        return PolicyProposer(policy=policy, **settings).propose(context, np.random.default_rng(seed))
+
+    seed = next(k for k in range(20) if LOOKS in proposed(1.0, k, looked_at=1.0, informed=False).usage)
+    own, better = (proposed(worth, seed, looked_at=1.0) for worth in (1.0, -1.0))
+    assert own.edit != better.edit
+    assert untimed(own) == untimed(proposed(-1.0, seed, looked_at=1.0, informed=False))
+    assert apply_edit(better.edit, program_text(context.parent.diagram)) == program_text(other)
+    assert (better.note, better.usage["family"], better.usage["samples"]) == ("a delay", "control_delay", 8)
+    unseen = proposed(-1.0, seed, looked_at=0.0)
+    assert unseen.note != "a delay"
 
 
 def test_the_loss_is_the_mean_over_answer_tokens_by_weight_as_if_each_answer_stood_alone(lessons):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,17 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_bench.language_model.answering import served
+from ibrid_bench.language_model.schema_server import serving
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.smollm2 import missing, smollm2
 from ibrid_search.context import prompt
+from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal
 from ibrid_search.proposers.chat import ChatError, estimated_tokens
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
+from ibrid_search.step import Status
 from ibrid_search.store import Store
 from jsonschema import validate
 
@@ -93,6 +98,18 @@ def test_an_answer_held_to_a_schema_follows_it_and_repeats(folder):
     assert len({one.text for one in found}) == 3
     with pytest.raises(ChatError, match="broke off"):
         model.fill(HELLO, {"type": "no such type"}, "schema")
+
+
+def test_four_of_five_answers_that_a_server_holds_to_the_schema_are_edits(folder, context, monkeypatch):
+    pytest.importorskip("llguidance", reason="a schema needs llguidance; make setup-llm")
+    asked = "ibrid_search.proposers.language_model.engineer_question"
+    monkeypatch.setattr(asked, lambda *_, **__: [{"role": "user", "content": "Which edit does this program need?"}])
+    context = replace(context, complaint=None)
+    with serving(folder, longest=400) as address:
+        proposer = served("smollm2", address)
+        found = [proposer.propose(context, np.random.default_rng(seed)) for seed in range(20)]
+    valid = [verdict_of(one, context).status is Status.PENDING for one in found]
+    assert np.mean(valid) >= 0.8
 
 
 def test_a_local_model_counts_its_tokens_and_the_estimate_is_not_far_from_it(local, context):

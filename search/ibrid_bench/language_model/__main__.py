@@ -25,6 +25,7 @@ from ibrid_bench.language_model.answering import (
     cases,
     learning_key,
     learnt,
+    served,
 )
 from ibrid_bench.language_model.page import line, page
 from ibrid_bench.language_model.questions import Question, questions
@@ -78,10 +79,11 @@ def _ask(missing: Sequence[Case], folder: Path, model: str, ledger: Ledger, sear
     from ibrid_policy.learning.text_policy import TextPolicy
 
     known = cache(lambda name: {one.place: one for one in questions(name, search)})
-    if served := [case for case in missing if case.way == SCHEMA]:
+    if by_server := [case for case in missing if case.way == SCHEMA]:
         with serving(folder, longest=LONGEST_FIELDS) as address:
-            for case in served:
-                _kept(ledger, answered_by_server(case, _question(case, known), address))
+            proposer = served(model, address)
+            for case in by_server:
+                _kept(ledger, answered_by_server(case, _question(case, known), proposer))
     policy = TextPolicy(
         folder, longest=SETTINGS.longest, prompt_tokens=SETTINGS.question, constrained=True, lines=SETTINGS.lines
     )

@@ -104,12 +104,16 @@ def answered(case: Case, question: Question, policy: Guided) -> Row:
     return _row(case, question, proposals, len(prompt), time.process_time() - began)
 
 
-def answered_by_server(case: Case, question: Question, address: str) -> Row:
-    """The same of a server, asked as `--proposer llm` asks it."""
-    chat = ChatServer(case.model.split()[0], address, timeout=600.0, retries=0, form="schema")
+def served(model: str, address: str) -> LanguageModel:
+    """A model behind a server as `--proposer llm` has it."""
+    return LanguageModel([(ChatServer(model.split()[0], address, timeout=600.0, retries=0, form="schema"), 1.0)])
+
+
+def answered_by_server(case: Case, question: Question, proposer: LanguageModel) -> Row:
+    """The same of a server."""
     began = time.process_time()
     proposals = [
-        LanguageModel([(chat, 1.0)]).propose(question.context, np.random.default_rng(case.seed + 100_000 * k))
+        proposer.propose(question.context, np.random.default_rng(case.seed + 100_000 * k))
         for k in range(SETTINGS.group)
     ]
     read = max(int(one.usage.get("prompt_tokens", 0)) for one in proposals)

@@ -7,7 +7,7 @@ from ibrid_bench.language_model.answering import LONGEST_FIELDS, SCHEMA, SETTING
 from ibrid_bench.language_model.questions import BUDGET, INVERTERS, PLACES
 from ibrid_bench.markdown import markdown_table
 from ibrid_policy.learning.updates import mean_of_known
-from ibrid_search.proposers.language_model import QUESTION_TOKENS
+from ibrid_search.proposers.language_model import QUESTION_TOKENS, SLIPS
 from ibrid_search.step import Status
 
 #: What became of an answer, as columns: the ends of a proposal that each stands for.
@@ -40,7 +40,8 @@ in the paper's setting, each in its shortest form ({question:,} tokens at most);
 {longest} tokens at most. **free**: any text. **constrained**: the model chooses among the tokens that go on an edit of the
 program, with lines, kinds and ports that exist, {lines} lines taken out and {lines} put in at most (`--learn-constrained`).
 **schema**: a server on loopback is asked as `--proposer llm` asks it, with data and diagnosis ({engineer:,} tokens at most), and
-holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by its number.
+holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by its number, and
+has to after {slips} edits of its own in a row that were none.
 **different**: texts among the answers to each question, added up. **cut**: answers that had not ended by then. Shares with
 Wilson's 95 % interval in percent; answers to one question are alike, so the true interval is wider. Seconds: of one processor
 core for an answer, its part of the reading of the question included.
@@ -65,6 +66,7 @@ def page(rows: Iterable[Row]) -> str:
         lines=SETTINGS.lines,
         engineer=QUESTION_TOKENS["engineer"],
         fields=LONGEST_FIELDS,
+        slips=SLIPS,
     )
     models = dict.fromkeys(row["model"] for row in kept)
     parts = [_section(name, [row for row in kept if row["model"] == name]) for name in models]

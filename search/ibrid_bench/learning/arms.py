@@ -29,13 +29,14 @@ PROFILE = "small"
 @dataclass(frozen=True)
 class Arm:
     """`proposer` : as for `ibrid.search`. `learns` : whether `learn` is given. `rate` : of the step; None: as asked for.
-    `blind` : True where the policy takes no first looks."""
+    `blind` : True where the policy takes no first looks. `informed` : where the diagnosis is among its answers."""
 
     words: str
     proposer: str
     learns: bool = False
     rate: float | None = None
     blind: bool = False
+    informed: bool = False
 
     @property
     def asks_policy(self) -> bool:
@@ -45,8 +46,8 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: The last two are no arms of the comparison but its controls, made when they are asked for: learning from evaluations but for
-#: the change of the weights, as where looks judge `frozen` is; and what the policy is without first looks.
+#: Those that are not among `ARMS` are its controls, made when they are asked for: learning from evaluations but for the change
+#: of the weights, as where looks judge `frozen` is; what the policy is without first looks; and beside the diagnosis.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
@@ -56,9 +57,11 @@ ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
         "untrained": Arm("as learning, weights unchanged", "policy", learns=True, rate=NO_STEP),
         "blind": Arm("the policy as it ships, without first looks", "policy", blind=True),
+        "diagnosis": Arm("what looks say of every edit that control practice knows, the default", "diagnosis"),
+        "informed": Arm("the policy as it ships, the diagnosis among its answers", "policy", informed=True),
     }
 )
-ARMS = tuple(name for name, one in ALL_ARMS.items() if one.rate is None and not one.blind)
+ARMS = ("random", "rules", "frozen", "learning", "mixed")
 
 
 @dataclass(frozen=True)

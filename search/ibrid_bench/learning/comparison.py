@@ -84,14 +84,14 @@ def of_arm(rows: Rows, measure: Measure) -> Estimate | None:
 
 
 def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
-    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, and what mixing
-    it with rules adds to either."""
+    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, what mixing it with
+    rules adds to either, and what the policy and the diagnosis add to each other."""
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
         wanted += [(label, other) for other in dict.fromkeys((*controls(label), "blind"))]
     wanted += [("frozen", "blind"), ("frozen", "random")]
     wanted += [(label, "rules") for label in found if arm_of(label) == "mixed"]
-    wanted.append(("mixed", "frozen"))
+    wanted += [("mixed", "frozen"), ("informed", "diagnosis"), ("informed", "frozen")]
     return [pair for pair in wanted if set(pair) <= set(found)]
 
 

@@ -24,6 +24,7 @@ from ibrid_search.store import Store
 from ibrid_search.tally import Tally, counts
 
 from ibrid.structure.compare import compare
+from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
 
@@ -49,8 +50,10 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
     run = search(
         hidden.sweep,
         folder,
+        start=textbook("naive"),
         proposer=Proposers(
-            ((PolicyProposer(looked_at=0.0), 1.0),) if arm.blind else arm.proposer,
+            ((PolicyProposer(looked_at=0.0, informed=False), 1.0),) if arm.blind else arm.proposer,
+            informed=arm.informed,
             learn=_settings(case) if arm.learns else False,
         ),
         budget=case.budget,

@@ -27,7 +27,7 @@ from ibrid_policy.learning.settings import PROFILES
 from jinja2 import StrictUndefined, Template
 
 #: Arms that are no part of the comparison, told of where they are measured.
-CONTROLS = ("untrained", "blind")
+CONTROLS = ("untrained", "blind", "diagnosis", "informed")
 
 
 def page(rows: Iterable[Row]) -> str:

@@ -59,6 +59,8 @@ def gbnf(schema: Mapping[str, Any]) -> str:
 def _rule(schema: Mapping[str, Any], name: str, rules: dict[str, str]) -> str:
     if "enum" in schema:
         return " | ".join(_literal(json.dumps(one)) for one in schema["enum"])
+    if "anyOf" in schema:
+        return " | ".join(_rule(one, name, rules) for one in schema["anyOf"])
     if schema["type"] == "object":
         parts = []
         for key, one in schema["properties"].items():

@@ -44,7 +44,7 @@ class Proposers:
     `server` : how servers are asked, fields of `ibrid_search.proposers.chat_server.ChatServer`: form, effort, extra, temperature,
     max_tokens, timeout, retries; the latter four but retries of a local model too.
     `policy` : folder of the weights for "policy", or of an experience for "diagnosis", as `ibrid policy train` makes them; None:
-    the weights that ship, no experience.
+    the weights that ship, no experience. `informed` : whether "policy" has the diagnosis of the parent among its answers.
     `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
     it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
     `ibrid_policy.learning.settings.LearningSettings`. Needs the distribution ibrid-policy.
@@ -57,6 +57,7 @@ class Proposers:
     prompt: str = "engineer"
     server: Mapping[str, Any] = field(default_factory=dict)
     policy: str | Path | None = None
+    informed: bool = True
     learn: bool | str | Learning = False
 
     def weighted(self) -> Weighted:
@@ -127,7 +128,7 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), asked=given.prompt, **asked),
-        "policy": lambda: policy_part("proposer").PolicyProposer(given.policy),
+        "policy": lambda: policy_part("proposer").PolicyProposer(given.policy, informed=given.informed),
         "agent": lambda: Agent.from_options(required("agent"), **asked),
     }
 

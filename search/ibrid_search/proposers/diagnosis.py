@@ -1,13 +1,12 @@
 """The default: asks the data what the parent lacks, and proposes the edit that explains most of what is left."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import program_text
 from ibrid_search.diagnosis import RankedEdit
-from ibrid_search.edits import edit_between
 from ibrid_search.experience import Experience
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
@@ -51,16 +50,19 @@ class Diagnosis(TakesPart):
         if not best:
             why = "no edit that is new has a response near the values of the parent, so this one is by rules"
             return replace(self.rules.propose(context, rng), diagnosis=why)
-        edit = edit_between(program_text(context.parent.diagram), program_text(best[0].edit.diagram))
-        said = f"a first look leads to an error of {best[0].error:.3g} with {best[0].free} free numbers"
-        return Proposal(
-            edit, note=best[0].edit.words, diagnosis=said, usage={"family": best[0].edit.part, "look": best[0].error}
-        )
+        return handed_in(best[0], context)
 
     def _ranked(self, context: Context) -> list[RankedEdit]:
         if (known := self.experience) is None:
             return context.lacks()
         return sorted(context.lacks(AHEAD), key=lambda look: look.worth - known.bonus(look.edit.part))
+
+
+def handed_in(look: RankedEdit, context: Context, **usage: Any) -> Proposal:
+    """An edit of the diagnosis of the parent as a proposal."""
+    said = f"a first look leads to an error of {look.error:.3g} with {look.free} free numbers"
+    told = {"family": look.edit.part, "look": look.error, **usage}
+    return Proposal.between(context.parent.diagram, look.edit.diagram, look.edit.words, diagnosis=said, usage=told)
 
 
 def _loss(context: Context, diagram: Diagram) -> float:

@@ -1,4 +1,5 @@
-"""An edit as fields of JSON, for servers that hold an answer to a schema: what goes, what comes, which program it is of.
+"""An edit as fields of JSON, for servers that hold an answer to a schema: one of the diagnosis by its number, or what goes, what
+comes, and which program it is of.
 
 Lines that go are named among those that are there, kinds among those that exist, so that little can be written that is no edit.
 """
@@ -16,40 +17,52 @@ from ibrid_search.proposal import Evaluated
 
 #: Lines that an answer may take out and put in, and characters of a text.
 MOST, LONGEST = 24, 300
+#: What such an edit consists of.
+LISTS = ("remove", "add", "connect")
 _END = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]{0,40}(\.[A-Za-z0-9_]{1,40})?$"}
 _NAME = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]{0,40}$"}
 
 
-def edit_schema(programs: Sequence[Evaluated], kinds: Vocabulary, ranked: int = 0) -> dict[str, Any]:
-    """JSON schema of an edit of one of these programs. ranked : edits of the diagnosis that may be taken by number as they stand;
-    0 is an edit of one's own."""
+def edit_schema(
+    programs: Sequence[Evaluated], kinds: Vocabulary, ranked: int = 0, *, own: bool = True
+) -> dict[str, Any]:
+    """JSON schema of an edit of one of these programs. ranked : edits of the diagnosis that may be taken by number instead.
+    own : False where there are such edits and no other is wanted."""
     lines = list(dict.fromkeys(line for one in programs for line in _statements(one)))
     added = _object({"kind": {"type": "string", "enum": [kind.name for kind in kinds]}, "name": _NAME})
     joined = _object({"source": _END, "target": _END})
-    return _object(
+    written = _object(
         {
-            "change": {"type": "string", "maxLength": LONGEST},
-            **({"take": {"type": "integer", "enum": list(range(ranked + 1))}} if ranked else {}),
             "step": {"type": "integer", "enum": [one.step for one in programs]},
             "remove": {"type": "array", "items": {"type": "string", "enum": lines}, "maxItems": MOST},
             "add": {"type": "array", "items": added, "maxItems": MOST},
             "connect": {"type": "array", "items": joined, "maxItems": MOST},
         }
     )
+    taken = _object({"take": {"type": "integer", "enum": list(range(1, ranked + 1))}})
+    edit = written if not ranked else {"anyOf": [taken, written]} if own else taken
+    return _object({"change": {"type": "string", "maxLength": LONGEST}, "edit": edit})
 
 
 def read_fields(text: str) -> Mapping[str, Any] | None:
-    """The fields in an answer; None where it is no such JSON."""
+    """The fields of the edit in an answer, and its `change`; None where it is no such JSON."""
     try:
         found = json.loads(text.strip().removeprefix("```json").removeprefix("```").removesuffix("```"))
     except (ValueError, RecursionError):
         return None
-    wanted = ("remove", "add", "connect")
-    return found if isinstance(found, dict) and all(isinstance(found.get(name), list) for name in wanted) else None
+    edit = found.get("edit") if isinstance(found, dict) else None
+    if not isinstance(edit, dict) or not ("take" in edit or writes(edit)):
+        return None
+    return {**edit, "change": found.get("change", "")}
+
+
+def writes(fields: Mapping[str, Any]) -> bool:
+    """Whether fields hold an edit of their own."""
+    return all(isinstance(fields.get(name), list) for name in LISTS)
 
 
 def blocks_of(fields: Mapping[str, Any], base: Evaluated) -> str:
-    """SEARCH/REPLACE blocks that carry the fields out on a program; modules come before connections.
+    """SEARCH/REPLACE blocks that carry `LISTS` out on a program; modules come before connections.
 
     What is no name is written as it is, for the grammar to refuse it.
     """

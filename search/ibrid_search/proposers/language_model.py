@@ -1,6 +1,7 @@
 """The proposer `llm`: one question to a language model, one edit; several models with weights, limits for the whole run."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,19 +15,24 @@ from ibrid_search.context import prompt
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.edits import apply_edit, edit_between
 from ibrid_search.engineer_question import engineer_question, ranked_edits, shown_programs
+from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer, FormRefused
-from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
+from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields, writes
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
 from ibrid_search.spending import Limits, Prices, Spender, Spending
+from ibrid_search.step import Status
 
 _CHANGE = "change:"
 _EDIT_STEP = re.compile(r"^[\s*#`]*EDIT STEP\W{0,4}(\d{1,9})\b", re.IGNORECASE | re.MULTILINE)
 _TAKE = re.compile(r"^[\s*#`]*TAKE\W{0,4}(\d{1,3})\b", re.MULTILINE)
 #: A question with data and diagnosis, whose answer chooses what it edits; or that of the paper.
 QUESTIONS = ("engineer", "paper")
+#: Edits of its own in a row that are none, after which a model is held to those of the diagnosis; and how they end.
+SLIPS = 3
+_SLIPS = (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE, Status.ILLEGAL)
 #: Tokens of a question at most, by its kind.
 QUESTION_TOKENS = {"engineer": 6_000, "paper": 16_000}
 
@@ -36,7 +42,8 @@ class LanguageModel(Spender):
 
     `models` : each with its weight; one is drawn for every question. `limits` : of the run. `prompt_tokens` : of one
     question, `QUESTION_TOKENS` when not given. `asked` : of `QUESTIONS`; an engineer is asked about the best, sees
-    every result before the next question, and may edit any program that it is shown. `spending` : so far.
+    every result before the next question, and may edit any program that it is shown; one that a server holds to a schema and
+    that has written `SLIPS` edits in a row that are none chooses among those of the diagnosis. `spending` : so far.
     """
 
     name = "llm"
@@ -66,6 +73,7 @@ class LanguageModel(Spender):
         if asked == "engineer":
             self.window, self.remembers = 1, 4
         self.spending = Spending(limits)
+        self._slips: Counter[str] = Counter()
 
     @classmethod
     def from_options(
@@ -106,10 +114,16 @@ class LanguageModel(Spender):
         usage = {**answer.usage, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
         if form != "text" and (fields := read_fields(strip_thinking(answer.text)[1])) is not None:
             self.complain("")
-            return filled(fields, context, answer.text, usage)
-        proposal = read_answer(answer.text, usage, chat.name)
-        self.complain(proposal.failure)
-        return proposal if self.asked == "paper" or proposal.failure else placed(proposal, context)
+            proposal = filled(fields, context, answer.text, usage)
+        else:
+            proposal = read_answer(answer.text, usage, chat.name)
+            self.complain(proposal.failure)
+            if self.asked == "engineer" and not proposal.failure:
+                proposal = placed(proposal, context)
+        if not proposal.failure and "taken" not in proposal.usage:
+            slip = verdict_of(proposal, context).status in _SLIPS
+            self._slips[chat.name] = self._slips[chat.name] + 1 if slip else 0
+        return proposal
 
     def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:
         """An answer, and how the model was held to a schema; a server that refuses a way is asked in the next."""
@@ -117,7 +131,8 @@ class LanguageModel(Spender):
             chat = chat.bounded(self.spending.seconds_left)
         while self.asked == "engineer" and isinstance(chat, ChatServer | LocalModel) and chat.asked_form != "text":
             form, question = chat.asked_form, self._question(context, chat, fields=True)
-            schema = edit_schema(shown_programs(context), context.study.kinds, len(ranked_edits(context)))
+            own = self._slips[chat.name] < SLIPS
+            schema = edit_schema(shown_programs(context), context.study.kinds, len(ranked_edits(context)), own=own)
             try:
                 return chat.fill(question, schema, form, seed), form
             except FormRefused as error:
@@ -134,9 +149,11 @@ class LanguageModel(Spender):
 
 def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mapping[str, Any]) -> Proposal:
     """The edit that the fields of an answer say."""
-    note = shown(str(fields.get("change", "")))
+    note = shown(str(fields["change"]))
     if (look := taken(fields.get("take"), context)) is not None:
         return of_diagnosis(look, context, note, reply[:LONGEST_ANSWER], usage)
+    if not writes(fields):
+        return Proposal("", note, reply[:LONGEST_ANSWER], usage=usage)
     of = next((one for one in shown_programs(context) if one.step == fields.get("step")), context.parent)
     try:
         edit = blocks_of(fields, of)
@@ -146,7 +163,7 @@ def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mappi
 
 
 def taken(place: Any, context: Context) -> RankedEdit | None:
-    """The edit of the diagnosis with this number; None for 0, and where there is none."""
+    """The edit of the diagnosis with this number; None where there is none."""
     ranked = ranked_edits(context)
     return ranked[place - 1] if isinstance(place, int) and 0 < place <= len(ranked) else None
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from ibrid_search.first_look import LOOKED_AT
 from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.diagnosis import handed_in
 
 from ibrid_policy.asking import ANSWERS, asked
 from ibrid_policy.interface import Policy
@@ -13,11 +14,13 @@ from ibrid_policy.tokens import LanguageError
 
 
 class PolicyProposer:
-    """Asks a policy for several answers. Every other time a first look at the data chooses among them; else the first is taken,
-    also an illegal one, unless it leads to a known structure or to its parent's.
+    """Asks a policy for several answers. Every other time first looks at the data choose among them and what the diagnosis of
+    the parent says (`Context.lacks`); else the first is taken, also an illegal one, unless it leads to a known structure or to
+    its parent's.
 
     folder : the policy's weights; None: those that ship. policy : in place of a folder. answers : to one question.
-    looked_at : how often a first look chooses. `usage` of a proposal counts the answers, see `ibrid_policy.asking.Asked`.
+    looked_at : how often looks choose. informed : False to leave the diagnosis out. `usage` of a proposal counts the answers,
+    see `ibrid_policy.asking.JudgedAnswers`.
     Raises IbridError where torch is missing.
     """
 
@@ -32,9 +35,10 @@ class PolicyProposer:
         policy: Policy | None = None,
         answers: int = ANSWERS,
         looked_at: float = LOOKED_AT,
+        informed: bool = True,
     ) -> None:
         self.policy: Policy = SmallPolicy(folder) if policy is None else policy
-        self.answers, self.looked_at = answers, looked_at
+        self.answers, self.looked_at, self.informed = answers, looked_at, informed
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """The edit of one of the answers."""
@@ -44,4 +48,8 @@ class PolicyProposer:
             return Proposal("", failure=str(error))
         drawn = self.policy.sample([prompt], [context], self.answers, int(rng.integers(2**31)))[0]
         look = bool(rng.random() < self.looked_at)
-        return asked(self.policy, drawn, context, rng, look=look, best=look).proposal
+        answers = asked(self.policy, drawn, context, rng, look=look, best=look)
+        own, known = answers.chosen.look, context.lacks() if look and self.informed else []
+        if known and (own is None or known[0].worth < own.worth):
+            return handed_in(known[0], context, **answers.proposal.usage)
+        return answers.proposal
