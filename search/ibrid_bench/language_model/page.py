@@ -39,9 +39,9 @@ Questions number {places} of searches of {budget} evaluations on
 in the paper's setting, each in its shortest form ({question:,} tokens at most); {group} answers to each at temperature 1, of
 {longest} tokens at most. **free**: any text. **constrained**: the model chooses among the tokens that go on an edit of the
 program, with lines, kinds and ports that exist, {lines} lines taken out and {lines} put in at most (`--learn-constrained`).
-**schema**: a server on loopback is asked as `--proposer llm` asks it, with data and diagnosis ({engineer:,} tokens at most), and
-holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by its number, and
-has to after {slips} edits of its own in a row that were none.
+**schema**: a server on loopback is asked as `--proposer llm` asks it, with data and diagnosis ({engineer:,} tokens at most, by an
+estimate), and holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by
+its number, and has to after {slips} edits of its own in a row that were none.
 **different**: texts among the answers to each question, added up. **cut**: answers that had not ended by then. Shares with
 Wilson's 95 % interval in percent; answers to one question are alike, so the true interval is wider. Seconds: of one processor
 core for an answer, its part of the reading of the question included.
