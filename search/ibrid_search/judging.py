@@ -43,8 +43,8 @@ def judge(
 
 def verdict_of(proposal: Proposal, context: Context) -> Judgement:
     """What a proposal would end as if it were handed in now."""
-    candidates = {one.step: one for one in (*context.best, context.parent)}
-    study, parent = context.study, candidates.get(proposal.parent, context.parent).diagram
+    edited = next((one for one in context.best if one.step == proposal.parent), context.parent)
+    study, parent = context.study, edited.diagram
     own = study.hash_of(parent)
     return judge(proposal, program_text(parent), own, study, lambda digest: 0 if context.seen(digest) else None)
 
