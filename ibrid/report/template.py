@@ -56,7 +56,7 @@ def _environment(package: str) -> "Environment":
         "hertz": hertz,
         "heat": heat,
         "exact": lambda value: repr(float(value)),
-        "plus_minus": _plus_minus,
+        "plus_minus": lambda text: text.replace("+-", "±"),
         "sentence": _sentence,
         "shortened": shortened,
     }
@@ -69,10 +69,6 @@ def _environment(package: str) -> "Environment":
     }
     found.globals |= {"notebook_style_sheet": notebook_style_sheet, "content_policy": content_policy, "script": script}
     return found
-
-
-def _plus_minus(text: str) -> str:
-    return text.replace("+-", "±")
 
 
 def _sentence(text: str) -> str:

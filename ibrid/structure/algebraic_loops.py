@@ -47,7 +47,7 @@ def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[Alge
     loops = [
         sorted(group)
         for group in nx.strongly_connected_components(graph)
-        if len(group) > 1 or _feeds_itself(graph, group)
+        if len(group) > 1 or any(graph.has_edge(channel, channel) for channel in group)
     ]
     if not loops:
         return ()
@@ -69,10 +69,6 @@ def largest_loop(wiring: Wiring) -> tuple[tuple[str, ...], int]:
     loops = (graph.subgraph(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
     largest = max(loops, key=lambda loop: loop.number_of_edges(), default=nx.DiGraph())
     return tuple(name for name in wiring.kinds if name in largest), largest.number_of_edges()
-
-
-def _feeds_itself(graph: nx.DiGraph, group: set[Channel]) -> bool:
-    return any(graph.has_edge(channel, channel) for channel in group)
 
 
 def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ def read_wish(answer: Answer) -> Wish:
     """What an answer asks for; text that asks for nothing has neither calls nor an edit."""
     said = strip_thinking(answer.text)[1].strip()
     native = tuple(
-        Call(one.name, _arguments(one.arguments), one.id or f"call_{number}")
+        Call(one.name, _json(one.arguments) if one.arguments.strip() else {}, one.id or f"call_{number}")
         for number, one in enumerate(answer.tool_calls[:MOST_CALLS])
     )
     if native:
@@ -132,10 +132,6 @@ def _call(found: Any) -> Call | None:
         return Call("submit_edit", found)
     arguments = found.get("arguments", found.get("parameters", {}))
     return Call(shown(name)[:60], arguments) if isinstance(name, str) else None
-
-
-def _arguments(text: str) -> Any:
-    return {} if not text.strip() else _json(text)
 
 
 def _json(text: str) -> Any:

@@ -11,7 +11,7 @@ from ibrid.report.verdict import verdict
 from ibrid.structure.program import program_text
 from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking, write_block
 from ibrid_search.judging import judge
-from ibrid_search.proposal import Context, Evaluated, Proposal
+from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import SUBMIT, AgentSettings, RunView, paragraph
 from ibrid_search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
@@ -82,7 +82,7 @@ class Turn:
             edit=self._edit,
             note=shown(self._note or self._diagnosis),
             reply="\n\n".join(self._reply)[:LONGEST_REPLY],
-            diagnosis=paragraph(self._diagnosis) or _undiagnosed(self.context.parent),
+            diagnosis=paragraph(self._diagnosis) or f"No diagnosis was written. {verdict(self.context.parent.record)}",
             usage={**self._usage, "answers": len(self._reply), "tool_calls": self._calls},
             failure="" if self._edit else self._failure,
         )
@@ -180,10 +180,6 @@ class Turn:
 def _refused(error: ChatError) -> bool:
     """True for an answer of the kind "this parameter I do not take", which for a first question means the tools."""
     return any(f"HTTP {status}" in str(error) for status in (400, 404, 405, 422, 501))
-
-
-def _undiagnosed(parent: Evaluated) -> str:
-    return f"No diagnosis was written. {verdict(parent.record)}"
 
 
 def _blocks_alone(edit: str) -> str:

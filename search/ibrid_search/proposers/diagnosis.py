@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.structure.diagram import Diagram
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.experience import Experience
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
@@ -36,7 +35,7 @@ class Diagnosis(TakesPart):
 
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
-        return Pruning(thorough=thorough, loss=_loss)
+        return Pruning(thorough=thorough, loss=lambda one, less: rankings_of(one.study).loss(one.parent, less))
 
     def origin(self, number: int) -> Origin:
         """Every other question is about the best candidate, so that parts follow each other; the rest keep other ways open."""
@@ -63,7 +62,3 @@ def handed_in(look: RankedEdit, context: Context, **usage: Any) -> Proposal:
     said = f"a first look leads to an error of {look.error:.3g} with {look.free} free numbers"
     told = {"family": look.edit.part, "look": look.error, **usage}
     return Proposal.between(context.parent.diagram, look.edit.diagram, look.edit.words, diagnosis=said, usage=told)
-
-
-def _loss(context: Context, diagram: Diagram) -> float:
-    return rankings_of(context.study).loss(context.parent, diagram)

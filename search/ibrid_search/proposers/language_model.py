@@ -19,6 +19,7 @@ from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer, FormRefused
+from ibrid_search.proposers.diagnosis import handed_in
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields, writes
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
@@ -149,17 +150,17 @@ class LanguageModel(Spender):
 
 def filled(fields: Mapping[str, Any], context: Context, reply: str, usage: Mapping[str, Any]) -> Proposal:
     """The edit that the fields of an answer say."""
-    note = shown(str(fields["change"]))
+    note, reply = shown(str(fields["change"])), reply[:LONGEST_ANSWER]
     if (look := taken(fields.get("take"), context)) is not None:
-        return of_diagnosis(look, context, note, reply[:LONGEST_ANSWER], usage)
+        return of_diagnosis(look, context, note, reply, usage)
     if not writes(fields):
-        return Proposal("", note, reply[:LONGEST_ANSWER], usage=usage)
+        return Proposal("", note, reply, usage=usage)
     of = next((one for one in shown_programs(context) if one.step == fields.get("step")), context.parent)
     try:
         edit = blocks_of(fields, of)
     except EditError as error:
-        return Proposal("", note, reply[:LONGEST_ANSWER], usage=usage, failure=error.reason)
-    return Proposal(edit, note, reply[:LONGEST_ANSWER], usage=usage, parent=of.step)
+        return Proposal("", note, reply, usage=usage, failure=error.reason)
+    return Proposal(edit, note, reply, usage=usage, parent=of.step)
 
 
 def taken(place: Any, context: Context) -> RankedEdit | None:
@@ -170,9 +171,9 @@ def taken(place: Any, context: Context) -> RankedEdit | None:
 
 def of_diagnosis(look: RankedEdit, context: Context, note: str, reply: str, usage: Mapping[str, Any]) -> Proposal:
     """An edit of the diagnosis as the answer of a model; the note says first what changes."""
-    said = f"{look.edit.words} ({note})" if note else look.edit.words
-    edit = edit_between(program_text(context.parent.diagram), program_text(look.edit.diagram))
-    return Proposal(edit, said, reply, usage={**usage, "taken": True}, parent=context.parent.step)
+    found = handed_in(look, context, **usage, taken=True)
+    said = f"{found.note} ({note})" if note else found.note
+    return replace(found, note=said, reply=reply, parent=context.parent.step)
 
 
 def placed(proposal: Proposal, context: Context) -> Proposal:
