@@ -53,7 +53,7 @@ POWER_LOOP_MISSING = Effect(
     signature="below 50 Hz; dd, and the value towards 0 Hz: constant power turns the sign of the conductance",
     confused_with=("dc_link", "power_reference", "reactive_loop_missing"),
     told_apart_by="the admittance below 5 Hz at two powers: with loops of p and q it tends to [[p, -q], [-q, -p]]/v^2",
-    moves=lambda view: _power_loop(view, "p"),
+    moves=partial(_power_loop, power="p"),
 )
 
 REACTIVE_LOOP_MISSING = Effect(
@@ -63,7 +63,7 @@ REACTIVE_LOOP_MISSING = Effect(
     signature="below 50 Hz; qd, and the value towards 0 Hz",
     confused_with=("ac_voltage_loop", "power_loop_missing", "power_reference", "voltage_droop"),
     told_apart_by="the admittance below 5 Hz at two reactive powers",
-    moves=lambda view: _power_loop(view, "q"),
+    moves=partial(_power_loop, power="q"),
 )
 
 

@@ -161,6 +161,10 @@ MEASUREMENT_FILTER = Effect(
 )
 
 
+def _referred(view: View) -> bool:
+    return bool(view.draft.having(Element.REFERENCE))
+
+
 def _never(view: View) -> bool:
     return False
 
@@ -171,7 +175,7 @@ FAMILIES = (
         "structural",
         (1.0, 1.0, 0.3, 0.1),
         3.0,
-        where_missing(_power_reference, lambda view: bool(view.draft.having(Element.REFERENCE))),
+        where_missing(_power_reference, _referred),
         if_gross=4.0,
     ),
     Family(
