@@ -91,7 +91,7 @@ def record_from_rest(
     rest, current = constants[0][0], constants[1][0]
     turn = np.conj(rest) / abs(rest)
     power = rest * np.conj(current)
-    v, i = (_pairs(one * turn) for one in turned)
+    v, i = (np.stack([(aligned := one * turn).real, aligned.imag], axis=-1) for one in turned)
     return EventRecord(
         rest=OperatingPoint(name, float(power.real), float(power.imag), float(abs(rest))),
         time=time,
@@ -104,10 +104,6 @@ def record_from_rest(
         zero=zero,
         remarks=remarks,
     )
-
-
-def _pairs(value: np.ndarray) -> np.ndarray:
-    return np.stack([np.real(value), np.imag(value)], axis=-1)
 
 
 def _basis(time: np.ndarray, f0_hz: float) -> np.ndarray:

@@ -53,7 +53,7 @@ def parameter_rows(record: Record) -> list[ParameterRow]:
     rows = []
     for name in names:
         here = [op for op in points if name in record.parameters[op]]
-        seen = {(record.parameters[op][name], _frozen(_ends(record, op, name))) for op in here}
+        seen = {(record.parameters[op][name], tuple(record.intervals.get(op, {}).get(name) or ())) for op in here}
         if len(points) > 1 and len(here) == len(points) and len(seen) == 1:
             rows.append(_row(record, points[0], name, SHARED))
         else:
@@ -130,7 +130,7 @@ def _row(record: Record, op: str, name: str, where: str) -> ParameterRow:
         unit=unit,
         meaning=meaning,
         readable=more_readable(value, unit) or (_in_si(record, value, meaning) if unit == "pu" else ""),
-        ends=_ends(record, op, name),
+        ends=record.intervals.get(op, {}).get(name),
         box=(box["low"], box["high"]) if "low" in box and "high" in box else None,
         at_bound=name in record.at_bound or f"{name} at {op}" in record.at_bound,
     )
@@ -142,11 +142,3 @@ def _in_si(record: Record, value: float, meaning: str) -> str:
     if not bases:
         return ""
     return in_si(value, meaning, bases["v_base_v"] ** 2 / bases["s_base_va"], 2 * pi * record.settings["f0_hz"])
-
-
-def _ends(record: Record, op: str, name: str) -> Sequence[float] | None:
-    return record.intervals.get(op, {}).get(name)
-
-
-def _frozen(ends: Sequence[float] | None) -> tuple[float, ...] | None:
-    return None if ends is None else tuple(ends)

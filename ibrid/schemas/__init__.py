@@ -54,7 +54,9 @@ def _validator(name: str) -> Any:
     from jsonschema import Draft202012Validator
     from jsonschema.validators import extend
 
-    types = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_number, "integer": _is_integer})
+    types = Draft202012Validator.TYPE_CHECKER.redefine_many(
+        {"number": _is_number, "integer": lambda _, one: isinstance(one, int) and _is_number(_, one)}
+    )
     return extend(Draft202012Validator, type_checker=types)(schema(name))
 
 
@@ -63,10 +65,6 @@ def _is_number(_: Any, value: Any) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
     except OverflowError:  # a whole number beyond every float
         return False
-
-
-def _is_integer(_: Any, value: Any) -> bool:
-    return isinstance(value, int) and _is_number(_, value)
 
 
 def writable(data: Any) -> bool:

@@ -172,9 +172,8 @@ def taken(place: Any, context: Context) -> RankedEdit | None:
 def of_diagnosis(look: RankedEdit, context: Context, note: str, reply: str, usage: Mapping[str, Any]) -> Proposal:
     """An edit of the diagnosis as the answer of a model; the note says first what changes."""
     found = handed_in(look, context, **usage, taken=True)
-    return replace(
-        found, note=f"{found.note} ({note})" if note else found.note, reply=reply, parent=context.parent.step
-    )
+    said = f"{found.note} ({note})" if note else found.note
+    return replace(found, note=said, reply=reply, parent=context.parent.step)
 
 
 def placed(proposal: Proposal, context: Context) -> Proposal:
