@@ -72,7 +72,9 @@ def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0
         derivative_parameter=np.array(parameter, dtype=np.int64),
         delay_parameter=delay_parameter,
         delay_fixed=delay_fixed,
-        entries=ca.Function("entries", [theta, point], [values, _non_zeros(jacobian)]),
+        entries=ca.Function(
+            "entries", [theta, point], [values, ca.densify(jacobian.nz[:]) if jacobian.nnz() else ca.SX(0, 1)]
+        ),
         values_only=ca.Function("values", [theta, point], [values]),
     )
 
@@ -102,10 +104,6 @@ def _joined(
     at = (point[0], point[1], point[2])
     matrices = module_matrices(wiring, table, symbols, at, pade_orders=pade_orders, **physics)
     return theta, point, interconnect_rows(wiring, matrices, exact_delays=pade_orders is None)
-
-
-def _non_zeros(matrix: ca.SX) -> ca.SX:
-    return ca.densify(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)
 
 
 def _delays(

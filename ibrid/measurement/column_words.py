@@ -89,7 +89,7 @@ def meaning_of(name: str) -> Meaning:
     bare, unit = without_unit(name)
     dimension, factor = unit_of(unit) or ("", 1.0)
     measured = {"unit": unit, "dimension": dimension, "factor": factor}
-    compact = _compact(bare)
+    compact = re.sub(r"[^a-z0-9ω]", "", bare.lower().replace("+", "plus"))
     for role, pattern in _ROLES.items():
         if re.fullmatch(pattern, compact) and role in _DIMENSIONS:
             if role == "freq" and dimension == "angular frequency":
@@ -168,7 +168,3 @@ def _entry(found: str, compact: str) -> str:
 
 def _letter(letter: str, dimension: str) -> str:
     return letter or {"admittance": "Y", "impedance": "Z"}.get(dimension, "")
-
-
-def _compact(name: str) -> str:
-    return re.sub(r"[^a-z0-9ω]", "", name.lower().replace("+", "plus"))

@@ -96,14 +96,10 @@ def _name_points(parts: list[Part], account: Account) -> None:
             for k in np.flatnonzero(unnamed):
                 point = next((one for one in taken if np.allclose(one, powers[k], atol=_SAME, rtol=0)), None)
                 if point is None:
-                    point = tuple(powers[k].tolist())
-                    taken[point] = _point_name(*point)
+                    p, q, v = point = tuple(powers[k].tolist())
+                    taken[point] = f"p{p:.3g}_q{q:.3g}" + ("" if abs(v - 1) < _SAME else f"_v{v:.3g}")
                 names[k] = taken[point]
         parts[index] = replace(part, names=names)
-
-
-def _point_name(p: float, q: float, v: float) -> str:
-    return f"p{p:.3g}_q{q:.3g}" + ("" if abs(v - 1) < _SAME else f"_v{v:.3g}")
 
 
 def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:

@@ -88,6 +88,22 @@ def read_blocks(edit: str) -> list[EditBlock]:
     return found
 
 
+def has_blocks(text: str) -> bool:
+    """Whether a text holds whole blocks."""
+    try:
+        return bool(read_blocks(text))
+    except EditError:
+        return False
+
+
+def blocks_alone(text: str) -> str:
+    """The blocks without the words around them; the whole text where they cannot be read."""
+    try:
+        return "\n".join(write_block(one.search, one.replace) for one in read_blocks(text))
+    except EditError:
+        return text
+
+
 def write_block(search: Sequence[str], replace: Sequence[str]) -> str:
     """The text of a block; EditError, NO_EDIT, for a line that would read as one of its markers."""
     for line in (*search, *replace):

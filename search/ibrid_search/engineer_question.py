@@ -26,6 +26,8 @@ from ibrid_search.quoting import fenced, quoted
 from ibrid_search.record_view import record_text, score_text
 from ibrid_search.step import Status, Step
 
+#: Tokens of a question, where nobody says how many.
+TOKENS = 6_000
 #: Operating points whose impedances are shown.
 POINTS = 2
 
@@ -49,24 +51,30 @@ DETAILS = (
     Detail(10, 2, 6, 6, False),
     Detail(8, 1, 5, 4, False),
     Detail(6, 0, 4, 2, False),
+    Detail(3, 0, 2, 1, False),
 )
 
 
 def engineer_question(
-    context: Context, *, limit_tokens: int, count: Callable[[str], int] = estimated_tokens, fields: bool = False
+    context: Context,
+    *,
+    limit_tokens: int | None = None,
+    count: Callable[[str], int] = estimated_tokens,
+    fields: bool = False,
 ) -> list[Message]:
     """System and user turn; as much of what `DETAILS` lists as stays within `limit_tokens` of both together.
 
+    limit_tokens : None for `TOKENS`, or the shortest form where that is longer, as for two large devices in one program.
     fields : the answer is asked for as JSON (`ibrid_search.proposers.edit_fields`), not as blocks.
 
-    Raises IbridError when even the shortest form is longer.
+    Raises IbridError when even the shortest form is longer than a limit that was given.
     """
     system, ranked = engineer_system(context.study, fields=fields), ranked_edits(context)
     used = 0
     for detail in DETAILS:
         user = "\n\n".join(_parts(context, ranked, detail))
         used = count(system) + count(user)
-        if used <= limit_tokens:
+        if used <= (limit_tokens or TOKENS) or (limit_tokens is None and detail is DETAILS[-1]):
             return [{"role": "system", "content": system}, {"role": "user", "content": user}]
     raise IbridError(
         f"the shortest prompt for this program has about {used} tokens, but the limit is {limit_tokens}; raise it"

@@ -61,7 +61,7 @@ def rules_text(kinds: Vocabulary, equilibrium: str) -> str:
 
 
 def kinds_text(kinds: Vocabulary, equilibrium: str, *, short: bool = False) -> str:
-    """The vocabulary by family: ports with their signals, law, order, parameters; `short` leaves the parameters' words out."""
+    """The vocabulary by family: ports with their signals, law, order, parameters; `short` has names alone."""
     families = groupby(sorted(kinds, key=lambda kind: _first_of(kind.family, kinds)), key=lambda kind: kind.family)
     return "\n".join(
         line
@@ -79,17 +79,25 @@ def _first_of(family: str, kinds: Vocabulary) -> int:
 
 
 def _kind_text(kind: ModuleKind, equilibrium: str, short: bool) -> str:
-    ports = f"({_ports(kind.inputs)}) -> ({_ports(kind.outputs)})"
-    order = f", order {kind.order}" if kind.order else ""
     boxes = kind_parameters(kind, equilibrium)
     if short:
-        return f"{kind.name}: {ports}{order}{'; ' + ' '.join(boxes) if boxes else ''}"
+        named = f"{kind.name}: {_by_signal(kind.inputs)} -> {_by_signal(kind.outputs)}"
+        return f"{named}; {' '.join(boxes)}" if boxes else named
+    ports = f"({_ports(kind.inputs)}) -> ({_ports(kind.outputs)})"
+    order = f", order {kind.order}" if kind.order else ""
     words = "; ".join(_box_text(name, box) for name, box in boxes.items())
     return f"{kind.name}: {ports}{order}; {kind.law}" + (f"; parameters: {words}" if words else "")
 
 
 def _ports(ports: Mapping[str, Signal]) -> str:
     return ", ".join(f"{name}: {signal}" for name, signal in ports.items())
+
+
+def _by_signal(ports: Mapping[str, Signal]) -> str:
+    named = (
+        (signal, [name for name, one in ports.items() if one is signal]) for signal in dict.fromkeys(ports.values())
+    )
+    return " ".join(f"{signal}({', '.join(names)})" for signal, names in named) or "nothing"
 
 
 def _box_text(name: str, box: Range) -> str:

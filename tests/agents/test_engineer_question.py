@@ -30,7 +30,7 @@ def context(name: str = "gfl_exact", **changes) -> Context:
     return Context(Study(benchmark()), candidate(name, 5), **changes)
 
 
-def said(found: Context, limit_tokens: int = ROOM) -> str:
+def said(found: Context, limit_tokens: int | None = ROOM) -> str:
     return "\n\n".join(str(one["content"]) for one in engineer_question(found, limit_tokens=limit_tokens))
 
 
@@ -73,6 +73,13 @@ def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_hist
         assert heading in text
     with pytest.raises(IbridError, match="the limit is 2000"):
         engineer_question(question, limit_tokens=2_000)
+
+
+def test_two_large_devices_are_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
+    monkeypatch.setattr("ibrid_search.engineer_question.TOKENS", 2_000)
+    text = said(context(), None)
+    assert "# Impedance" in text
+    assert estimated_tokens(text) > 2_000
 
 
 def test_the_model_chooses_the_step_that_it_edits():

@@ -8,7 +8,7 @@ from collecting import each_of
 from fitted import benchmark, evaluated
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer
-from ibrid_search.proposers.chat import Answer
+from ibrid_search.proposers.chat import Answer, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel, read_answer
 from ibrid_search.proposers.local_model import LocalModel
@@ -160,7 +160,7 @@ def test_thinking_is_kept_and_counted_but_never_an_edit(context):
     proposal = asked(context, says(f"Let me see.\n{wrong}\n</think>\n{GOOD}"))
     assert proposal.edit == EDIT
     assert wrong in proposal.reply
-    assert proposal.usage["thinking_tokens"] == pytest.approx(len(wrong) / 2.8, abs=10)
+    assert proposal.usage["thinking_tokens"] == pytest.approx(estimated_tokens(wrong), abs=10)
 
 
 def test_an_answer_that_was_cut_says_so(context):

@@ -227,7 +227,7 @@ def test_details_make_room_before_a_prompt_is_refused():
     whole = estimated_tokens(said(context()))
     short = said(context(), whole - 100)
     assert estimated_tokens(short) <= whole - 100
-    assert "SRF_PLL: (e_q: scalar) -> (delta_omega: scalar, delta: scalar), order 2; kP_pll kI_pll" in short
+    assert "SRF_PLL: scalar(e_q) -> scalar(delta_omega, delta); kP_pll kI_pll" in short
     with pytest.raises(IbridError, match=r"the shortest prompt for this program has about .* but the limit is 500"):
         prompt(context(), limit_tokens=500)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking
+from ibrid_search.blocks import has_blocks, shown, strip_thinking
 from ibrid_search.proposers.agent_view import paragraph
 from ibrid_search.proposers.chat import Answer
 
@@ -47,7 +47,7 @@ def read_wish(answer: Answer) -> Wish:
     )
     if native:
         return Wish(said, native)
-    if _has_blocks(said):
+    if has_blocks(said):
         return Wish(said, edit=said, diagnosis=diagnosis_in(said), change=_change_in(said))
     return Wish(said, tuple(islice(_calls_in(said[:LONGEST_TEXT]), MOST_CALLS)))
 
@@ -73,14 +73,6 @@ def _after(word: str, text: str) -> str | None:
     if not start.startswith(word):
         return None
     return text[text.lower().index(word) + len(word) :].strip(" *_#`")
-
-
-def _has_blocks(text: str) -> bool:
-    try:
-        read_blocks(text)
-    except EditError:
-        return False
-    return True
 
 
 def _prose(text: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibrid.report.verdict import verdict
 from ibrid.structure.program import program_text
-from ibrid_search.blocks import EditError, read_blocks, shown, strip_thinking, write_block
+from ibrid_search.blocks import blocks_alone, shown, strip_thinking
 from ibrid_search.judging import judge
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
@@ -162,7 +162,7 @@ class Turn:
 
     def _taken(self, edit: str, diagnosis: str, change: str = "") -> str:
         """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what to mend."""
-        self._edit, self._diagnosis, self._note = _blocks_alone(edit), diagnosis, change
+        self._edit, self._diagnosis, self._note = blocks_alone(edit), diagnosis, change
         parent, study = self.context.parent, self.context.study
         own = study.hash_of(parent.diagram)
         found = judge(Proposal(edit), program_text(parent.diagram), own, study, lambda _: None)
@@ -180,14 +180,6 @@ class Turn:
 def _refused(error: ChatError) -> bool:
     """True for an answer of the kind "this parameter I do not take", which for a first question means the tools."""
     return any(f"HTTP {status}" in str(error) for status in (400, 404, 405, 422, 501))
-
-
-def _blocks_alone(edit: str) -> str:
-    """The blocks without the words around them; the whole text where they cannot be read."""
-    try:
-        return "\n".join(write_block(one.search, one.replace) for one in read_blocks(edit))
-    except EditError:
-        return edit
 
 
 #: Characters of an answer of the model that stay in the dialogue.

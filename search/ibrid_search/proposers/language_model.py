@@ -10,11 +10,11 @@ import numpy as np
 
 from ibrid.errors import IbridError, ProgramError
 from ibrid.structure.program import parse_program, program_text
-from ibrid_search.blocks import LONGEST_EDIT, EditError, read_blocks, shown, strip_thinking, write_block
+from ibrid_search.blocks import LONGEST_EDIT, EditError, blocks_alone, has_blocks, shown, strip_thinking
 from ibrid_search.context import prompt
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.edits import apply_edit, edit_between
-from ibrid_search.engineer_question import engineer_question, ranked_edits, shown_programs
+from ibrid_search.engineer_question import TOKENS, engineer_question, ranked_edits, shown_programs
 from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
 from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
@@ -35,7 +35,7 @@ QUESTIONS = ("engineer", "paper")
 SLIPS = 3
 _SLIPS = (Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE, Status.ILLEGAL)
 #: Tokens of a question at most, by its kind.
-QUESTION_TOKENS = {"engineer": 6_000, "paper": 16_000}
+QUESTION_TOKENS = {"engineer": TOKENS, "paper": 16_000}
 
 
 class LanguageModel(Spender):
@@ -70,7 +70,7 @@ class LanguageModel(Spender):
             raise IbridError(
                 f"a language model is asked as {' or '.join(QUESTIONS)}, found {asked!r}; choose one of them"
             )
-        self.prompt_tokens, self.asked = prompt_tokens or QUESTION_TOKENS[asked], asked
+        self.prompt_tokens, self.asked = prompt_tokens, asked
         if asked == "engineer":
             self.window, self.remembers = 1, 4
         self.spending = Spending(limits)
@@ -144,7 +144,7 @@ class LanguageModel(Spender):
     def _question(self, context: Context, chat: Chat, *, fields: bool = False) -> list[Message]:
         count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
         if self.asked == "paper":
-            return prompt(context, limit_tokens=self.prompt_tokens, count=count)
+            return prompt(context, limit_tokens=self.prompt_tokens or QUESTION_TOKENS["paper"], count=count)
         return engineer_question(context, limit_tokens=self.prompt_tokens, count=count, fields=fields)
 
 
@@ -183,12 +183,12 @@ def placed(proposal: Proposal, context: Context) -> Proposal:
     """
     shown_ones = shown_programs(context)
     said = strip_thinking(proposal.reply)[1]
-    take = None if _has_blocks(proposal.edit) else _TAKE.search(said)
+    take = None if has_blocks(proposal.edit) else _TAKE.search(said)
     if take and (look := taken(int(take[1]), context)) is not None:
         return of_diagnosis(look, context, proposal.note, proposal.reply, proposal.usage)
     named = _EDIT_STEP.search(said)
     of = next((one for one in shown_ones if named and one.step == int(named[1])), None)
-    if not _has_blocks(proposal.edit) and (whole := whole_program(said)):
+    if not has_blocks(proposal.edit) and (whole := whole_program(said)):
         base = of or context.parent
         return replace(proposal, edit=edit_between(program_text(base.diagram), whole), parent=base.step)
     if of is None:
@@ -215,13 +215,6 @@ def whole_program(text: str) -> str:
 _BUILD = re.compile(r"def \w{1,64}\(\w{1,64}\):", re.MULTILINE)
 
 
-def _has_blocks(edit: str) -> bool:
-    try:
-        return bool(read_blocks(edit))
-    except EditError:
-        return False
-
-
 def _fits(edit: str, one: Evaluated) -> bool:
     try:
         apply_edit(edit, program_text(one.diagram))
@@ -242,11 +235,7 @@ def read_answer(text: str, usage: Mapping[str, Any], name: str) -> Proposal:
     if len(rest) > LONGEST_EDIT:
         failure = f"the model {name} answered with {len(rest)} characters; an answer has at most {LONGEST_EDIT}"
         return Proposal("", reply=reply, usage=usage, failure=failure)
-    try:
-        edit = "\n".join(write_block(one.search, one.replace) for one in read_blocks(rest))
-    except EditError:
-        edit = rest
-    return Proposal(edit, note=_note(rest), reply=reply, usage=usage)
+    return Proposal(blocks_alone(rest), note=_note(rest), reply=reply, usage=usage)
 
 
 def _note(answer: str) -> str:
