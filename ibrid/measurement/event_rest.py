@@ -91,7 +91,8 @@ def record_from_rest(
     rest, current = constants[0][0], constants[1][0]
     turn = np.conj(rest) / abs(rest)
     power = rest * np.conj(current)
-    v, i = (np.stack([(aligned := one * turn).real, aligned.imag], axis=-1) for one in turned)
+    aligned = (one * turn for one in turned)
+    v, i = (np.stack([one.real, one.imag], axis=-1) for one in aligned)
     return EventRecord(
         rest=OperatingPoint(name, float(power.real), float(power.imag), float(abs(rest))),
         time=time,

@@ -75,7 +75,7 @@ def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_hist
         engineer_question(question, limit_tokens=2_000)
 
 
-def test_two_large_devices_are_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
+def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
     monkeypatch.setattr("ibrid_search.engineer_question.TOKENS", 2_000)
     text = said(context(), None)
     assert "# Impedance" in text
