@@ -1,63 +1,22 @@
-"""Seeds from vector fitting: the poles of the measured response, by scikit-rf, rank the starts of a fit.
-
-Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052. The paper seeds its fits from such poles.
-"""
-
-import warnings
+"""Seeds from vector fitting: the poles of the measured response rank the starts of a fit, as in the paper."""
 
 import numpy as np
 
-from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.vector_fit import fitted_poles
 
-#: Real and complex-conjugate poles of the rational fit; fewer when there are few frequencies.
-REAL_POLES, COMPLEX_PAIRS = 3, 4
+#: Poles of the rational fit at most, and frequencies for each.
+POLES, FREQUENCIES = 11, 2
 
 
-def fitted_poles(problem: Problem) -> list[np.ndarray]:
-    """Stable poles (rad/s) of a rational fit to each operating point's four entries.
-
-    Raises IbridError when scikit-rf is not installed.
-    """
+def measured_poles(problem: Problem) -> list[np.ndarray]:
+    """Stable poles (rad/s) of a rational fit to each operating point's four entries."""
     found = []
     for point in problem.points:
-        count = len(point.frequency)
-        pairs = min(COMPLEX_PAIRS, max(1, count // 4))
-        poles = relocated_poles(point, min(REAL_POLES, count // 4), pairs)
+        order = min(POLES, len(point.frequency) // FREQUENCIES)
+        poles = fitted_poles(point.frequency, point.admittance, order) if order else np.zeros(0, dtype=complex)
         found.append(poles[np.abs(poles) > 0])
     return found
-
-
-def relocated_poles(
-    point: PointSweep, real: int, pairs: int, *, spacing: str = "lin", enforce_dc: bool = True
-) -> np.ndarray:
-    """Poles (rad/s) common to the four entries, of a complex pair the upper one; none where scikit-rf breaks off.
-
-    spacing : of the starting poles, "lin" or "log". Data without noise may leave poles beyond their order so undetermined
-    that the equations are singular. Raises IbridError when scikit-rf is not installed.
-    """
-    try:
-        from skrf import Frequency, Network
-        from skrf.vectorFitting import VectorFitting
-    except ImportError:
-        raise IbridError("vector fitting needs scikit-rf; install it with: pip install 'ibrid[vectorfit]'") from None
-    band = Frequency.from_f(point.frequency, unit="Hz")
-    fit = VectorFitting(Network(frequency=band, y=point.admittance, z0=1.0, name="admittance"))
-    with warnings.catch_warnings():  # of fits that do not converge, whose poles are judged by whoever asked
-        warnings.simplefilter("ignore")
-        try:
-            fit.vector_fit(
-                n_poles_real=real,
-                n_poles_cmplx=pairs,
-                init_pole_spacing=spacing,
-                parameter_type="y",
-                enforce_dc=enforce_dc,
-            )
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return np.zeros(0, dtype=complex)
-    poles = np.asarray(fit.poles, dtype=complex)
-    return poles if np.isfinite(poles).all() else np.zeros(0, dtype=complex)
 
 
 def pole_distances(problem: Problem, x: np.ndarray, measured: list[np.ndarray]) -> np.ndarray:

@@ -13,7 +13,7 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
-from ibrid.fit.vector_fitting import fitted_poles, pole_distances
+from ibrid.fit.vector_fitting import measured_poles, pole_distances
 from ibrid.structure.wiring import Wiring
 
 #: Part of the hard limit after which nothing new begins.
@@ -52,7 +52,7 @@ class Search:
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
         self.swaps = (*self.cascades, *self.corners)
-        self.measured_poles = fitted_poles(problem) if settings.seeds == "vector-fitting" else None
+        self.measured_poles = measured_poles(problem) if settings.seeds == "vector-fitting" else None
         self.finished: list[Finished] = []
 
     @property

@@ -24,12 +24,13 @@ from ibrid.gap.data import Fitted, Values
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.gap.refit import Refitter
+from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
 
-#: Step of a coordinate for a slope where noise is left, and at most: far from there slopes are chords across what jumps.
+#: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
 SLOPE, WIDEST = 3e-5, 1e-2
 #: Steps of a simulation times the fastest mode.
 STEP = 1.0
@@ -107,27 +108,40 @@ class EventMisfit:
         prior: Prior,
         sweep: Misfit | None,
     ) -> None:
-        self.player = Player(diagram, kinds, limits, noise.events.omega_0)
+        self.player, self.limits = Player(diagram, kinds, limits, noise.events.omega_0), tuple(limits)
         self.led, self.scale, self.weight = False, 1.0, np.ones(1)
         self._known: dict[bytes, np.ndarray] = {}  # residuals of the last few x alone, which a descent asks for again
+        self._normals: dict[
+            bytes, tuple[np.ndarray, np.ndarray]
+        ] = {}  # of the last x, asked again after a step that fails
         self.noise, self.sweep = noise, sweep
-        self.numbers = [FreeNumber(one) for one in self.player.parameters]
-        self.beliefs = Beliefs(self.player.parameters, prior)
+        self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
+        parameters = [
+            replace(one, name=name)
+            for one in self.player.parameters
+            for name in (
+                [of_record(one.name, own) for own in noise.events.names] if one.name in self._each else [one.name]
+            )
+        ]
+        self.numbers = [FreeNumber(one) for one in parameters]
+        self.beliefs = Beliefs(parameters, prior)
         self.coordinates = self.beliefs.coordinates
-        own = {one.name: k for k, one in enumerate(self.player.parameters)}
+        own = {one.name: k for k, one in enumerate(parameters)}
+        jumps = {f"{one.id}.{name}" for one in limits for name in one.jumps}
+        self._jumping = np.array([one.name in jumps for one in parameters])
         self._place = np.array([own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int)
 
     @cached_property
     def predicting(self) -> "EventMisfit":
         """The same of predictions: the states are led by the measured current."""
         other = copy(self)
-        other.led, other._known = True, {}
+        other.led, other._known, other._normals = True, {}, {}
         return other
 
     def scaled(self, x: np.ndarray) -> "EventMisfit":
         """The same with what is left over at x (P,) as the noise, where that is more."""
         other = copy(self)
-        other.scale, other.weight = 1.0, np.ones(1)
+        other.scale, other.weight, other._normals = 1.0, np.ones(1), {}
         if self.led:
             residual = other.played(x[None])[0]
             size = max(float(np.median(np.abs(residual))) / MEDIAN, 1.0)
@@ -153,6 +167,11 @@ class EventMisfit:
         theta = self.coordinates.to_theta(x)
         return {name: float(value) for name, value in zip(self.beliefs.names, theta, strict=True)}
 
+    def values_in(self, record: EventRecord, x: np.ndarray) -> dict[str, float]:
+        """The same in a record, with the numbers that it has of its own."""
+        values = self.values(x)
+        return {**values, **{name: values[of_record(name, record.name)] for name in self._each}}
+
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
         if len(x) > 1:
@@ -166,9 +185,9 @@ class EventMisfit:
 
     def _simulated(self, x: np.ndarray) -> np.ndarray:
         """The same without weights."""
-        values, parts = [self.values(one) for one in x], []
+        parts = []
         for record in self.noise.events.records:
-            sigma = self.noise.sigma[record.name][:, None]
+            values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name][:, None]
             found = []
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
@@ -184,8 +203,8 @@ class EventMisfit:
 
     def answered(self, x: np.ndarray) -> np.ndarray:
         """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
-        values = self.values(x)
-        pairs = [(record, self.player.play(record, [values])[0].current) for record in self.noise.events.records]
+        records = self.noise.events.records
+        pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
         return np.concatenate([(current / self.noise.sigma[record.name][:, None]).ravel() for record, current in pairs])
 
     def _one_by_one(self, record, some: Sequence[Mapping[str, float]], sigma: np.ndarray) -> list[np.ndarray]:
@@ -215,8 +234,7 @@ class EventMisfit:
 
     def jumped(self, x: np.ndarray) -> np.ndarray:
         """x (P,) with other values of what jumps, (S, P)."""
-        jumps = [f"{one.id}.{name}" for one in self.player.limits for name in one.jumps]
-        places = [self.beliefs.names.index(name) for name in jumps]
+        places = np.flatnonzero(self._jumping)
         found = np.repeat(x[None], len(JUMPED) ** len(places), axis=0)
         for place, moved in zip(places, np.meshgrid(*[JUMPED] * len(places)), strict=True):
             found[:, place] += moved.ravel()
@@ -232,27 +250,31 @@ class EventMisfit:
         return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
 
     def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        slopes = self.record_slopes(x)
+        key = x.tobytes()
+        if key not in self._normals:
+            slopes = self.record_slopes(x)
+            gradient, hessian = slopes.T @ residual, slopes.T @ slopes
+            if self.sweep is not None:
+                one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
+                gradient[self._place] += one[0]
+                hessian[np.ix_(self._place, self._place)] += two[0]
+            self._normals = {key: (gradient, hessian)}
+        gradient, hessian = self._normals[key]
         _, down, hold = self.beliefs.pull(x)
-        gradient, hessian = slopes.T @ residual, slopes.T @ slopes
-        if self.sweep is not None:
-            one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
-            gradient[self._place] += one[0]
-            hessian[np.ix_(self._place, self._place)] += two[0]
         return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
 
     def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
-        high = self.box[1]
-        size = min(SLOPE * self.scale, WIDEST)
-        step = np.where(x + size <= high, size, -size)
+        size = np.where(self._jumping, WIDEST, min(SLOPE * self.scale, WIDEST))
+        step = np.where(x + size <= self.box[1], size, -size)
         found = self.played(np.concatenate([x[None], x + np.diag(step)]))
         return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
 
     def _central_slopes(self, x: np.ndarray) -> np.ndarray:
         """The same to the square of the step, so that a direction that nothing sees has no slope. Beyond the box by a step."""
-        ends = self.played(np.concatenate([x + sign * np.diag(np.full(len(x), SLOPE)) for sign in (1.0, -1.0)]))
-        return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * SLOPE)).T
+        size = np.where(self._jumping, WIDEST, SLOPE)
+        ends = self.played(np.concatenate([x + sign * np.diag(size) for sign in (1.0, -1.0)]))
+        return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * size[:, None])).T
 
     def rows(self, x: np.ndarray) -> np.ndarray:
         """Slopes of all whitened numbers, the prior's below."""
@@ -387,6 +409,11 @@ class Descending:
     over: bool = False
     damping: np.ndarray | None = None
 
+    @property
+    def values(self) -> Values:
+        """By name."""
+        return self.misfit.values(self.x)
+
     def go(self, rounds: int, steps: int) -> "Descending":
         """So many rounds more."""
         for _ in range(rounds):
@@ -429,6 +456,11 @@ class Descending:
         ended = bool(batch.ended[0])
         self.x, self.over = batch.x[0], self.scale == 1.0 and ended and self.damping is None
         self.damping = None if ended else batch.damping  # a step that damping makes short is no end
+
+
+def of_record(name: str, record: str) -> str:
+    """Name of a number that each record has of its own."""
+    return f"{name} of {record}"
 
 
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibrid.gap.noise import noise_of
+from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import Target, power, settled
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.port_transfer import PortCurve, port_curve
 from ibrid.gap.prior import Beliefs
+from ibrid.modules.vocabulary import Vocabulary
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
@@ -69,18 +70,20 @@ def _missing(gap: "Gap", fit: PortFit, frequency: np.ndarray, curve: PortCurve) 
     if curve.named is not None:
         values |= next(iter(gap.repaired.parameters.values()))
         start = 1.0 + curve.named[np.isin(frequency, fit.frequency)]
-    delta, deviation = measured(gap, fit, values, start)
+    noise = noise_of(gap.sweep.without(gap.held_out), gap.noise_level)
+    delta, deviation = measured(fit, gap.repaired.vocabulary, noise, values, start)
     return MissingTransfer(fit, curve.series, offset + delta, deviation, frequency, line)
 
 
-def measured(gap: "Gap", fit: PortFit, values: Mapping[str, float], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Delta and its standard error at a port, (K,) each, from the data that were fitted, at parameter values by name.
+def measured(
+    fit: PortFit, kinds: Vocabulary, noise: Noise, values: Mapping[str, float], start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Delta and its standard error at a port, (K,) each, from the data of a noise, at parameter values by name.
 
     start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
     """
-    noise = noise_of(gap.sweep.without(gap.held_out), gap.noise_level)
     points = tuple(point.at(np.isin(point.frequency, fit.frequency)) for point in noise.sweep.points)
-    model = OpenPort(fit.port, gap.repaired.vocabulary, replace(noise.sweep, points=points))
+    model = OpenPort(fit.port, kinds, replace(noise.sweep, points=points))
     opened = model.at(np.array([values[one.name] for one in model.symbolic.parameters]))
     if opened is None:
         return fit.transfer, fit.deviation

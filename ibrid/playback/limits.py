@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from ibrid.assembly.averaged import Shaped
 from ibrid.assembly.signals_at_rest import Channel
@@ -32,7 +33,7 @@ class Limit:
 
     `mode` : of a current limit, which axis comes first. `windup` : True where the integrators behind it go on.
     `parameters` : name -> range. `banks` : name -> values that a fit begins with. `jumps` : parameters that say when it acts
-    where its law jumps, so that slopes say little of them.
+    where its law jumps, so that slopes say little of them. `each` : parameters that every record has of its own.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Limit:
     mode: str = ""
     windup: bool = False
     jumps: tuple[str, ...] = ()
+    each: tuple[str, ...] = ()
 
     @property
     def words(self) -> str:
@@ -98,6 +100,17 @@ def _forms() -> Iterator[Limit]:
 
 #: Every form of every effect, those with the same id in the order in which they are tried.
 LIMITS: tuple[Limit, ...] = tuple(_forms())
+#: A cessation that ends at a moment of each record, s after its event begins, in place of a hold: a hold begins where the
+#: voltage, which rings, last passes v_block, and that jumps from period to period; the moment does not.
+UNTIL = Limit(
+    "momentary_cessation",
+    "while |e| < v_block and until a moment |r| <= 0, then |r| <= ramp x (time since)",
+    {"v_block": _VOLTAGE, "until": Range(1e-4, 10.0, 0.1, "s", "moment of release"), "ramp": _RATE},
+    {},
+    mode="until",
+    jumps=("v_block",),
+    each=("until",),
+)
 #: In which they act on one another.
 ORDER = ("voltage_support", "reference_ramp", "momentary_cessation", "current_limit", "command_limit", "pll_freeze")
 
@@ -112,6 +125,22 @@ def applicable(limit: Limit, places: Places | None) -> bool:
 def limit_named(id: str, mode: str = "", windup: bool = False) -> Limit:
     """One form; the first of an id where mode is not said."""
     return next(one for one in LIMITS if one.id == id and mode in ("", one.mode) and one.windup == windup)
+
+
+def memory_at_rest(limits: Sequence[Limit], r_d: float, e: float, clock: float) -> list[float]:
+    """What limits keep between steps, of a device at rest. clock : s, time since the event begins."""
+    found: list[float] = []
+    for one in limits:
+        if one.id == "reference_ramp":
+            found += [r_d]
+        elif one.id == "momentary_cessation":
+            found += [clock, e, 0.0, -NEVER] if one.mode == UNTIL.mode else [NEVER, e]
+    return found
+
+
+def returned_at(limits: Sequence[Limit], memory: np.ndarray) -> float:
+    """Where `UNTIL` is among limits, when the voltage last came back, s after the event begins; far before it where never."""
+    return float(memory[sum(one.id == "reference_ramp" for one in limits) + 3])
 
 
 @dataclass
@@ -175,7 +204,8 @@ class Limited:
             self.next.append(r[0])
             kept = 1
         if "momentary_cessation" in chosen:
-            r = self._standing(r, self._ceased(r, e, kept), False, arriving, stands)
+            ceased = self._until if chosen["momentary_cessation"].mode == UNTIL.mode else self._ceased
+            r = self._standing(r, ceased(r, e, kept), False, arriving, stands)
         if "current_limit" in chosen:
             limit = chosen["current_limit"]
             limited = _BY_MODE[limit.mode](r, self.numbers["current_limit.i_max"])
@@ -196,6 +226,20 @@ class Limited:
         nothing = ca.logic_or(e < v_block, after < t_hold)
         self.switches += [e < v_block, nothing]
         return _magnitude(r, ca.if_else(nothing, 0.0, ramp * (after - t_hold)))
+
+    def _until(self, r: list[Any], e: Any, kept: int) -> list[Any]:
+        """r limited until a moment, of which four numbers are kept: the time, |e|, whether it was ever blocked, and when |e|
+        last came back."""
+        v_block, until, ramp = (self.numbers[f"momentary_cessation.{name}"] for name in ("v_block", "until", "ramp"))
+        clock, before, blocked, returned = (self.memory[kept + k] for k in range(4))
+        now, below = clock + self.since, e < v_block
+        ever = ca.fmax(blocked, below)
+        back = ca.logic_and(ca.logic_not(below), before < v_block)
+        passed = now - self.since * (e - v_block) / ca.fmax(e - before, 1e-12)
+        self.next += [now, e, ever, ca.if_else(back, passed, returned)]
+        nothing = ca.logic_or(below, ca.logic_and(ever, now < until))
+        self.switches += [below, nothing]
+        return _magnitude(r, ca.if_else(nothing, 0.0, ramp * ca.if_else(ever, now - until, NEVER)))
 
     def _standing(self, r: list[Any], limited: list[Any], windup: bool, arriving: Any, stands: Any) -> list[Any]:
         """r as limited; integrators whose error pushes further into what is cut away stand."""

@@ -18,10 +18,10 @@ from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.playback.limits import NEVER, ORDER, Limit, Limited
+from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
-from ibrid.playback.steps import simulate
+from ibrid.playback.steps import ORDER_5, ORDER_8, simulate
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import Parameter, parameter_table
@@ -33,8 +33,8 @@ PHASE, HIGHEST = 1e-6, 2000.0
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
-#: How often a step is divided in which something switches: of an answer, of a fit.
-DEEP, SHALLOW = 5, 2
+#: How often a step is divided in which something switches: of an answer, of a fit to what jumps, of others and of predictions.
+DEEP, DEEPER, SHALLOW = 5, 4, 2
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
 #: Values of the orders of delays for which the laws are kept.
@@ -43,10 +43,12 @@ _Orders = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """`current` : (N, 2) terminal current, d and q, NaN from where the simulation left. `left` : s, None if it did not."""
+    """`current` : (N, 2) terminal current, d and q, NaN from where the simulation left. `left` : s, None if it did not.
+    `memory` : what the limits keep, at the end."""
 
     current: np.ndarray
     left: float | None
+    memory: np.ndarray
 
 
 class Player:
@@ -95,10 +97,12 @@ class Player:
                 rests.append(None)
         laws = self._laws_at(orders, first, led)
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
-        current, left = laws.run(record, [(at, values[k]) for k, at in kept], step)
-        found = [Played(np.full((len(record.time), 2), np.nan), float(record.time[0]))] * len(values)
+        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step)
+        nothing = np.full((len(record.time), 2), np.nan)
+        found = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
         for lane, (k, _) in enumerate(kept):
-            found[k] = Played(current[:, :, lane], None if np.isnan(left[lane]) else float(left[lane]))
+            gone = None if np.isnan(left[lane]) else float(left[lane])
+            found[k] = Played(current[:, :, lane], gone, memory[:, lane])
         return found
 
     def _orders(self, values: Mapping[str, float]) -> _Orders:
@@ -155,31 +159,24 @@ def run(
     rate: float,
     most: int = MOST_PARTS,
     deepest: int = DEEP,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Current (N, 2, S) along signals (t -> (k,), the voltage first), and the time (S,) at which each left, NaN if not.
+    rule: tuple[np.ndarray, ...] = ORDER_8,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Current (N, 2, S) along signals (t -> (k,), the voltage first), the time (S,) at which each left, NaN if not, and the
+    memory (k, S) at the end.
 
     tape : rates, current, next memory and switches of (states, memory, (time since, signals), constants). x (n, S),
     memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples. deepest : as of
-    `simulate`.
+    `simulate`, as is the rule of the steps.
     """
     time = signals.x
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
     code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
-    return simulate(
-        code,
-        tape.size,
-        *tape.constants,
-        tape.inputs[3],
-        constants,
-        x.copy(),
-        memory.copy(),
-        spline,
-        time,
-        parts,
-        deepest,
-        x,
+    literals, memory = tape.constants, memory.copy()
+    current, left = simulate(
+        code, tape.size, *literals, tape.inputs[3], constants, x.copy(), memory, spline, time, parts, deepest, x, rule
     )
+    return current, left, memory
 
 
 def fastest(jacobian: Any) -> float:
@@ -218,7 +215,7 @@ class _Laws:
         since = ca.SX.sym("since")
         numbers = {f"{one.id}.{name}": ca.SX.sym(name) for one in player.limits for name in one.parameters}
         lacking_r, lacking_u, e_rest = ca.SX.sym("lacking_r", 2), ca.SX.sym("lacking_u", 2), ca.SX.sym("e_rest")
-        memory = ca.SX.sym("memory", self._memory_size)
+        memory = ca.SX.sym("memory", len(memory_at_rest(player.limits, 0.0, 1.0, 0.0)))
         shaping = None
         if player.limits and player.places is not None:
             shaping = Limited(player.limits, player.places, numbers, lacking_r, lacking_u, e_rest, memory, since)
@@ -247,16 +244,11 @@ class _Laws:
             constant, outside = ca.vertcat(constant, ca.vec(gain)), ca.vertcat(outside, measured)
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
 
-    @property
-    def _memory_size(self) -> int:
-        ids = {one.id for one in self.player.limits}
-        return ("reference_ramp" in ids) + 2 * ("momentary_cessation" in ids)
-
     def run(
         self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Current (N, 2, S) and the time (S,) at which each left."""
-        numbers = [self._numbers(at, values, record.rest.v) for at, values in lanes]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Current (N, 2, S), the time (S,) at which each left, and the memory (k, S) at the end."""
+        numbers = [self._numbers(at, values, record) for at, values in lanes]
         x, memory, constants = (
             np.ascontiguousarray(np.array(one, dtype=float).T) for one in zip(*numbers, strict=True)
         )
@@ -268,9 +260,11 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
-        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, SHALLOW)
-        current, left = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest)
-        return current - drawn, left
+        jumping = any(one.jumps for one in self.player.limits) and not self.led
+        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if jumping else SHALLOW)
+        rule = ORDER_5 if self.led else ORDER_8  # predictions lead to a valley, and no further
+        current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
+        return current - drawn, left, memory
 
     def _drawn(self, record: EventRecord, rests: Sequence[Rest]) -> np.ndarray:
         """(N, 2, S) what shunts at the PCC take; (N, 2, 1) zeros without any."""
@@ -279,8 +273,8 @@ class _Laws:
             return np.zeros((len(record.time), 2, 1))
         return np.stack([drawn_at_pcc(outside, at, record.voltage, self.player.omega_0) for at in rests], axis=2)
 
-    def _numbers(self, at: Rest, values: Mapping[str, float], v: float) -> tuple[list, list, list]:
-        """States, memory and constants at rest; v : magnitude of the voltage at the PCC."""
+    def _numbers(self, at: Rest, values: Mapping[str, float], record: EventRecord) -> tuple[list, list, list]:
+        """States, memory and constants at rest."""
         constants: list[float] = []
         for module in at.modules:
             for value in module.arguments.values():
@@ -289,11 +283,10 @@ class _Laws:
         constants += [float(values[f"{one.id}.{name}"]) for one in self.player.limits for name in one.parameters]
         lacking_r, lacking_u, e, r = self._at_rest(at)
         constants += [*lacking_r, *lacking_u, e]
-        ids = {one.id for one in self.player.limits}
-        memory = [r[0]] * ("reference_ramp" in ids) + [NEVER, e] * ("momentary_cessation" in ids)
+        memory = memory_at_rest(self.player.limits, r[0], e, float(record.time[0]) - record.rest_end)
         states = [value for name in self.names for value in at.states[name]]
         if self._through is not None:
-            more = port_at_rest(self.player.wiring.outside, self._through.own, at, v, self.player.omega_0)
+            more = port_at_rest(self.player.wiring.outside, self._through.own, at, record.rest.v, self.player.omega_0)
             states, constants = states + more[0], constants + more[1]
         return states, memory, constants
 

@@ -143,7 +143,7 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
     start = np.ascontiguousarray(rest.x[:, None])
     rate = fastest(dynamics.jacobian(rest.x, voltage[0], rest.r)[0]) / FINE
     tape = tape_of(symbols, results, constant=[3])
-    current, left = run(
+    current, left, _ = run(
         tape, CubicSpline(time, voltage), start, np.zeros((0, 1)), np.ascontiguousarray(rest.r[:, None]), rate
     )
     if np.isfinite(left[0]):

@@ -1,19 +1,21 @@
 """The compiled simulation: Runge-Kutta steps of many parameter sets at once along one measured voltage.
 
-Steps of order eight, as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline.
+As many steps between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline.
 Where a limit sets in or lets go within a step, that step is taken again in parts, and so are these: the law has a kink or a
 jump there, and the error is of the order of the part. All parameter sets take the same steps, so that differences are smooth.
 """
 
 import numpy as np
 from numba import njit
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, RK45
 
 from ibrid.fit.kernel import OPTIONS
 from ibrid.playback.tape import OPERATIONS
 
-#: Dormand and Prince's formula of order eight.
-_INNER, _OUTER, _NODES = (np.ascontiguousarray(one, dtype=float) for one in (DOP853.A, DOP853.B, DOP853.C))
+#: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the stages.
+ORDER_8, ORDER_5 = (
+    tuple(np.ascontiguousarray(one, dtype=float) for one in (rule.A, rule.B, rule.C)) for rule in (DOP853, RK45)
+)
 #: Into so many parts a step is divided in which something switches.
 DIVIDED = 4
 #: Terminal current, per unit, beyond which a simulation has left what any inverter does.
@@ -165,23 +167,24 @@ def _at(tape, w, y, m, since, t, spline, piece):
 
 
 @njit(**OPTIONS)
-def _step(tape, w, x, m, k, t, h, spline, piece, y, before, now):
+def _step(tape, rule, w, x, m, k, t, h, spline, piece, y, before, now):
     """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
 
     before, now : switches at the end of the last step, and of this one. True where any differs in between.
     """
     rates_at, next_at, switch_at = tape[5], tape[7], tape[8]
+    inner, outer, nodes = rule
     switched = False
-    for stage in range(1, _NODES.size):
-        _sum(x, h, _INNER[stage], stage, k, y)
-        at = _NODES[stage] * h
+    for stage in range(1, nodes.size):
+        _sum(x, h, inner[stage], stage, k, y)
+        at = nodes[stage] * h
         _at(tape, w, y, m, at, t + at, spline, piece)
         _take(w, rates_at, k[stage])
         _take(w, switch_at, now)
         for row in range(switch_at.size):
             for s in range(w.shape[1]):
                 switched |= now[row, s] != before[row, s]
-    _sum(x, h, _OUTER, _NODES.size, k, y)
+    _sum(x, h, outer, nodes.size, k, y)
     x[:] = y
     if next_at.size:
         _at(tape, w, x, m, h, t + h, spline, piece)
@@ -192,13 +195,13 @@ def _step(tape, w, x, m, k, t, h, spline, piece, y, before, now):
 
 
 @njit(**OPTIONS)
-def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, deepest, reset):
+def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spline, time, parts, deepest, reset, rule):
     """Terminal current (N, 2, S) at samples `time` (N,), and the time (S,) at which each simulation left, NaN if it did not.
 
     tape : (code, before, places of x, of m, of (time since, signals), of rates, of the current, of the next m, of switches).
     constants : (q, S). x : (n, S), m : (k, S), at the start; both are changed. spline : (4, N - 1, k), of the signals.
     parts : (N - 1,) steps between samples; one in which something switches is divided `deepest` times at most.
-    reset : (n, S) where a simulation that left stays.
+    reset : (n, S) where a simulation that left stays. rule : `ORDER_8` or `ORDER_5`.
     """
     code, constant, rates_at, current_at, switch_at = tape[0], tape[1], tape[5], tape[6], tape[8]
     lanes, number = constants.shape[1], time.size
@@ -207,7 +210,7 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
         w[literal_at[row], :] = literal[row]
     _fill(w, constants_at, constants)
     _run(code, 0, constant, w)
-    rates = np.zeros((_NODES.size, x.shape[0], lanes))
+    rates = np.zeros((rule[2].size, x.shape[0], lanes))
     y, rates_old, x_old, m_old = np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(m)
     now, before = np.zeros((switch_at.size, lanes)), np.zeros((switch_at.size, lanes))
     found = np.full((number, 2, lanes), np.nan)
@@ -236,7 +239,7 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
             while done < whole:
                 x_old[:], m_old[:], rates_old[:] = x, m, rates[0]
                 begin = (part + done / whole) * h
-                switched = _step(tape, w, x, m, rates, begin, h * length / whole, spline, k, y, before, now)
+                switched = _step(tape, rule, w, x, m, rates, begin, h * length / whole, spline, k, y, before, now)
                 if switched and length > 1:
                     x[:], m[:], rates[0] = x_old, m_old, rates_old
                     length //= DIVIDED

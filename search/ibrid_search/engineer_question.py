@@ -4,8 +4,9 @@ records and diagnosis, what was tried; the model chooses which program it edits 
 The paper's own question is `ibrid_search.context`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import fenced, quoted
-from ibrid_search.record_view import record_text, score_text
+from ibrid_search.record_view import port_view, record_text, score_text
 from ibrid_search.step import Status, Step
 
 #: Tokens of a question, where nobody says how many.
@@ -35,20 +36,21 @@ POINTS = 2
 @dataclass(frozen=True)
 class Detail:
     """How much is told. `rows` : frequencies of a point. `others` : best programs beside the parent. `ranked` : edits of the
-    diagnosis. `recent` : last steps. `whole` : the record with parameters and parts."""
+    diagnosis. `recent` : last steps. `whole` : the record with parameters and parts. `ports` : of the port map."""
 
     rows: int
     others: int
     ranked: int
     recent: int
     whole: bool
+    ports: int = 0
 
 
 #: From all that helps to what is needed.
 DETAILS = (
-    Detail(16, 4, 8, 8, True),
-    Detail(12, 2, 6, 8, True),
-    Detail(10, 2, 6, 6, False),
+    Detail(16, 4, 8, 8, True, 3),
+    Detail(12, 2, 6, 8, True, 2),
+    Detail(10, 2, 6, 6, False, 1),
     Detail(8, 1, 5, 4, False),
     Detail(6, 0, 4, 2, False),
     Detail(3, 0, 2, 1, False),
@@ -113,6 +115,12 @@ def _parts(context: Context, ranked: list[RankedEdit], detail: Detail) -> Iterat
             "# Diagnosis: what it lacks\nOf all edits that control practice knows these explain most of what is left; behind "
             "each the error that a few descent steps reach with it:\n" + "\n".join(rows)
         )
+    if detail.ports and (ports := context.ports[: detail.ports]):
+        yield (
+            "# Where one unknown transfer would explain most\nFitted with the parameters, Delta in a signal 1 + Delta or on a "
+            "path of its own; behind each port what is left over, 1 for noise alone, and Delta:\n"
+            + "\n".join(f"- {_port(port_view(one))}" for one in ports)
+        )
     if others := shown_programs(context)[1 : 1 + detail.others]:
         yield "# Other good programs, as lines that differ from it\n" + "\n\n".join(
             _other(one, parent) for one in others
@@ -125,6 +133,11 @@ def _parts(context: Context, ranked: list[RankedEdit], detail: Detail) -> Iterat
     yield f"# What to do\n{either} the edit that you believe in most."
     if context.complaint is not None:
         yield complaint_text(context.complaint)
+
+
+def _port(told: Mapping[str, Any]) -> str:
+    transfer = ", ".join(f"{value} at {hertz}" for hertz, value in told["transfer"].items()) or "not seen"
+    return f"{told['port']} ({told['place']}): {told['chi2_per_number']:.3g}; {transfer}"
 
 
 def _data(study: Study, rows: int) -> Iterator[str]:

@@ -20,7 +20,7 @@ from ibrid_search.diagnosis import Edited, RankedEdit
 from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import rankings_of
-from ibrid_search.record_view import polar
+from ibrid_search.record_view import polar, port_view
 from ibrid_search.tool import STEP, Steps, Tool
 
 #: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
@@ -77,7 +77,8 @@ class Insight:
                 "diagnose",
                 "What an evaluated step lacks or has too much: every edit that control practice knows, ranked by the error that "
                 "a few descent steps reach with it (an upper end of what a fit finds), with the program of the one at "
-                "`place`, the best if not given. Costs seconds and no evaluation. Ask this before you guess.",
+                "`place`, the best if not given; and at which `ports` one unknown transfer would "
+                "explain what is left. Costs seconds and no evaluation. Ask this before you guess.",
                 {
                     "step": STEP,
                     "count": {"type": "integer", "minimum": 1, "maximum": 20, "description": f"how many ({RANKED})"},
@@ -153,12 +154,14 @@ class Insight:
         rankings = rankings_of(self.study)
         with time_limit(PATIENCE):
             ranked = rankings.best(parent, self._new, max(count, place))
+            ports = rankings.ports(parent)
         floor = rankings.looker.criterion.floor
         answer = {
             "step": step,
             "step_error": floor.error(record),
             "noise_leaves": floor.level if floor.known else None,
             "ranked": [_told(look) for look in ranked],
+            "ports": [port_view(one) for one in ports],
             **({"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if ranked else {}),
         }
         if not ranked:

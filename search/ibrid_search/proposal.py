@@ -17,6 +17,7 @@ from ibrid_search.step import Step
 from ibrid_search.store import Store
 
 if TYPE_CHECKING:
+    from ibrid.gap.port_map import PortFit
     from ibrid_search.diagnosis import RankedEdit
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
@@ -75,6 +76,13 @@ class Context:
         from ibrid_search.rankings import rankings_of
 
         return rankings_of(self.study).best(self.parent, self.is_new, number, thorough=self.leading)
+
+    @property
+    def ports(self) -> "tuple[PortFit, ...]":
+        """What one unknown transfer would explain at each port of the parent, the best first (`Rankings.ports`)."""
+        from ibrid_search.rankings import rankings_of
+
+        return rankings_of(self.study).ports(self.parent)
 
     def is_new(self, diagram: Diagram) -> bool:
         """True for a legal, plausible structure that the run has not met."""

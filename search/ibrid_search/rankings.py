@@ -6,10 +6,17 @@ from functools import cached_property, lru_cache
 from itertools import islice
 from math import log
 
+from ibrid.errors import IbridError
+from ibrid.gap.missing_transfer import measured
+from ibrid.gap.noise import noise_of
+from ibrid.gap.port_map import PortFit, port_map
+from ibrid.measurement.amplitudes import coarse
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.diagnosis import (
+    MOST_FREQUENCIES,
+    MOST_POINTS,
     Edited,
     Looker,
     RankedEdit,
@@ -36,6 +43,8 @@ SINGLE = 2
 AHEAD = 3
 #: Pairs that are looked at after a glance at all.
 LOOKED = 16
+#: Ports that are told, and the part of the misfit that an unknown transfer there may leave.
+PORTS, EXPLAINS = 3, 0.25
 #: Lists of edits and looks that are kept: a candidate is asked about more than once.
 ASKED, REMEMBERED = 400, 20_000
 
@@ -47,6 +56,7 @@ class Rankings:
         self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
         self._edits: dict[str, list[Edited]] = {}
         self._known: dict[str, RankedEdit] = {}
+        self._ports: dict[str, tuple[PortFit, ...]] = {}
 
     def best(
         self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
@@ -73,6 +83,34 @@ class Rankings:
             if best and best[0].worth < enough:
                 break
         return best
+
+    def ports(self, parent: Evaluated) -> tuple[PortFit, ...]:
+        """The ports of a candidate at which one unknown transfer explains most of what is left (`ibrid.gap.port_map`), the best
+        first, with that transfer at the parameters beside it.
+
+        Empty where only noise is left, and where operating points have values or frequencies of their own.
+        """
+        if self.study.parameters != "shared" or self._error(parent) <= self.looker.criterion.floor.most:
+            return ()
+        key = f"{program_text(parent.diagram)} {parent.record.nrmse}"
+        if key not in self._ports:
+            self._ports[key] = tuple(self._explaining(parent))
+        return self._ports[key]
+
+    def _explaining(self, parent: Evaluated) -> Iterator[PortFit]:
+        noise, kinds = noise_of(self.study.fitted), self.study.kinds
+        noise = replace(
+            noise, sweep=replace(noise.sweep, points=coarse(noise.sweep.points, MOST_POINTS, MOST_FREQUENCIES))
+        )
+        try:
+            fits = port_map(parent.diagram, kinds, noise.sweep, {}, self._values(parent)[:1])
+        except IbridError:  # grids that differ
+            return
+        left = (parent.record.misfit or {}).get("chi2_per_dof") or 0.0
+        for fit in fits[:PORTS]:
+            if fit.chi2_per_dof < EXPLAINS * left:
+                transfer, deviation = measured(fit, kinds, noise, fit.values, 1.0 + fit.transfer)
+                yield replace(fit, transfer=transfer, deviation=deviation)
 
     @cached_property
     def textbooks(self) -> tuple[RankedEdit, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
+from ibrid.gap.port_map import PortFit
 from ibrid.measurement.quantities import counted
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.numbers import number
@@ -18,6 +19,8 @@ from ibrid_search.quoting import quoted
 
 #: Parts of the error and single frequencies that are shown, and frequencies of a part that was asked for.
 WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
+#: Frequencies of a transfer that are shown, and standard errors, as a part of it, beyond which it says nothing.
+OF_A_TRANSFER, USELESS = 5, 0.5
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,14 @@ def _frequency(cell: Mapping[str, Any], whole: float) -> dict[str, Any]:
 def polar(value: complex) -> str:
     """Size and angle, in words."""
     return f"{abs(value):.4g} at {np.degrees(np.angle(value)):.1f} deg"
+
+
+def port_view(fit: PortFit) -> dict[str, Any]:
+    """A port of the port map in plain data: what is left over in sigmas squared, and the transfer where the data see it."""
+    seen = np.flatnonzero(fit.deviation < USELESS * np.abs(fit.transfer))
+    chosen = seen[np.unique(np.linspace(0, max(seen.size - 1, 0), min(OF_A_TRANSFER, seen.size)).round().astype(int))]
+    rows = {f"{fit.frequency[k]:.3g} Hz": polar(complex(fit.transfer[k])) for k in chosen}
+    return {"port": fit.port.name, "place": fit.port.words, "chi2_per_number": fit.chi2_per_dof, "transfer": rows}
 
 
 def _parameter(row: Any) -> tuple[str, str]:

@@ -1,7 +1,6 @@
 """Fits of known structures: found again from default starts, repeatable, inside their boxes, and truly at an optimum."""
 
 import dataclasses
-import sys
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from ibrid_bench.recipes import recipes
 from scipy.optimize import Bounds, minimize
 
 import ibrid
-from ibrid.errors import IbridError, SweepError
+from ibrid.errors import SweepError
 from ibrid.fit.anchor import nearest_to_typical, null_directions
 from ibrid.fit.multistart import fit
 from ibrid.fit.objective import FINAL_OBJECTIVES
@@ -361,17 +360,10 @@ def test_starts_lie_in_the_boxes():
 
 
 def test_vector_fitting_seeds_find_the_structure_too():
-    pytest.importorskip("skrf", reason="scikit-rf is not installed (pip install 'ibrid[vectorfit]')")
     record = evaluated(EXACT, settings=FitSettings(seeds="vector-fitting"))
     assert record.settings["seeds"] == "vector-fitting"
     assert record.nrmse is not None
     assert record.nrmse <= 1e-5
-
-
-def test_without_scikit_rf_vector_fitting_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "skrf", None)
-    with pytest.raises(IbridError, match=r"vector fitting needs scikit-rf; install it with: pip install"):
-        ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=FitSettings(seeds="vector-fitting"))
 
 
 @pytest.mark.parametrize("plant", ["paper_like", "sienna_lcl", "touti_19kva", "kuleuven_600mva"])

@@ -1,14 +1,16 @@
 """Which form of a missing limit explains records, from values 15 % off; the device is simulated apart from the package."""
 
-from ibrid_bench.events.cases import draw
+from ibrid_bench.events.cases import EventCase, draw
 
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
+from ibrid.gap.trial import Model
 from ibrid.structure.library import textbook
 
 
-def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_value():
-    case = draw("command_limit", 1, 60.0, swept=False)
+def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Model, EventCase]:
+    """The best of a drawn device's model with each limit, and the case."""
+    case = draw(hidden, seed, noise_db, swept=swept)
     question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior())
     given = records.given(question.diagram)
@@ -16,9 +18,25 @@ def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_
     assert not given.adequate()
     limits = [one for one in records.insertions(given) if isinstance(one, LimitPlace)]
     fits = [one for one in (records.edited(given, limit) for limit in limits) if one is not None]
-    best = min(fits, key=lambda one: one.cost())
+    return min(fits, key=lambda one: one.cost()), case
+
+
+def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_value():
+    best, case = raced("command_limit", 1, 60.0, swept=False)
     (place,), (told,) = best.edits, case.device.limits.values()
     assert best.adequate()
     assert isinstance(place, LimitPlace)
     assert (place.limit.id, place.limit.windup) == ("command_limit", told["windup"])
     assert abs(best.refit.values["command_limit.u_max"] / told["u_max"] - 1.0) < 1e-3
+
+
+def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decides_when_that_begins():
+    best, case = raced("momentary_cessation", 1, 60.0, swept=True)
+    (place,), (told,) = best.edits, case.device.limits.values()
+    assert best.adequate()
+    assert isinstance(place, LimitPlace)
+    assert place.limit.id == "momentary_cessation"
+    found = {
+        name: best.refit.values[f"momentary_cessation.{name}"] / told[name] for name in ("v_block", "t_hold", "ramp")
+    }
+    assert all(abs(ratio - 1.0) < 5e-3 for ratio in found.values()), found

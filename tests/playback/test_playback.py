@@ -16,7 +16,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.compare import model_of_program, nrmse, play
-from ibrid.playback.limits import LIMITS, limit_named
+from ibrid.playback.limits import LIMITS, UNTIL, limit_named, returned_at
 from ibrid.playback.player import Player, rational_order
 from ibrid.playback.recording import event_of, record_events
 from ibrid.structure.library import textbook
@@ -86,6 +86,29 @@ def test_a_limit_does_what_its_law_says(id: str, mode: str, windup: bool, parame
     assert error is not None
     assert error < 1e-4
     assert (without.nrmse or 0.0) > 30 * error, "the record must reach the limit"
+
+
+def test_a_cessation_that_ends_at_a_moment_is_the_one_whose_hold_ends_there():
+    time = np.arange(850) / 5000
+    v = event_of("dip:0.5,at=0.04,for=0.04").voltage(time, 1.0)
+    record = record_of(np.tile([0.8, -0.1], (850, 1)), time, np.stack([v.real, v.imag], axis=1))
+    blocked = VALUES | {"momentary_cessation.v_block": 0.55, "momentary_cessation.ramp": 10.0}
+    moment, hold = 0.08, limit_named("momentary_cessation")
+    (by_moment,) = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [UNTIL]).play(
+        record, [blocked | {"momentary_cessation.until": moment}]
+    )
+    returned = returned_at([UNTIL], by_moment.memory)
+    assert 0.04 < returned < moment  # s after the begin of a dip of 0.04 s
+    (by_hold,) = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [hold]).play(
+        record, [blocked | {"momentary_cessation.t_hold": moment - returned}]
+    )
+    np.testing.assert_allclose(by_moment.current, by_hold.current, atol=1e-9)
+    (never,) = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [UNTIL]).play(
+        record, [blocked | {"momentary_cessation.until": moment, "momentary_cessation.v_block": 0.2}]
+    )
+    (plain,) = Player(textbook("gfl_pll_filter_exact"), VOCABULARY).play(record, [VALUES])
+    np.testing.assert_allclose(never.current, plain.current, atol=1e-9)
+    assert returned_at([UNTIL], never.memory) < 0
 
 
 def test_without_a_limit_an_adaptive_integration_gives_the_same_current():

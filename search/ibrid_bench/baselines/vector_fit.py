@@ -4,6 +4,7 @@ B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052. Poles by
 squares once more, so that known noise counts as it does for the other methods.
 """
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,7 +12,6 @@ import numpy as np
 from ibrid_bench.baselines.weighing import information, scales, stacked
 
 from ibrid.errors import IbridError
-from ibrid.fit.vector_fitting import relocated_poles
 from ibrid.measurement.sweep import PointSweep
 
 #: Share of the measured numbers that the coefficients may reach; more would only interpolate the noise.
@@ -102,3 +102,34 @@ def _basis(poles: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 def _order(poles: np.ndarray) -> int:
     return len(poles) + int(np.count_nonzero(np.imag(poles)))
+
+
+def relocated_poles(
+    point: PointSweep, real: int, pairs: int, *, spacing: str = "lin", enforce_dc: bool = True
+) -> np.ndarray:
+    """Poles (rad/s) common to the four entries, of a complex pair the upper one; none where scikit-rf breaks off.
+
+    spacing : of the starting poles, "lin" or "log". Data without noise may leave poles beyond their order so undetermined
+    that the equations are singular. Raises IbridError when scikit-rf is not installed.
+    """
+    try:
+        from skrf import Frequency, Network
+        from skrf.vectorFitting import VectorFitting
+    except ImportError:
+        raise IbridError("vector fitting needs scikit-rf; install it with: pip install scikit-rf") from None
+    band = Frequency.from_f(point.frequency, unit="Hz")
+    fit = VectorFitting(Network(frequency=band, y=point.admittance, z0=1.0, name="admittance"))
+    with warnings.catch_warnings():  # of fits that do not converge, whose poles are judged by whoever asked
+        warnings.simplefilter("ignore")
+        try:
+            fit.vector_fit(
+                n_poles_real=real,
+                n_poles_cmplx=pairs,
+                init_pole_spacing=spacing,
+                parameter_type="y",
+                enforce_dc=enforce_dc,
+            )
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return np.zeros(0, dtype=complex)
+    poles = np.asarray(fit.poles, dtype=complex)
+    return poles if np.isfinite(poles).all() else np.zeros(0, dtype=complex)

@@ -1,0 +1,41 @@
+"""A cessation fitted by the moments of release instead of its hold, and the hold that these amount to.
+
+The hold begins where the voltage at the filter last passes v_block. That voltage rings, so that a little change of any number
+moves the beginning by a period of the ring, and the cost jumps with it. The moment at which the current sets in again is seen in
+each record and moves nothing else: it is a number of its own in each (`UNTIL`). The hold is what lies between the two in the end.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ibrid.gap.data import Values
+from ibrid.gap.event_fit import STEP, EventMisfit, of_record
+from ibrid.measurement.event_windows import returns_at
+from ibrid.measurement.events import Events
+from ibrid.playback.limits import UNTIL, returned_at
+
+HOLD, MOMENT = "momentary_cessation.t_hold", "momentary_cessation.until"
+
+
+def by_moments(start: Mapping[str, float], events: Events) -> dict[str, float]:
+    """Values of a cessation with its hold behind the return of each record's voltage."""
+    found = {name: value for name, value in start.items() if name != HOLD}
+    box = UNTIL.parameters["until"]
+    for record in events.records:
+        moment = returns_at(record, events.f0_hz) - record.rest_end + start[HOLD]
+        found[of_record(MOMENT, record.name)] = float(np.clip(moment, box.low, box.high))
+    return found
+
+
+def by_holds(misfit: EventMisfit, x: np.ndarray) -> list[Values]:
+    """Values with the hold that each record shows, and with their mean; none where no record was blocked."""
+    values, holds = misfit.values(x), []
+    for record in misfit.noise.events.records:
+        own = misfit.values_in(record, x)
+        (played,) = misfit.player.play(record, [own], step=STEP)
+        hold = own[MOMENT] - returned_at(misfit.player.limits, played.memory)
+        if np.isfinite(hold) and hold < UNTIL.parameters["until"].high:
+            holds.append(max(hold, 1e-4))
+    rest = {name: value for name, value in values.items() if not name.startswith(MOMENT)}
+    return [{**rest, HOLD: hold} for hold in sorted({*holds, float(np.mean(holds))} if holds else ())]
