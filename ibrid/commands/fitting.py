@@ -29,9 +29,7 @@ def declare(commands: Any) -> None:
         "--values", metavar="FILE", help="with records: values to begin at (JSON), also of limits: current_limit.i_max"
     )
     inputs.add_events_options(parser)
-    parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
-    parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
-    parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    inputs.add_study_options(parser)
     add_kinds_option(parser)
     parser.add_argument(
         "--objective",
@@ -40,10 +38,6 @@ def declare(commands: Any) -> None:
         "frequency band counts alike",
     )
     parser.add_argument("--restarts", type=inputs.natural, metavar="N", help="further waves of starts at most (5)")
-    parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
-    parser.add_argument(
-        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
-    )
     inputs.add_port_option(parser)
     inputs.add_labels_option(parser, "exact")
     parser.add_argument("--seeds", default="textbook", help="starts from: textbook (default) | vector-fitting")

@@ -115,6 +115,16 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | No
     return None, events(arguments.data, *options)
 
 
+def add_study_options(parser: ArgumentParser, *, random: str = "the random starts") -> None:
+    """Declare --parameters, --equilibrium, --vocabulary, --holdout-op and --seed; random : what the seed is of."""
+    parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
+    parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
+    parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    words = "keep this point out and predict it, repeatable"
+    parser.add_argument("--holdout-op", action="append", default=[], metavar="OP", help=words)
+    parser.add_argument("--seed", type=natural, default=0, metavar="N", help=f"of {random} (0)")
+
+
 def add_port_option(parser: ArgumentParser) -> None:
     """`--port PORT`."""
     parser.add_argument(

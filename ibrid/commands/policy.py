@@ -1,12 +1,9 @@
 """`ibrid policy train --out DIR`: makes the small learned proposer anew."""
 
-import os
 from argparse import Namespace
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
-from ibrid.errors import IbridError
 
 
 def declare(commands: Any) -> None:
@@ -43,36 +40,9 @@ def run_train(arguments: Namespace) -> int:
     """Train and say how good the policy is."""
     if arguments.runs:
         return _learn_from_runs(arguments)
-    from ibrid_search.evaluation.ray_session import open_session
     from ibrid_search.policy_package import policy_part
 
-    making, shards = policy_part("making"), policy_part("experience.shards")
-
-    workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
-    if workers < 1:
-        raise IbridError(f"--workers must be 1 or more, found {workers}")
-    training = policy_part("training").TrainingSettings(steps=arguments.steps, seed=arguments.seed)
-    order = making.Order(arguments.inverters, arguments.seed, training, arguments.size)
-    session = None if arguments.ray is None else open_session(workers, arguments.ray)
-    try:
-        crew = shards.Processes(workers) if session is None else shards.RayCluster()
-        found = making.train_policy(arguments.out, order, crew=crew, resume=arguments.resume)
-    except KeyboardInterrupt:
-        complain(f"stopped; go on with: ibrid policy train --out {arguments.out} --resume (and the same options)")
-        return 1
-    finally:
-        if session is not None:
-            session.close()
-    print(f"\n{'never trained on':<30} {'questions':>9} {'valid':>6} {'exact':>6} {'of 4':>6} {'-ln p':>6}")
-    for name, one in found.items():
-        shares = (
-            " ".join(f"{share:>6.0%}" for share in (one.valid, one.exact, one.exact_of_several))
-            if one.questions
-            else ""
-        )
-        print(f"{name:<30} {one.questions:>9} {shares} {one.loss:>6.2f}" if one.questions else f"{name:<30} {0:>9}")
-    print(f"\n{arguments.out}: model.safetensors, config.json, vocabulary.json, MODEL_CARD.md")
-    return 0
+    return policy_part("command").train(arguments)
 
 
 def _learn_from_runs(arguments: Namespace) -> int:

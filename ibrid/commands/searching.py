@@ -37,43 +37,6 @@ SERVER: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
     ),
 }
 
-#: Settings of learning that have an option: what it takes, how it is read, and what it is for.
-LEARNING: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
-    "contexts": ("N", inputs.natural, "questions between two updates (paper 32, small 1)"),
-    "group": ("N", inputs.natural, "answers to each question (paper 16, small 8)"),
-    "epochs": ("N", inputs.natural, "updates from each batch (1)"),
-    "optimizer": ("WAY", str, "what makes a step of the weights from a gradient: adam (paper), or sgd (small)"),
-    "rate": ("X", inputs.positive, "learning rate (by the optimizer and the size of the model)"),
-    "judge": (
-        "WHO",
-        str,
-        "fit, every answer is evaluated (paper), or look, a first look judges all answers to a question by what they gain on "
-        "their parent, the candidate they edit, and one of them is evaluated (small)",
-    ),
-    "baseline": (
-        "WAY",
-        str,
-        "answers are compared with their group, those to the same question (the default), or with all of their batch by "
-        "what they gain on their parent",
-    ),
-    "advantages": ("WAY", str, "what is made better: the mean answer (paper), or the best one, entropic (small)"),
-    "clip_low": (
-        "X",
-        inputs.positive,
-        "a token whose probability fell below 1 - X of what it was is pushed no further (0.2)",
-    ),
-    "clip_high": ("X", inputs.positive, "one whose probability rose above 1 + X is pushed no further (0.28)"),
-    "divergence": (
-        "X",
-        inputs.finite,
-        "weight of the divergence (KL) from the policy at the start (paper 0, small 0.1)",
-    ),
-    "lora": ("N", inputs.natural, "rank of low-rank adapters, which need the package peft (0: train all weights)"),
-    "longest": ("N", inputs.natural, "tokens of a language model's answer at most (512)"),
-    "question": ("N", inputs.natural, "tokens of a question to a language model at most; details are left out (16000)"),
-    "threads": ("N", inputs.natural, "threads of torch; another number gives other results in the last digits (1)"),
-}
-
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
@@ -148,16 +111,10 @@ def declare(commands: Any) -> None:
     )
     search.add_argument("--budget", type=inputs.natural, default=500, metavar="N", help="evaluations at most (500)")
     search.add_argument("--target", type=inputs.positive, metavar="X", help="NRMSE that ends the search")
-    search.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
     search.add_argument("--workers", type=inputs.natural, metavar="N", help="evaluate on so many cores (all)")
     search.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster: auto, or HEAD:6379")
-    search.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
+    inputs.add_study_options(search, random="everything random")
     add_kinds_option(search)
-    search.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
-    search.add_argument("--parameters", default="shared", help="shared (default) | per-op")
-    search.add_argument(
-        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
-    )
     search.add_argument(
         "--history",
         type=inputs.natural,
@@ -191,7 +148,7 @@ def declare(commands: Any) -> None:
         help="settings to begin with: paper (default), 512 answers to an update; small, for a few hundred evaluations, 8 of "
         "which one is evaluated",
     )
-    for name, (metavar, kind, help_text) in LEARNING.items():
+    for name, (metavar, kind, help_text) in _learning_options().items():
         search.add_argument(f"--learn-{name.replace('_', '-')}", type=kind, metavar=metavar, help=help_text)
     search.add_argument(
         "--learn-constrained",
@@ -207,13 +164,7 @@ def declare(commands: Any) -> None:
         "--out", metavar="RUN", help="keep what is evaluated in this folder, and go on with it if it is there"
     )
     tools.add_argument("--start", metavar="PROGRAM", help="step 0 (naive): " + inputs.PROGRAM_HELP)
-    tools.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
-    tools.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
-    tools.add_argument("--parameters", default="shared", help="shared (default) | per-op")
-    tools.add_argument(
-        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out, repeatable"
-    )
-    tools.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
+    inputs.add_study_options(tools)
     tools.add_argument("--seconds", type=inputs.positive, default=30.0, metavar="S", help="limit of an evaluation (30)")
     tools.set_defaults(run=run_mcp)
 
@@ -275,9 +226,18 @@ def run_search(arguments: Namespace) -> int:
     return _say(found, arguments, truth)
 
 
+def _learning_options() -> Mapping[str, tuple[str, Callable[[str], Any], str]]:
+    """Settings of learning that have an option; none where ibrid-policy is not installed."""
+    if find_spec("ibrid_policy") is None:
+        return {}
+    from ibrid_search.policy_package import policy_part
+
+    return policy_part("learning.options").LEARNING
+
+
 def _learning(arguments: Namespace) -> Any:
     """Settings of learning as given; False without --learn."""
-    names = ("profile", "constrained", *LEARNING)
+    names = ("profile", "constrained", *_learning_options())
     given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
     if not arguments.learn:
         if given:

@@ -9,7 +9,7 @@ until the model explains the data what is left over counts as noise, so that the
 predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,8 +42,6 @@ STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
 IDLE = 3
 #: Part of the cost to which a descent begun again must come, or it was at its end; cost of a number where only noise is left.
 HELPS, LEFT = 0.8, 1.1
-#: Distances in search coordinates from what jumps at which a descent is begun again.
-JUMPED = np.linspace(-0.5, 0.5, 25)
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
@@ -188,17 +186,14 @@ class EventMisfit:
         parts = []
         for record in self.noise.events.records:
             values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name][:, None]
-            found = []
+            found: list[np.ndarray] = []
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
                 try:
-                    found += [
-                        ((one.current - record.i) / sigma).ravel()
-                        for one in self.player.play(record, some, step=STEP, led=self.led)
-                    ]
-                except IbridError:  # the first has no rest
-                    found += self._one_by_one(record, some, sigma)
-            parts.append(np.array(found))
+                    found += [one.current for one in self.player.play(record, some, step=STEP, led=self.led)]
+                except IbridError:  # none of them has a rest
+                    found += [np.full(record.i.shape, np.nan)] * len(some)
+            parts.append(((np.array(found) - record.i) / sigma).reshape(len(values), -1))
         return np.concatenate(parts, axis=1)
 
     def answered(self, x: np.ndarray) -> np.ndarray:
@@ -206,16 +201,6 @@ class EventMisfit:
         records = self.noise.events.records
         pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
         return np.concatenate([(current / self.noise.sigma[record.name][:, None]).ravel() for record, current in pairs])
-
-    def _one_by_one(self, record, some: Sequence[Mapping[str, float]], sigma: np.ndarray) -> list[np.ndarray]:
-        found = []
-        for one in some:
-            try:
-                (played,) = self.player.play(record, [one], step=STEP, led=self.led)
-                found.append(((played.current - record.i) / sigma).ravel())
-            except IbridError:
-                found.append(np.full(2 * len(record.time), np.nan))
-        return found
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P)."""
@@ -231,14 +216,6 @@ class EventMisfit:
         points = self.at(x)
         order = [k for k in np.argsort(points.cost, kind="stable")[:number] if np.isfinite(points.cost[k])]
         return [Descending(self, points.x[k], float(points.cost[k])) for k in order]
-
-    def jumped(self, x: np.ndarray) -> np.ndarray:
-        """x (P,) with other values of what jumps, (S, P)."""
-        places = np.flatnonzero(self._jumping)
-        found = np.repeat(x[None], len(JUMPED) ** len(places), axis=0)
-        for place, moved in zip(places, np.meshgrid(*[JUMPED] * len(places)), strict=True):
-            found[:, place] += moved.ravel()
-        return np.clip(found, *self.box)
 
     def begun(self, x: np.ndarray) -> "Descending":
         """A start at x (P,)."""
@@ -360,14 +337,10 @@ class EventFitter:
             misfit = self.misfit(diagram, limits).predicting
         except IbridError:
             return None
-        begun = misfit.at(np.array([misfit.beliefs.start(values) for values in starts]))
-        if not np.isfinite(begun.cost).any():
-            return None
-        best = int(np.argmin(begun.cost))
-        scaled = misfit.scaled(begun.x[best])
-        after = misfit.at(DESCENT.go(scaled, DESCENT.begin(scaled, begun.x[best : best + 1]), 1).x)
-        better = after.cost[0] < begun.cost[best]
-        return (after.x[0], float(after.cost[0])) if better else (begun.x[best], float(begun.cost[best]))
+        for one in misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1):
+            one.go(1, 1)
+            return one.x, one.cost
+        return None
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
         """A diagram at given search coordinates."""
@@ -414,6 +387,11 @@ class Descending:
         """By name."""
         return self.misfit.values(self.x)
 
+    @property
+    def explains(self) -> bool:
+        """True where no more than noise is left."""
+        return self.cost <= LEFT * self.misfit.count
+
     def go(self, rounds: int, steps: int) -> "Descending":
         """So many rounds more."""
         for _ in range(rounds):
@@ -424,16 +402,13 @@ class Descending:
         return self
 
     def to_its_end(self) -> None:
-        """Begun again while that helps much and more than noise is left: from here, from where predictions lead, and from other
-        values of what jumps."""
-        while self.cost > LEFT * self.misfit.count and any(self._again(x) for x in self._beginnings()):
+        """Begun again while that helps much and more than noise is left: from here, and from where predictions lead."""
+        while not self.explains and any(self._again(x) for x in self._beginnings()):
             pass
 
     def _beginnings(self) -> Iterator[np.ndarray]:
         yield self.x
         yield self.misfit.predicting.begun(self.x).go(*LED).x
-        others = self.misfit.jumped(self.x)
-        yield from (one.x for one in self.misfit.best(others, 1 if len(others) > 1 else 0))
 
     def _again(self, x: np.ndarray) -> bool:
         """Whether a descent from x helped."""

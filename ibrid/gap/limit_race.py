@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.data import Values
-from ibrid.gap.event_fit import LEFT, PLAIN, WORTH, Descending, EventFit, EventFitter, EventMisfit
+from ibrid.gap.event_fit import PLAIN, WORTH, Descending, EventFit, EventFitter, EventMisfit
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.release import by_holds, by_moments
 from ibrid.playback.limits import UNTIL, Limit
@@ -23,8 +23,8 @@ FOLLOWED = (2, 1)
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
 HEATS = ((1, 1, 24), (1, 3, 12), (3, 2, 6), (5, 2, 4))
-#: Rounds beside what the first found, steps of each.
-BESIDE = (2, 3)
+#: Rounds beside what the first found, steps of each; and beside a model that explains all, where little is to be gained.
+BESIDE, BRIEFLY = (2, 3), (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +39,14 @@ class Form:
     misfit: EventMisfit
     starts: tuple[Values, ...]
 
-    def begun(self, origins: Sequence[Values], number: int, *, predicting: bool = False) -> list[Descending]:
-        """The best starts about values of the other parameters."""
-        misfit = self.misfit.predicting if predicting else self.misfit
-        starts: Sequence[Values] = self.starts
+    def begun(self, origins: Sequence[Values], number: int) -> list[Descending]:
+        """The best starts about values of the other parameters, by predictions."""
+        misfit, starts = self.misfit.predicting, self.starts
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
-            starts = [one for one in starts if one[last] == levels[len(levels) // 2]]
-            near = _best(misfit, [{**origin, **start} for start in starts for origin in origins], NEAR)
+            some = [one for one in starts if one[last] == levels[len(levels) // 2]]
+            near = _best(misfit, [{**origin, **start} for start in some for origin in origins], NEAR)
             return _best(misfit, [{**one.values, last: level} for one in near for level in levels], number)
         return _best(misfit, [{**origin, **start} for start in starts for origin in origins], number)
 
@@ -57,16 +56,23 @@ class Form:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
         starts = np.array([held.beliefs.start(one) for one in by_holds(self.misfit, x)])
-        ends = [one.go(*BESIDE) for one in held.best(starts, 1)] if len(starts) else []
-        return fitter.at(self.place.diagram, self.limits, ends[0].x) if ends else None
+        for one in held.best(starts, 1) if len(starts) else ():
+            near = one.cost <= WORTH * held.count  # else it is no rival, to whom the last steps matter
+            return fitter.at(self.place.diagram, self.limits, (one.go(*BESIDE) if near else one).x)
+        return None
 
 
 @dataclass(frozen=True, eq=False)
 class Runner:
-    """A form, by its number, and how far it has come."""
+    """A form, and how far it has come."""
 
-    form: int
+    form: Form
     descending: Descending
+
+    @property
+    def on_all(self) -> "Runner":
+        """The same on whole records."""
+        return Runner(self.form, self.form.misfit.begun(self.descending.x))
 
 
 def race(
@@ -82,44 +88,40 @@ def race(
     beside : all limits of a model with a form. origins : values of the other parameters. led : False where a model explains the
     records already, and no form is followed far.
     """
-    forms = [_form(fitter, place, beside(place)) for place in places]
-    running = [(number, form) for number, form in enumerate(forms) if form is not None]
-
-    front = _heats(running, origins) if led else []
-    whole = _first((_whole(forms, one) for one in front), len(front))
+    forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
+    front = _heats(forms, origins) if led else []
+    whole = _first((one.on_all for one in front), len(front))
     worth = [
         one for one in whole if one.descending.cost <= WORTH * whole[0].descending.cost
     ]  # all before any is descended
     for runner in worth:
-        runner.descending.go(*PLAIN)
+        if runner.descending.go(*PLAIN).explains:
+            break
     ended = _first(worth, 1)
     for runner in ended:
         runner.descending.to_its_end()
     others = [runner.descending.values for runner in ended] or origins
-    first = {runner.form for runner in ended}
-    for number, form in running:
-        if number not in first:
-            whole += [Runner(number, one.go(*BESIDE)) for one in form.begun(others, 1)]
-    best = {one.form: one.descending.x for one in reversed(_first(whole, len(whole)))}
-    found = {number: form.fitted(fitter, best[number]) for number, form in running if number in best}
-    return [found.get(number) for number in range(len(places))]
+    for form in forms:
+        if all(form is not runner.form for runner in ended):
+            starts = (form.misfit.begun(one.x) for one in form.begun(others, 1))
+            whole += [Runner(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
+    best = {id(one.form.place): one for one in reversed(_first(whole, len(whole)))}
+    runners = (best.get(id(place)) for place in places)
+    return [None if one is None else one.form.fitted(fitter, one.descending.x) for one in runners]
 
 
-def _heats(running: Sequence[tuple[int, Form]], origins: Sequence[Values]) -> list[Runner]:
+def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
     """Those in front after all heats, the first form first."""
     runners = [
-        Runner(number, one)
-        for number, form in running
+        Runner(form, one)
+        for form in forms
         for k, origin in enumerate(origins)
-        for one in form.begun([origin], FOLLOWED[min(k, 1)], predicting=True)
+        for one in form.begun([origin], FOLLOWED[min(k, 1)])
     ]
     for rounds, steps, number in HEATS:
         for runner in runners:
             runner.descending.go(rounds, steps)
         runners = _first(runners, number)
-        first = runners[0].descending if runners else None
-        if first is not None and first.cost <= LEFT * first.misfit.count:  # what leaves noise alone has won
-            return [one for one in runners if one.descending.cost <= WORTH * first.cost]
     return runners
 
 
@@ -136,12 +138,6 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
 
 def _best(misfit: EventMisfit, values: Sequence[Values], number: int) -> list[Descending]:
     return misfit.best(np.unique(np.array([misfit.beliefs.start(one) for one in values]), axis=0), number)
-
-
-def _whole(forms: Sequence[Form | None], runner: Runner) -> Runner:
-    """The same on whole records."""
-    form = forms[runner.form]
-    return runner if form is None else Runner(runner.form, form.misfit.begun(runner.descending.x))
 
 
 def _first(runners: Iterable[Runner], number: int) -> list[Runner]:

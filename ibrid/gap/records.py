@@ -99,8 +99,8 @@ class Records:
 
     def again(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model fitted from further starts; the better of both."""
-        other = self.refitted(model, starts)
-        return model if other is None or other.refit.cost >= model.refit.cost else other
+        fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
+        return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records."""

@@ -70,46 +70,42 @@ class Convention:
     @property
     def words(self) -> str:
         """What is different, in words."""
-        found = []
-        if self.sign < 0:
-            found.append("the current counts into the inverter")
-        if self.q < 0:
-            found.append("the q axis lags the d axis")
-        found += [f"the labels of {one} and {other} are exchanged" for one, other in self.labels]
-        if self.factor != 1.0:
-            found.append(f"the admittances are {self.factor:.4g} times those on the model's per-unit base")
-        if self.power != 1.0:
-            found.append(f"p and q of the file are {self.power:.4g} times the true ones{usual_mistakes(self.power)}")
-        if self.voltage != 1.0:
-            found.append(f"v of the file is {self.voltage:.4g} times the true one{usual_mistakes(self.voltage)}")
-        if self.node:
-            found.append(f"p and q were measured at the {self.node}, not where the file says")
-        if self.angle != 0.0:
-            found.append(f"the measuring frame is turned by {np.degrees(self.angle):.3g} degrees")
-        return " and ".join(found) or "as declared"
+        return " and ".join(different for different, _ in self._told) or "as declared"
 
     @property
     def remedy(self) -> str:
         """What to write into the file of the data, as sentences."""
-        found = []
+        return " ".join(remedy for _, remedy in self._told)
+
+    @property
+    def _told(self) -> Iterator[tuple[str, str]]:
+        """What is different, and what to do about it."""
         if self.sign < 0:
-            found.append("Write # current: in at the top of the file, or out where it says in.")
+            remedy = "Write # current: in at the top of the file, or out where it says in."
+            yield "the current counts into the inverter", remedy
         if self.q < 0:
-            found.append("Write # q_axis: lags at the top of the file, or leads where it says lags.")
-        found += [f"Exchange p and q of {one} and {other}." for one, other in self.labels]
-        if self.factor != 1.0:
-            found.append(f"Divide the admittances by {self.factor:.4g}, or correct the base they are referred to.")
-        if self.power != 1.0:
-            found.append(f"Divide the columns p and q by {self.power:.4g}.")
-        if self.voltage != 1.0:
-            found.append(f"Divide the column v by {self.voltage:.4g} (1 where there is none).")
-        if self.node:
-            found.append(f"Write # power_node: {self.node} at the top of the file.")
-        if self.angle != 0.0:
-            found.append(
-                f"Nothing has to be rewritten: the repaired record keeps the {np.degrees(self.angle):.3g} degrees."
+            yield (
+                "the q axis lags the d axis",
+                "Write # q_axis: lags at the top of the file, or leads where it says lags.",
             )
-        return " ".join(found)
+        for one, other in self.labels:
+            yield f"the labels of {one} and {other} are exchanged", f"Exchange p and q of {one} and {other}."
+        if self.factor != 1.0:
+            remedy = f"Divide the admittances by {self.factor:.4g}, or correct the base they are referred to."
+            yield f"the admittances are {self.factor:.4g} times those on the model's per-unit base", remedy
+        if self.power != 1.0:
+            words = f"p and q of the file are {self.power:.4g} times the true ones{usual_mistakes(self.power)}"
+            yield words, f"Divide the columns p and q by {self.power:.4g}."
+        if self.voltage != 1.0:
+            words = f"v of the file is {self.voltage:.4g} times the true one{usual_mistakes(self.voltage)}"
+            yield words, f"Divide the column v by {self.voltage:.4g} (1 where there is none)."
+        if self.node:
+            words = f"p and q were measured at the {self.node}, not where the file says"
+            yield words, f"Write # power_node: {self.node} at the top of the file."
+        if self.angle != 0.0:
+            turned = f"{np.degrees(self.angle):.3g} degrees"
+            remedy = f"Nothing has to be rewritten: the repaired record keeps the {turned}."
+            yield f"the measuring frame is turned by {turned}", remedy
 
     def undone(self, sweep: Sweep) -> Sweep:
         """The data as the model means them; labels that a sweep lacks stay."""

@@ -85,16 +85,18 @@ class Player:
         led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
         ring on: what is left is that of a prediction.
 
-        Raises OperatingPointError, IbridError or DiagramError where the first set has no rest; another one without a rest is NaN.
+        Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
         orders = self._orders(values[0])
-        first = self._rest(values[0], record, orders)
-        rests: list[Rest | None] = [first]
-        for one in values[1:]:
+        rests: list[Rest | None] = []
+        for one in values:
             try:
                 rests.append(self._rest(one, record, orders))
-            except IbridError:
+            except IbridError as refused:
                 rests.append(None)
+                if len(rests) == len(values) and all(one is None for one in rests):
+                    raise refused
+        first = next(one for one in rests if one is not None)
         laws = self._laws_at(orders, first, led)
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
         current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step)
