@@ -108,11 +108,8 @@ def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
     for place, edit in enumerate(found.best.edits):
         if not isinstance(edit, Insertion):
             continue
-        names = [name for name in edit.parameters if name in found.best.refit.values]
-        parameters: dict[str, tuple[float, float | None, float | None]] = {}
-        for name in names:
-            low, high = spans.get(name) or (None, None)
-            parameters[name] = (found.best.refit.values[name], low, high)
+        values = {name: found.best.refit.values[name] for name in edit.parameters if name in found.best.refit.values}
+        parameters = {name: (value, *(spans.get(name) or (None, None))) for name, value in values.items()}
         form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
         told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(found, place)))

@@ -9,7 +9,7 @@ until the model explains the data what is left over counts as noise, so that the
 predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -329,18 +329,14 @@ class EventFitter:
         best = misfit.best(x, 1)
         return misfit.values(best[0].go(*LED).x if best else x[0])
 
-    def glance(
-        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
-    ) -> tuple[np.ndarray, float] | None:
-        """x of the best start by predictions after a step, and what that costs; None where none has an answer."""
+    def glance(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> "Descending | None":
+        """The best start by predictions after a step; None where none has an answer."""
         try:
             misfit = self.misfit(diagram, limits).predicting
         except IbridError:
             return None
-        for one in misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1):
-            one.go(1, 1)
-            return one.x, one.cost
-        return None
+        begun = misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1)
+        return begun[0].go(1, 1) if begun else None
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
         """A diagram at given search coordinates."""
@@ -403,12 +399,9 @@ class Descending:
 
     def to_its_end(self) -> None:
         """Begun again while that helps much and more than noise is left: from here, and from where predictions lead."""
-        while not self.explains and any(self._again(x) for x in self._beginnings()):
-            pass
-
-    def _beginnings(self) -> Iterator[np.ndarray]:
-        yield self.x
-        yield self.misfit.predicting.begun(self.x).go(*LED).x
+        while not self.explains:
+            if not (self._again(self.x) or self._again(self.misfit.predicting.begun(self.x).go(*LED).x)):
+                break
 
     def _again(self, x: np.ndarray) -> bool:
         """Whether a descent from x helped."""

@@ -62,17 +62,8 @@ class Form:
         return None
 
 
-@dataclass(frozen=True, eq=False)
-class Runner:
-    """A form, and how far it has come."""
-
-    form: Form
-    descending: Descending
-
-    @property
-    def on_all(self) -> "Runner":
-        """The same on whole records."""
-        return Runner(self.form, self.form.misfit.begun(self.descending.x))
+#: A form, and how far it has come.
+Runner = tuple[Form, Descending]
 
 
 def race(
@@ -90,37 +81,35 @@ def race(
     """
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
     front = _heats(forms, origins) if led else []
-    whole = _first((one.on_all for one in front), len(front))
-    worth = [
-        one for one in whole if one.descending.cost <= WORTH * whole[0].descending.cost
-    ]  # all before any is descended
-    for runner in worth:
-        if runner.descending.go(*PLAIN).explains:
+    whole = _first([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
+    worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
+    for _, one in worth:
+        if one.go(*PLAIN).explains:
             break
     ended = _first(worth, 1)
-    for runner in ended:
-        runner.descending.to_its_end()
-    others = [runner.descending.values for runner in ended] or origins
+    for _, one in ended:
+        one.to_its_end()
+    others = [one.values for _, one in ended] or origins
     for form in forms:
-        if all(form is not runner.form for runner in ended):
+        if all(form is not other for other, _ in ended):
             starts = (form.misfit.begun(one.x) for one in form.begun(others, 1))
-            whole += [Runner(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
-    best = {id(one.form.place): one for one in reversed(_first(whole, len(whole)))}
-    runners = (best.get(id(place)) for place in places)
-    return [None if one is None else one.form.fitted(fitter, one.descending.x) for one in runners]
+            whole += [(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
+    best = {id(form.place): (form, one) for form, one in reversed(_first(whole, len(whole)))}
+    found = (best.get(id(place)) for place in places)
+    return [None if pair is None else pair[0].fitted(fitter, pair[1].x) for pair in found]
 
 
 def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
     """Those in front after all heats, the first form first."""
     runners = [
-        Runner(form, one)
+        (form, one)
         for form in forms
         for k, origin in enumerate(origins)
         for one in form.begun([origin], FOLLOWED[min(k, 1)])
     ]
     for rounds, steps, number in HEATS:
-        for runner in runners:
-            runner.descending.go(rounds, steps)
+        for _, one in runners:
+            one.go(rounds, steps)
         runners = _first(runners, number)
     return runners
 
@@ -142,5 +131,4 @@ def _best(misfit: EventMisfit, values: Sequence[Values], number: int) -> list[De
 
 def _first(runners: Iterable[Runner], number: int) -> list[Runner]:
     """Those in front, by the cost of where they are; what has no answer is out."""
-    running = (one for one in runners if np.isfinite(one.descending.cost))
-    return sorted(running, key=lambda one: one.descending.cost)[:number]
+    return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]

@@ -182,11 +182,10 @@ class Records:
         found = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
         if found is None:
             return None
-        x, cost = found
         misfit = self.fitter.misfit(insertion.diagram, self.beside(changed))
         refit = replace(
-            model.refit, values=misfit.values(x), chi2=model.refit.cost + cost, penalty=0.0, free=len(x), misfit=misfit,
-            diagram=insertion.diagram, limits=self.beside(changed), x=x,
+            model.refit, values=found.values, chi2=model.refit.cost + found.cost, penalty=0.0, free=len(found.x), misfit=misfit,
+            diagram=insertion.diagram, limits=self.beside(changed), x=found.x,
         )  # fmt: skip
         return replace(changed, refit=refit)
 

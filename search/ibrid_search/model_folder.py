@@ -1,11 +1,11 @@
 """Models in folders of others: nothing in a folder runs, nothing is downloaded, weights are safetensors alone."""
 
 import importlib
-import json
 from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid_search.parsed import mapping_in
 
 CONFIG = "config.json"
 
@@ -55,7 +55,6 @@ def require_model(folder: Path) -> None:
 
 def _config(folder: Path) -> dict[str, Any]:
     try:
-        found = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return mapping_in((folder / CONFIG).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return {}  # transformers says what is wrong with it
-    return found if isinstance(found, dict) else {}

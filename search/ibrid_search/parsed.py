@@ -1,6 +1,8 @@
-"""Diagrams of the programs of a run, read once each."""
+"""Diagrams of the programs of a run, read once each; objects of JSON."""
 
+import json
 from functools import lru_cache
+from typing import Any
 
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
@@ -10,3 +12,12 @@ from ibrid.structure.program import parse_program
 def parsed(program: str) -> Diagram:
     """The diagram of a program, shared by all who ask and changed by none. Raises ProgramError."""
     return parse_program(program, "the edited program")
+
+
+def mapping_in(text: str) -> dict[str, Any]:
+    """The object that a text of JSON holds; empty where it holds none."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}

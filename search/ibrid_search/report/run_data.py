@@ -1,6 +1,5 @@
 """Everything that the page about a run needs, read once: steps, records, data, the selection and the given truth."""
 
-import json
 import math
 import tempfile
 import tomllib
@@ -22,6 +21,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
 from ibrid.writing import inside
 from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
+from ibrid_search.parsed import mapping_in
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
 from ibrid_search.step import Step
@@ -145,7 +145,7 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
         truth=truth,
         truth_record=truth_record,
         retried=store.retried(),
-        archive=_archive(meta.get("archive", "")),
+        archive=mapping_in(meta.get("archive", "")),
         notes=tuple(notes),
         calls=tuple(store.calls()),
     )
@@ -191,15 +191,6 @@ def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> S
 
 def _number(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 19 else None
-
-
-def _archive(text: str) -> dict[str, Any]:
-    """What `ibrid_search.archive.Archive.statistics` said; empty where it cannot be read."""
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def measured(text: str) -> tuple[Sweep | None, str]:
