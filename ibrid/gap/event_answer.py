@@ -108,8 +108,8 @@ def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
     for place, edit in enumerate(found.best.edits):
         if not isinstance(edit, Insertion):
             continue
-        values = {name: found.best.refit.values[name] for name in edit.parameters if name in found.best.refit.values}
-        parameters = {name: (value, *(spans.get(name) or (None, None))) for name, value in values.items()}
+        ends = {name: spans.get(name) or (None, None) for name in edit.parameters if name in found.best.refit.values}
+        parameters = {name: (found.best.refit.values[name], low, high) for name, (low, high) in ends.items()}
         form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
         told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(found, place)))
