@@ -90,7 +90,8 @@ class Rankings:
 
         Empty where only noise is left, and where operating points have values or frequencies of their own.
         """
-        if self.study.parameters != "shared" or self._error(parent) <= self.looker.criterion.floor.most:
+        asked = (self.study.parameters, self.study.equilibrium) == ("shared", "exact")
+        if not asked or self._error(parent) <= self.looker.criterion.floor.most:
             return ()
         key = f"{program_text(parent.diagram)} {parent.record.nrmse}"
         if key not in self._ports:
@@ -99,11 +100,10 @@ class Rankings:
 
     def _explaining(self, parent: Evaluated) -> Iterator[PortFit]:
         noise, kinds = noise_of(self.study.fitted), self.study.kinds
-        noise = replace(
-            noise, sweep=replace(noise.sweep, points=coarse(noise.sweep.points, MOST_POINTS, MOST_FREQUENCIES))
-        )
+        few = coarse(noise.sweep.points, MOST_POINTS, MOST_FREQUENCIES)
+        noise = replace(noise, sweep=replace(noise.sweep, points=few))
         try:
-            fits = port_map(parent.diagram, kinds, noise.sweep, {}, self._values(parent)[:1])
+            fits = port_map(self.study.placed(parent.diagram), kinds, noise.sweep, {}, self._values(parent)[:1])
         except IbridError:  # grids that differ
             return
         left = (parent.record.misfit or {}).get("chi2_per_dof") or 0.0

@@ -11,6 +11,7 @@ from ibrid_search.engineer_question import engineer_question
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Answer, estimated_tokens, prompt_text
 from ibrid_search.proposers.language_model import LanguageModel, placed, read_answer
+from ibrid_search.record_view import polar
 from ibrid_search.step import Status, Step
 from scripted_search import NAIVE, PLAIN, ScriptedEvaluator, ended, fixed, steps_of
 
@@ -51,6 +52,19 @@ def test_data_record_and_diagnosis_are_told():
     assert f"1. {best.edit.words}: {best.error:.3g}, {best.free} free parameters" in text
     met = replace(question, seen=question.study.hash_of(best.edit.diagram).__eq__)
     assert f"1. {best.edit.words}: {best.error:.3g}" not in said(met)
+
+
+def test_where_one_unknown_transfer_explains_most_is_told_with_that_transfer():
+    question = context()
+    text, left = said(question), question.parent.record.misfit["chi2_per_dof"]
+    assert 0 < len(question.ports) <= 3
+    for fit in question.ports:
+        assert fit.chi2_per_dof < left / 4
+        seen = np.flatnonzero(fit.deviation < np.abs(fit.transfer) / 2)
+        hertz, value = fit.frequency[seen[0]], fit.transfer[seen[0]]
+        assert f"- {fit.port.name} ({fit.port.words}): {fit.chi2_per_dof:.3g}; {polar(value)} at {hertz:.3g} Hz" in text
+    assert context("naive").ports == ()
+    assert "unknown transfer" not in said(context("naive"))
 
 
 @pytest.mark.parametrize("name", ["gfm_droop"])
