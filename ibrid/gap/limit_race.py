@@ -55,8 +55,7 @@ class Form:
         if UNTIL not in self.misfit.limits:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
-        starts = np.array([held.beliefs.start(one) for one in by_holds(self.misfit, x)])
-        for one in held.best(starts, 1) if len(starts) else ():
+        for one in _best(held, by_holds(self.misfit, x), 1):
             near = one.cost <= WORTH * held.count  # else it is no rival, to whom the last steps matter
             return fitter.at(self.place.diagram, self.limits, (one.go(*BESIDE) if near else one).x)
         return None
@@ -126,7 +125,8 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
 
 
 def _best(misfit: EventMisfit, values: Sequence[Values], number: int) -> list[Descending]:
-    return misfit.best(np.unique(np.array([misfit.beliefs.start(one) for one in values]), axis=0), number)
+    starts = [misfit.beliefs.start(one) for one in values]
+    return misfit.best(np.unique(np.array(starts), axis=0), number) if starts else []
 
 
 def _first(runners: Iterable[Runner], number: int) -> list[Runner]:
