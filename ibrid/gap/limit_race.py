@@ -39,9 +39,9 @@ class Form:
     misfit: EventMisfit
     starts: tuple[Values, ...]
 
-    def begun(self, origins: Sequence[Values], number: int) -> list[Descending]:
-        """The best starts about values of the other parameters, by predictions."""
-        misfit, starts = self.misfit.predicting, self.starts
+    def begun(self, origins: Sequence[Values], number: int, *, whole: bool = False) -> list[Descending]:
+        """The best starts about values of the other parameters, by predictions or on `whole` records."""
+        misfit, starts = self.misfit if whole else self.misfit.predicting, self.starts
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
@@ -91,11 +91,11 @@ def race(
     others = [one.values for _, one in ended] or origins
     for form in forms:
         if all(form is not other for other, _ in ended):
-            starts = (form.misfit.begun(one.x) for one in form.begun(others, 1))
+            led_to = [form.misfit.begun(one.x) for one in form.begun(others, 1)]
+            starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
             whole += [(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
     best = {id(form.place): (form, one) for form, one in reversed(_first(whole, len(whole)))}
-    found = (best.get(id(place)) for place in places)
-    return [None if pair is None else pair[0].fitted(fitter, pair[1].x) for pair in found]
+    return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
 
 
 def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
