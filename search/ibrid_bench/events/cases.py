@@ -27,6 +27,8 @@ LIMITS = (
     "current_limit", "command_limit", "pll_freeze", "momentary_cessation", "voltage_support", "reference_ramp",
 )  # fmt: skip
 HIDDEN = (*LIMITS, "pll_filter", "nothing", "unreached")
+#: Current, per unit, beyond which no inverter stays connected: a limit may make its control swing.
+LARGEST = 3.0
 #: Part of the answer that a hidden limit must change, and which one that is not reached may.
 REACHED, UNREACHED = 0.05, 1e-6
 RATE, LENGTH, AT, LASTS = 5000.0, 0.3, 0.06, 0.1
@@ -62,6 +64,8 @@ def draw(hidden: str, seed: int, noise_db: float | None, *, swept: bool) -> Even
                 continue
             records = [_answer(device, point, word) for word in words]
         except ValueError:
+            continue
+        if max(np.hypot(*i.T).max() for _, _, i in records) > LARGEST:
             continue
         change = [np.linalg.norm(i - _answer(Device(numbers), point, word)[2]) / np.linalg.norm(i - i[0])
                   for word, (_, _, i) in zip(words, records, strict=True)] if limits else []  # fmt: skip
