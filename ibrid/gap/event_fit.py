@@ -28,6 +28,7 @@ from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
+from ibrid.playback.steps import ORDER_5, ORDER_8
 from ibrid.structure.diagram import Diagram
 
 #: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
@@ -107,19 +108,14 @@ class EventMisfit:
         sweep: Misfit | None,
     ) -> None:
         self.player, self.limits = Player(diagram, kinds, limits, noise.events.omega_0), tuple(limits)
-        self.led, self.scale, self.weight = False, 1.0, np.ones(1)
+        self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
         self._known: dict[bytes, np.ndarray] = {}  # residuals of the last few x alone, which a descent asks for again
-        self._normals: dict[
-            bytes, tuple[np.ndarray, np.ndarray]
-        ] = {}  # of the last x, asked again after a step that fails
+        self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
+        own_of = {name: [of_record(name, record) for record in noise.events.names] for name in self._each}
         parameters = [
-            replace(one, name=name)
-            for one in self.player.parameters
-            for name in (
-                [of_record(one.name, own) for own in noise.events.names] if one.name in self._each else [one.name]
-            )
+            replace(one, name=name) for one in self.player.parameters for name in own_of.get(one.name, [one.name])
         ]
         self.numbers = [FreeNumber(one) for one in parameters]
         self.beliefs = Beliefs(parameters, prior)
@@ -134,6 +130,13 @@ class EventMisfit:
         """The same of predictions: the states are led by the measured current."""
         other = copy(self)
         other.led, other._known, other._normals = True, {}, {}
+        return other
+
+    @cached_property
+    def racing(self) -> "EventMisfit":
+        """Predictions by steps of order five, in half the time: they lead to a valley, and no further."""
+        other = copy(self.predicting)
+        other.rule, other._known, other._normals = ORDER_5, {}, {}
         return other
 
     def scaled(self, x: np.ndarray) -> "EventMisfit":
@@ -167,8 +170,7 @@ class EventMisfit:
 
     def values_in(self, record: EventRecord, x: np.ndarray) -> dict[str, float]:
         """The same in a record, with the numbers that it has of its own."""
-        values = self.values(x)
-        return {**values, **{name: values[of_record(name, record.name)] for name in self._each}}
+        return (values := self.values(x)) | {name: values[of_record(name, record.name)] for name in self._each}
 
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
@@ -190,7 +192,8 @@ class EventMisfit:
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
                 try:
-                    found += [one.current for one in self.player.play(record, some, step=STEP, led=self.led)]
+                    played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule)
+                    found += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     found += [np.full(record.i.shape, np.nan)] * len(some)
             parts.append(((np.array(found) - record.i) / sigma).reshape(len(values), -1))

@@ -41,14 +41,14 @@ class Form:
 
     def begun(self, origins: Sequence[Values], number: int, *, whole: bool = False) -> list[Descending]:
         """The best starts about values of the other parameters, by predictions or on `whole` records."""
-        misfit, starts = self.misfit if whole else self.misfit.predicting, self.starts
+        misfit, starts = self.misfit if whole else self.misfit.racing, self.starts
+        values = [{**origin, **start} for start in starts for origin in origins]
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
-            some = [one for one in starts if one[last] == levels[len(levels) // 2]]
-            near = _best(misfit, [{**origin, **start} for start in some for origin in origins], NEAR)
-            return _best(misfit, [{**one.values, last: level} for one in near for level in levels], number)
-        return _best(misfit, [{**origin, **start} for start in starts for origin in origins], number)
+            near = _best(misfit, [one for one in values if one[last] == levels[len(levels) // 2]], NEAR)
+            values = [{**one.values, last: level} for one in near for level in levels]
+        return _best(misfit, values, number)
 
     def fitted(self, fitter: EventFitter, x: np.ndarray) -> EventFit | None:
         """The model with this form; None where no record shows a hold."""

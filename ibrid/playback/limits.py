@@ -129,13 +129,9 @@ def limit_named(id: str, mode: str = "", windup: bool = False) -> Limit:
 
 def memory_at_rest(limits: Sequence[Limit], r_d: float, e: float, clock: float) -> list[float]:
     """What limits keep between steps, of a device at rest. clock : s, time since the event begins."""
-    found: list[float] = []
-    for one in limits:
-        if one.id == "reference_ramp":
-            found += [r_d]
-        elif one.id == "momentary_cessation":
-            found += [clock, e, 0.0, -NEVER] if one.mode == UNTIL.mode else [NEVER, e]
-    return found
+    kept = {"reference_ramp": [r_d], "momentary_cessation": [NEVER, e]}
+    until = [clock, e, 0.0, -NEVER]
+    return [number for one in limits for number in (until if one.mode == UNTIL.mode else kept.get(one.id, []))]
 
 
 def returned_at(limits: Sequence[Limit], memory: np.ndarray) -> float:

@@ -21,7 +21,7 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
-from ibrid.playback.steps import ORDER_5, ORDER_8, simulate
+from ibrid.playback.steps import ORDER_8, Rule, simulate
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import Parameter, parameter_table
@@ -37,7 +37,8 @@ MOST_PARTS, FEW_PARTS = 400, 16
 DEEP, DEEPER, SHALLOW = 5, 4, 2
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
-#: Values of the orders of delays for which the laws are kept.
+#: Parameter sets; and values of the orders of delays for which the laws are kept.
+Sets = Sequence[Mapping[str, float]]
 _Orders = tuple[tuple[str, int], ...]
 
 
@@ -78,7 +79,7 @@ class Player:
         return (*self.table.free, *own)
 
     def play(
-        self, record: EventRecord, values: Sequence[Mapping[str, float]], *, step: float = FINE, led: bool = False
+        self, record: EventRecord, values: Sets, *, step: float = FINE, led: bool = False, rule: Rule = ORDER_8
     ) -> list[Played]:
         """The answer to a record's voltage at each of several parameter sets, which take the same steps.
 
@@ -99,7 +100,7 @@ class Player:
         first = next(one for one in rests if one is not None)
         laws = self._laws_at(orders, first, led)
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
-        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step)
+        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step, rule)
         nothing = np.full((len(record.time), 2), np.nan)
         found = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
         for lane, (k, _) in enumerate(kept):
@@ -161,7 +162,7 @@ def run(
     rate: float,
     most: int = MOST_PARTS,
     deepest: int = DEEP,
-    rule: tuple[np.ndarray, ...] = ORDER_8,
+    rule: Rule = ORDER_8,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Current (N, 2, S) along signals (t -> (k,), the voltage first), the time (S,) at which each left, NaN if not, and the
     memory (k, S) at the end.
@@ -247,7 +248,7 @@ class _Laws:
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
 
     def run(
-        self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float
+        self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float, rule: Rule
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Current (N, 2, S), the time (S,) at which each left, and the memory (k, S) at the end."""
         numbers = [self._numbers(at, values, record) for at, values in lanes]
@@ -264,7 +265,6 @@ class _Laws:
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
         jumping = any(one.jumps for one in self.player.limits) and not self.led
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if jumping else SHALLOW)
-        rule = ORDER_5 if self.led else ORDER_8  # predictions lead to a valley, and no further
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
         return current - drawn, left, memory
 

@@ -12,6 +12,7 @@ from scipy.integrate import DOP853, RK45
 from ibrid.fit.kernel import OPTIONS
 from ibrid.playback.tape import OPERATIONS
 
+Rule = tuple[np.ndarray, ...]
 #: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the stages.
 ORDER_8, ORDER_5 = (
     tuple(np.ascontiguousarray(one, dtype=float) for one in (rule.A, rule.B, rule.C)) for rule in (DOP853, RK45)
