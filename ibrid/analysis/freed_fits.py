@@ -16,7 +16,7 @@ from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Coordinates
-from ibrid.gap.event_fit import EventMisfit
+from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.event_question import rests
 from ibrid.gap.noise import noise_of

@@ -1,16 +1,6 @@
-"""The fit of one diagram with its limits to records of events, and to a sweep beside them: one parameter set.
-
-cost(x) = sum over the samples of ((i_model - i) / sigma)^2 + chi2 of the sweep + the squared standard deviations of the prior.
-Slopes are differences of simulations that take the same steps as the one they are taken at.
-
-A resonance that is off by some per cent rings out of step within a few periods, and the cost has a minimum at each of them. So
-a fit begins with predictions: the states are led by the measured current, errors die away, and the cost has one valley. And
-until the model explains the data what is left over counts as noise, so that the prior holds what they do not tell; of
-predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
-"""
+"""The fit of one diagram with its limits to records of events, and to a sweep beside them: one parameter set."""
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,40 +8,19 @@ import numpy as np
 from scipy.stats import f as f_law
 
 from ibrid.errors import IbridError
-from ibrid.fit.least_squares import Descent, Points, carried
-from ibrid.fit.problem import FreeNumber, Misfit
+from ibrid.fit.problem import Misfit
 from ibrid.gap.data import Fitted, Values
+from ibrid.gap.event_misfit import LED, PLAIN, Descending, EventMisfit
 from ibrid.gap.event_noise import EventNoise
-from ibrid.gap.prior import Beliefs, Prior
+from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
-from ibrid.measurement.events import EventRecord
+from ibrid.gap.release import by_holds, by_moments, by_until
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
-from ibrid.playback.player import Player
-from ibrid.playback.steps import ORDER_5, ORDER_8
 from ibrid.structure.diagram import Diagram
 
-#: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
-SLOPE, WIDEST = 3e-5, 1e-2
-#: Steps of a simulation times the fastest mode.
-STEP = 1.0
-#: Rounds, and steps of each, of a descent by predictions and of the whole record.
-LED, PLAIN = (10, 2), (12, 3)
-#: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
-STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
-#: Rounds in turn that gain less than that, after which a descent ends.
-IDLE = 3
-#: Part of the cost to which a descent begun again must come, or it was at its end; cost of a number where only noise is left.
-HELPS, LEFT = 0.8, 1.1
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
-#: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
-MEDIAN, FAR_OFF = 0.6745, 3.0
-#: Parameter sets that are simulated together at most; single ones that are kept.
-TOGETHER, KNOWN = 32, 4
-DESCENT = Descent(
-    marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +29,12 @@ class EventFit(Fitted):
 
     diagram: Diagram
     limits: tuple[Limit, ...]
-    misfit: "EventMisfit"
+    misfit: EventMisfit
     prior: Prior
     x: np.ndarray
 
     @property
-    def problem(self) -> "EventMisfit":
+    def problem(self) -> EventMisfit:
         """What has the free numbers."""
         return self.misfit
 
@@ -93,193 +62,6 @@ class EventFit(Fitted):
     def slopes(self) -> np.ndarray:
         """Whitened slopes of all numbers by x, the prior's below: (R + P, P)."""
         return self.misfit.rows(self.x)
-
-
-class EventMisfit:
-    """A diagram with limits, records and perhaps a sweep, as a `SumOfSquares`."""
-
-    def __init__(
-        self,
-        diagram: Diagram,
-        limits: Sequence[Limit],
-        noise: EventNoise,
-        kinds: Vocabulary,
-        prior: Prior,
-        sweep: Misfit | None,
-    ) -> None:
-        self.player, self.limits = Player(diagram, kinds, limits, noise.events.omega_0), tuple(limits)
-        self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
-        self._known: dict[bytes, np.ndarray] = {}  # residuals of the last few x alone, which a descent asks for again
-        self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
-        self.noise, self.sweep = noise, sweep
-        self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
-        own_of = {name: [of_record(name, record) for record in noise.events.names] for name in self._each}
-        parameters = [
-            replace(one, name=name) for one in self.player.parameters for name in own_of.get(one.name, [one.name])
-        ]
-        self.numbers = [FreeNumber(one) for one in parameters]
-        self.beliefs = Beliefs(parameters, prior)
-        self.coordinates = self.beliefs.coordinates
-        own = {one.name: k for k, one in enumerate(parameters)}
-        jumps = {f"{one.id}.{name}" for one in limits for name in one.jumps}
-        self._jumping = np.array([one.name in jumps for one in parameters])
-        self._place = np.array([own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int)
-
-    @cached_property
-    def predicting(self) -> "EventMisfit":
-        """The same of predictions: the states are led by the measured current."""
-        other = copy(self)
-        other.led, other._known, other._normals = True, {}, {}
-        return other
-
-    @cached_property
-    def racing(self) -> "EventMisfit":
-        """Predictions by steps of order five, in half the time: they lead to a valley, and no further."""
-        other = copy(self.predicting)
-        other.rule, other._known, other._normals = ORDER_5, {}, {}
-        return other
-
-    def scaled(self, x: np.ndarray) -> "EventMisfit":
-        """The same with what is left over at x (P,) as the noise, where that is more."""
-        other = copy(self)
-        other.scale, other.weight, other._normals = 1.0, np.ones(1), {}
-        if self.led:
-            residual = other.played(x[None])[0]
-            size = max(float(np.median(np.abs(residual))) / MEDIAN, 1.0)
-            other.weight = 1.0 / np.hypot(1.0, np.nan_to_num(residual) / (FAR_OFF * size))
-        cost = float(other.at(x[None]).cost[0] - self.beliefs.pull(x)[0])
-        other.scale = float(np.sqrt(max(cost / self.count, 1.0))) if np.isfinite(cost) else 1.0
-        return other
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the coordinates."""
-        return self.coordinates.x_low, self.coordinates.x_high
-
-    @property
-    def count(self) -> int:
-        """Measured real numbers."""
-        events = sum(2 * len(record.time) for record in self.noise.events.records)
-        sweep = 0 if self.sweep is None else sum(2 * point.admittance.size for point in self.sweep.problem.points)
-        return events + sweep
-
-    def values(self, x: np.ndarray) -> dict[str, float]:
-        """By name, of x (P,)."""
-        theta = self.coordinates.to_theta(x)
-        return {name: float(value) for name, value in zip(self.beliefs.names, theta, strict=True)}
-
-    def values_in(self, record: EventRecord, x: np.ndarray) -> dict[str, float]:
-        """The same in a record, with the numbers that it has of its own."""
-        return (values := self.values(x)) | {name: values[of_record(name, record.name)] for name in self._each}
-
-    def played(self, x: np.ndarray) -> np.ndarray:
-        """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
-        if len(x) > 1:
-            return self._simulated(x) * self.weight
-        key = x.tobytes()
-        if key not in self._known:
-            if len(self._known) >= KNOWN:
-                self._known.clear()
-            self._known[key] = self._simulated(x)
-        return self._known[key] * self.weight
-
-    def _simulated(self, x: np.ndarray) -> np.ndarray:
-        """The same without weights."""
-        parts = []
-        for record in self.noise.events.records:
-            values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name][:, None]
-            found: list[np.ndarray] = []
-            for first in range(0, len(values), TOGETHER):
-                some = values[first : first + TOGETHER]
-                try:
-                    played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule)
-                    found += [one.current for one in played]
-                except IbridError:  # none of them has a rest
-                    found += [np.full(record.i.shape, np.nan)] * len(some)
-            parts.append(((np.array(found) - record.i) / sigma).reshape(len(values), -1))
-        return np.concatenate(parts, axis=1)
-
-    def answered(self, x: np.ndarray) -> np.ndarray:
-        """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
-        records = self.noise.events.records
-        pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
-        return np.concatenate([(current / self.noise.sigma[record.name][:, None]).ravel() for record, current in pairs])
-
-    def at(self, x: np.ndarray, near: Points | None = None) -> Points:
-        """Evaluate x (S, P)."""
-        residual = self.played(x)
-        cost = (residual**2).sum(axis=1)
-        if self.sweep is not None:
-            cost = cost + self.sweep.at(x[:, self._place]).cost
-        cost = cost / self.scale**2 + self.beliefs.pull(x)[0]
-        return Points(x, np.where(np.isfinite(cost), cost, np.inf), carried(residual))
-
-    def best(self, x: np.ndarray, number: int) -> "list[Descending]":
-        """Of starts x (S, P) those of least cost, the best first; fewer where fewer have an answer."""
-        points = self.at(x)
-        order = [k for k in np.argsort(points.cost, kind="stable")[:number] if np.isfinite(points.cost[k])]
-        return [Descending(self, points.x[k], float(points.cost[k])) for k in order]
-
-    def begun(self, x: np.ndarray) -> "Descending":
-        """A start at x (P,)."""
-        return Descending(self, x, float(self.at(x[None]).cost[0]))
-
-    def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """g and H."""
-        pairs = [self._normal(x, residual) for x, residual in zip(points.x, points.carried[0], strict=True)]
-        return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
-
-    def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = x.tobytes()
-        if key not in self._normals:
-            slopes = self.record_slopes(x)
-            gradient, hessian = slopes.T @ residual, slopes.T @ slopes
-            if self.sweep is not None:
-                one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
-                gradient[self._place] += one[0]
-                hessian[np.ix_(self._place, self._place)] += two[0]
-            self._normals = {key: (gradient, hessian)}
-        gradient, hessian = self._normals[key]
-        _, down, hold = self.beliefs.pull(x)
-        return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
-
-    def record_slopes(self, x: np.ndarray) -> np.ndarray:
-        """(R, P) of the records."""
-        size = np.where(self._jumping, WIDEST, min(SLOPE * self.scale, WIDEST))
-        step = np.where(x + size <= self.box[1], size, -size)
-        found = self.played(np.concatenate([x[None], x + np.diag(step)]))
-        return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
-
-    def _central_slopes(self, x: np.ndarray) -> np.ndarray:
-        """The same to the square of the step, so that a direction that nothing sees has no slope. Beyond the box by a step."""
-        size = np.where(self._jumping, WIDEST, SLOPE)
-        ends = self.played(np.concatenate([x + sign * np.diag(size) for sign in (1.0, -1.0)]))
-        return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * size[:, None])).T
-
-    def rows(self, x: np.ndarray) -> np.ndarray:
-        """Slopes of all whitened numbers, the prior's below."""
-        parts = [self._central_slopes(x)]
-        if self.sweep is not None:
-            problem = self.sweep.problem
-            for slope, point in zip(problem.jacobians(x[self._place]), problem.points, strict=True):
-                white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, problem.size)
-                whole = np.zeros((len(white), len(x)), dtype=complex)
-                whole[:, self._place] = white
-                parts += [np.real(whole), np.imag(whole)]
-        return np.concatenate([*parts, np.diag(self.beliefs.x_slope(x))])
-
-    def white(self, x: np.ndarray) -> list[np.ndarray]:
-        """Residual of each record, d + j q."""
-        pairs = self.played(x[None])[0].reshape(-1, 2) @ [1, 1j]
-        return np.split(pairs, np.cumsum([len(record.time) for record in self.noise.events.records])[:-1])
-
-    def white_sweep(self, x: np.ndarray) -> list[np.ndarray]:
-        """Residual of each operating point of the sweep."""
-        if self.sweep is None:
-            return []
-        problem = self.sweep.problem
-        pairs = zip(problem.responses(x[self._place]), problem.points, strict=True)
-        return [(response - point.admittance) / np.asarray(point.sigma) for response, point in pairs]
 
 
 class EventFitter:
@@ -314,31 +96,32 @@ class EventFitter:
         """
         try:
             misfit = self.misfit(diagram, limits)
+            followed = self.misfit(diagram, by_until(limits))
         except IbridError:
             return None
-        x = np.unique(np.array([misfit.beliefs.start(values) for values in starts]), axis=0)
-        ends = [one.x for one in misfit.best(x, 1)]
-        if led:
-            ends += [one.go(*LED).x for one in misfit.predicting.best(x, FOLLOWED)]
-        plain = misfit.best(np.array(ends), len(ends)) if ends else []
-        worth = [one for one in plain if one.cost <= WORTH * plain[0].cost]  # all of them before any is descended
-        done = [one.go(*PLAIN) for one in worth]
-        return self.at(diagram, limits, min(done, key=lambda one: one.cost).x) if done else None
+        if followed is misfit:
+            found = _descended(misfit, starts, led=led)
+        else:
+            whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
+            moments = [by_moments(values, self.noise.events) for values in whole]
+            seen = _descended(followed, moments, led=led)
+            held = misfit.best_of(by_holds(followed, seen.x) if seen else [], 1)
+            found = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led)
+        return self.at(diagram, limits, found.x) if found else None
 
     def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
         """Values to which predictions lead the best start; the first start where none has an answer."""
         misfit = self.misfit(diagram, limits).predicting
-        x = np.array([misfit.beliefs.start(values) for values in starts])
-        best = misfit.best(x, 1)
-        return misfit.values(best[0].go(*LED).x if best else x[0])
+        best = misfit.best_of(starts, 1)
+        return best[0].go(*LED).values if best else misfit.values(misfit.beliefs.start(starts[0]))
 
-    def glance(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> "Descending | None":
+    def glance(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Descending | None:
         """The best start by predictions after a step; None where none has an answer."""
         try:
             misfit = self.misfit(diagram, limits).predicting
         except IbridError:
             return None
-        begun = misfit.best(np.array([misfit.beliefs.start(values) for values in starts]), 1)
+        begun = misfit.best_of(starts, 1)
         return begun[0].go(1, 1) if begun else None
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
@@ -365,73 +148,14 @@ class EventFitter:
         return self.at(diagram, limits, self.misfit(diagram, limits).beliefs.start(values))
 
 
-@dataclass
-class Descending:
-    """A start under way: rounds of some steps, each with what is left over as the noise, until that is the noise or rounds in
-    turn gain little.
-
-    The damping goes on from round to round: a limit makes valleys in which every first step of a fresh one fails. `cost` : at x.
-    """
-
-    misfit: EventMisfit
-    x: np.ndarray
-    cost: float
-    scale: float = np.inf
-    idle: int = 0
-    over: bool = False
-    damping: np.ndarray | None = None
-
-    @property
-    def values(self) -> Values:
-        """By name."""
-        return self.misfit.values(self.x)
-
-    @property
-    def explains(self) -> bool:
-        """True where no more than noise is left."""
-        return self.cost <= LEFT * self.misfit.count
-
-    def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more."""
-        for _ in range(rounds):
-            if self.over:
-                break
-            self._round(steps)
-        self.cost = float(self.misfit.at(self.x[None]).cost[0])
-        return self
-
-    def to_its_end(self) -> None:
-        """Begun again while that helps much and more than noise is left: from here, and from where predictions lead."""
-        while not self.explains:
-            if not (self._again(self.x) or self._again(self.misfit.predicting.begun(self.x).go(*LED).x)):
-                break
-
-    def _again(self, x: np.ndarray) -> bool:
-        """Whether a descent from x helped."""
-        again = self.misfit.begun(x).go(*PLAIN)
-        helped = again.cost < HELPS * self.cost
-        if again.cost < self.cost:
-            self.x, self.cost = again.x, again.cost
-        return helped
-
-    def _round(self, steps: int) -> None:
-        scaled = self.misfit.scaled(self.x)
-        part = STILL if self.scale > NEARLY and not self.misfit.led else ENOUGH
-        self.idle = self.idle + 1 if scaled.scale > part * self.scale and self.scale > 1.02 else 0
-        if self.idle == IDLE:
-            self.over = True
-            return
-        self.scale = min(scaled.scale, self.scale)
-        begun = DESCENT.begin(scaled, self.x[None])
-        batch = DESCENT.go(scaled, begun if self.damping is None else replace(begun, damping=self.damping), steps)
-        ended = bool(batch.ended[0])
-        self.x, self.over = batch.x[0], self.scale == 1.0 and ended and self.damping is None
-        self.damping = None if ended else batch.damping  # a step that damping makes short is no end
-
-
-def of_record(name: str, record: str) -> str:
-    """Name of a number that each record has of its own."""
-    return f"{name} of {record}"
+def _descended(misfit: EventMisfit, starts: Sequence[Values], *, led: bool) -> Descending | None:
+    """The best start at its end, by predictions first."""
+    ends = [one.x for one in misfit.best_of(starts, 1)]
+    if led:
+        ends += [one.go(*LED).x for one in misfit.predicting.best_of(starts, FOLLOWED)]
+    plain = misfit.best(np.array(ends), len(ends)) if ends else []
+    worth = [one for one in plain if one.cost <= WORTH * plain[0].cost]  # all of them before any is descended
+    return min((one.go(*PLAIN) for one in worth), key=lambda one: one.cost, default=None)
 
 
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:

@@ -1,6 +1,6 @@
 """What is asked of records of events, alone or beside a sweep: model, data, what is believed, and what is held out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.noise import noise_of
-from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, prior_of
+from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, entry_of, prior_of
 from ibrid.gap.records import Records
 from ibrid.gap.refit import Refitter
 from ibrid.measurement.amplitudes import at_amplitudes
@@ -60,17 +60,17 @@ class Asked:
 
         The tolerances of a port join where nothing was swept: the cost of a sweep has them.
         """
-        own = {one.id for one in self.limits}
-        told = {name: one for name, one in self.values.items() if name.split(".")[0] in own}
+        boxes = {f"{one.id}.{name}": box for one in self.limits for name, box in one.parameters.items()}
+        told = {name: one for name, one in self.values.items() if name in boxes}
         wiring = wire(self.diagram, self.kinds)
         table = parameter_table(wiring, "exact")
         port = {one.name: Belief(one.typical, one.tolerance) for one in table.free if one.tolerance}
         rest = {name: one for name, one in self.values.items() if name not in told and name not in port}
-        limits = {name: float(one["value"] if isinstance(one, Mapping) else one) for name, one in told.items()}
+        limits = {name: entry_of(name, one, boxes[name]) for name, one in told.items()}
         return {
             **(port if self.study is None else {}),
             **prior_of(rest, wiring, table),
-            **{name: Belief(value, OTHER_TOLERANCE) for name, value in limits.items()},
+            **{name: Belief(value, tolerance or OTHER_TOLERANCE) for name, (value, tolerance) in limits.items()},
         }
 
     def records(self, prior: Prior, catalogue: Sequence[Effect] = ()) -> Records:

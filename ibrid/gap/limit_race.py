@@ -12,9 +12,10 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.data import Values
-from ibrid.gap.event_fit import PLAIN, WORTH, Descending, EventFit, EventFitter, EventMisfit
+from ibrid.gap.event_fit import WORTH, EventFit, EventFitter
+from ibrid.gap.event_misfit import PLAIN, Descending, EventMisfit
 from ibrid.gap.event_places import LimitPlace
-from ibrid.gap.release import by_holds, by_moments
+from ibrid.gap.release import by_holds, by_moments, by_until
 from ibrid.playback.limits import UNTIL, Limit
 
 #: Starts from which a form sets out, about the first origin and about each other one.
@@ -46,16 +47,16 @@ class Form:
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
-            near = _best(misfit, [one for one in values if one[last] == levels[len(levels) // 2]], NEAR)
+            near = misfit.best_of([one for one in values if one[last] == levels[len(levels) // 2]], NEAR)
             values = [{**one.values, last: level} for one in near for level in levels]
-        return _best(misfit, values, number)
+        return misfit.best_of(values, number)
 
     def fitted(self, fitter: EventFitter, x: np.ndarray) -> EventFit | None:
         """The model with this form; None where no record shows a hold."""
         if UNTIL not in self.misfit.limits:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
-        for one in _best(held, by_holds(self.misfit, x), 1):
+        for one in held.best_of(by_holds(self.misfit, x), 1):
             near = one.cost <= WORTH * held.count  # else it is no rival, to whom the last steps matter
             return fitter.at(self.place.diagram, self.limits, (one.go(*BESIDE) if near else one).x)
         return None
@@ -118,15 +119,10 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
         if place.change != "add" or place.limit.id != UNTIL.id:
             return Form(place, limits, fitter.misfit(place.diagram, limits), place.starts)
         events = fitter.noise.events
-        misfit = fitter.misfit(place.diagram, [UNTIL if one is place.limit else one for one in limits])
+        misfit = fitter.misfit(place.diagram, by_until(limits))
         return Form(place, limits, misfit, tuple(by_moments(one, events) for one in place.starts))
     except IbridError:
         return None
-
-
-def _best(misfit: EventMisfit, values: Sequence[Values], number: int) -> list[Descending]:
-    starts = [misfit.beliefs.start(one) for one in values]
-    return misfit.best(np.unique(np.array(starts), axis=0), number) if starts else []
 
 
 def _first(runners: Iterable[Runner], number: int) -> list[Runner]:

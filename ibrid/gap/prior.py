@@ -12,6 +12,7 @@ import numpy as np
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Coordinates
+from ibrid.modules.kind import Range
 from ibrid.structure.parameters import Parameter, ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
 
@@ -122,11 +123,8 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             raise IbridError(f"the nominal values name {name!r}, which the program lacks; {near(name, sorted(every))}")
         if name not in owner:
             continue
-        value, tolerance = _entry(name, entry)
         parameter = free[owner[name]]
-        if parameter.logarithmic and value <= 0:
-            raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
-        _require_inside(name, value, parameter)
+        value, tolerance = entry_of(name, entry, parameter)
         if parameter.name in said:
             other, held, spread = said[parameter.name]
             if held != value or (None not in (spread, tolerance) and spread != tolerance):
@@ -142,6 +140,22 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
         found[parameter.name] = Belief(value, tolerance)
     return found
+
+
+def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
+    """A nominal value inside its box, and the tolerance that was said with it. Raises IbridError for what means nothing."""
+    number = entry.get("value") if isinstance(entry, Mapping) else entry
+    tolerance = entry.get("tolerance") if isinstance(entry, Mapping) else None
+    value, spread = _number(name, "value", number), None if tolerance is None else _number(name, "tolerance", tolerance)
+    if spread is not None and spread <= 0:
+        raise IbridError(
+            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual one"
+        )
+    _require_known(_unknown_keys(entry), name)
+    if box.logarithmic and value <= 0:
+        raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
+    _require_inside(name, value, box)
+    return value, spread
 
 
 def values_of(record: Record) -> dict[str, float]:
@@ -175,30 +189,18 @@ def read_values(path: str | Path) -> dict[str, Any]:
     return values
 
 
-def _entry(name: str, entry: Any) -> tuple[float, float | None]:
-    number = entry.get("value") if isinstance(entry, Mapping) else entry
-    tolerance = entry.get("tolerance") if isinstance(entry, Mapping) else None
-    value, spread = _number(name, "value", number), None if tolerance is None else _number(name, "tolerance", tolerance)
-    if spread is not None and spread <= 0:
-        raise IbridError(
-            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual one"
-        )
-    _require_known(_unknown_keys(entry), name)
-    return value, spread
-
-
 def _number(name: str, what: str, found: Any) -> float:
     if isinstance(found, bool) or not isinstance(found, int | float) or not isfinite(found):
         raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r}")
     return float(found)
 
 
-def _require_inside(name: str, value: float, parameter: Parameter) -> None:
+def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
     """Raise IbridError for a nominal value far from all that a fit may take."""
-    low, high = parameter.low, parameter.high
+    low, high = box.low, box.high
     lowest, highest = (low / BEYOND if low > 0 else BEYOND * low), (high * BEYOND if high > 0 else high / BEYOND)
     if not lowest <= value <= highest:
-        unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
+        unit = "" if box.unit in ("", "1") else f" {box.unit}"
         raise IbridError(
             f"the nominal value of {name} must lie in the box of the parameter, {low:g} to {high:g}{unit}, found {value:g}; "
             "see that it is per unit, or in s and rad/s, or leave it out"

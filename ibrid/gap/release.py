@@ -5,17 +5,22 @@ moves the beginning by a period of the ring, and the cost jumps with it. The mom
 each record and moves nothing else: it is a number of its own in each (`UNTIL`). The hold is what lies between the two in the end.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ibrid.gap.data import Values
-from ibrid.gap.event_fit import STEP, EventMisfit, of_record
+from ibrid.gap.event_misfit import STEP, EventMisfit, of_record
 from ibrid.measurement.event_windows import returns_at
 from ibrid.measurement.events import Events
-from ibrid.playback.limits import UNTIL, returned_at
+from ibrid.playback.limits import UNTIL, Limit, returned_at
 
 HOLD, MOMENT = "momentary_cessation.t_hold", "momentary_cessation.until"
+
+
+def by_until(limits: Sequence[Limit]) -> tuple[Limit, ...]:
+    """The same with a cessation that ends at a moment."""
+    return tuple(UNTIL if one.id == UNTIL.id else one for one in limits)
 
 
 def by_moments(start: Mapping[str, float], events: Events) -> dict[str, float]:

@@ -56,7 +56,9 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     table = parameter_table(wire(diagram, kinds), "exact")
     known = [*table.names, *(f"{one.id}.{name}" for one in limits for name in one.parameters)]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
-    given = {members.get(name, name): one["value"] if isinstance(one, Mapping) else one for name, one in rest.items()}
+    given = {
+        members.get(name, name): one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()
+    }
     fixed = {f"{module}.{key}" for (module, key), bound in table.bound.items() if not isinstance(bound, str)}
     for name, value in given.items():
         if name not in known and name not in fixed:
@@ -103,6 +105,10 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
             modes = ", ".join(dict.fromkeys(one.mode for one in forms if one.mode)) or "none"
             raise IbridError(f"{id} has the modes {modes} and windup true or false; found {mode!r} and {windup!r}")
         limits.append(limit_named(id, mode, bool(windup)))
+    known = [f"{one.id}.{name}" for one in limits for name in one.parameters]
+    for name in values:
+        if name.split(".")[0] in told and name not in (*known, *words):
+            raise IbridError(f"the values name {name!r}, which no limit has; {near(name, known)}")
     return tuple(limits), {name: value for name, value in values.items() if name not in words}
 
 

@@ -6,6 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from ibrid_bench.events.cases import draw
 from ibrid_bench.events.device import Device, simulate
 from sharing import shared
 
@@ -116,6 +117,32 @@ def file(tmp_path):
     place = tmp_path / "dip.csv"
     write_events(records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"), place)
     return place
+
+
+def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_jump():
+    case = draw("momentary_cessation", 2, 40.0, swept=False)
+    told = case.device.limits["momentary_cessation"]
+    nominal = {"v_block": 1.05 * told["v_block"], "t_hold": 0.85 * told["t_hold"], "ramp": 1.15 * told["ramp"]}
+    values = {**case.values, **{f"momentary_cessation.{name}": value for name, value in nominal.items()}}
+    record = evaluate_events(ibrid.textbook(case.textbook), case.events, values=values, holdout_op=(case.held,))
+    (limit,) = record.settings["large_signal"]
+    assert record.grade == "explains"
+    assert all(abs(limit["parameters"][name] / told[name] - 1.0) < 1e-2 for name in told), limit
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"momentary_cessation.v_blok": 0.7}, "did you mean momentary_cessation.v_block"),
+        ({"momentary_cessation": {"v_block": 0.7}}, "no limit has"),
+        ({"momentary_cessation.v_block": {"tolerance": 0.1}}, "must be a number, found None"),
+        ({"momentary_cessation.v_block": -0.7}, "must be above zero"),
+        ({"momentary_cessation.t_hold": 50}, "see that it is per unit, or in s"),
+    ],
+)
+def test_what_a_limit_does_not_have_is_one_sentence(values, said):
+    with pytest.raises(ibrid.IbridError, match=said):
+        evaluate_events(ibrid.textbook(TEXTBOOK), records("phase:6,at=0.04"), values=values)
 
 
 def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):

@@ -1,7 +1,7 @@
 """A grid-following inverter with limits, written from the laws alone: plain numbers, scipy's adaptive Runge-Kutta method.
 
-Nothing is shared with the package: LCL filter in the PLL's frame, power loops, current control, and around it voltage support,
-reference ramp, momentary cessation, current limit and command limit as the contract of the events says. Frame: e on d.
+Nothing is shared with the package: LCL or L filter in the PLL's frame, power loops, current control, and around it voltage
+support, reference ramp, momentary cessation, current limit and command limit as the contract of the events says. Frame: e on d.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,6 +23,7 @@ STATES = ("i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", 
 @dataclass(frozen=True)
 class Device:
     """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll w_pll (0: none) kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s.
+    C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC, whose voltage is seen.
 
     `limits` : id -> its parameters, "mode" and "windup" among them.
     """
@@ -34,7 +35,7 @@ class Device:
 def at_rest(device: Device, p: float, q: float, v: float) -> tuple[list[float], dict[str, float]]:
     """States at rest with p, q delivered at the capacitor, and the set-points; ValueError where there is no such point."""
     n = device.numbers
-    R, X = n["R_g"], n["L_g"]
+    R, X = (n["R_g"], n["L_g"]) if n["C_F"] else (0.0, 0.0)
     b = v * v + 2 * (R * p + X * q)
     root = b * b - 4 * (R * R + X * X) * (p * p + q * q)
     if root < 0:
@@ -60,13 +61,13 @@ def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray
     found = np.empty((len(time), 2))
     state = np.array(x)
     for k, t in enumerate(time):
-        found[k] = _out(state)
+        found[k] = _out(device, state)
         if k == len(time) - 1:
             break
         solver = RK45(rates, t, state, time[k + 1], max_step=STEP, rtol=1e-8, atol=1e-10)
         while solver.status == "running":
             solver.step()
-            size = hypot(solver.y[2], solver.y[3])
+            size = hypot(*(solver.y[2:4] if device.numbers["C_F"] else spline(solver.t)))
             if "momentary_cessation" in device.limits and size < device.limits["momentary_cessation"]["v_block"]:
                 memory["below"] = solver.t
         state = solver.y
@@ -78,7 +79,9 @@ def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray
 def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B, C of the device at rest from the voltage to the current at the PCC, by differences; no limit acts there."""
     x, wanted = at_rest(Device(device.numbers), *point)
-    keep = [k for k in range(13) if k != 8 or device.numbers["w_pll"]]
+    lacks = [name for name, number in (("filtered", "w_pll"), ("e_d", "C_F"), ("e_q", "C_F"), ("g_d", "C_F"), ("g_q", "C_F"))
+             if not device.numbers[number]]  # fmt: skip
+    keep = [k for k, name in enumerate(STATES[:13]) if name not in lacks]
     x, step = np.array(x), 1e-6
 
     def rates(x: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -91,7 +94,7 @@ def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarra
     v = np.array([point[2], 0.0])
     a = slopes(lambda move: rates(x + move, v), 14)
     b = slopes(lambda move: rates(x, v + move), 2)
-    c = slopes(lambda move: _out(x + move), 14)
+    c = slopes(lambda move: _out(device, x + move), 14)
     return a[np.ix_(keep, keep)], b[keep], c[:, keep]
 
 
@@ -100,9 +103,10 @@ def poles(device: Device, point: tuple[float, float, float]) -> np.ndarray:
     return np.linalg.eigvals(linear(device, point)[0])
 
 
-def _out(x: np.ndarray) -> tuple[float, float]:
+def _out(device: Device, x: np.ndarray) -> tuple[float, float]:
     c, s = cos(x[6]), sin(x[6])
-    return c * x[4] - s * x[5], s * x[4] + c * x[5]
+    g_d, g_q = x[4:6] if device.numbers["C_F"] else x[:2]
+    return c * g_d - s * g_q, s * g_d + c * g_q
 
 
 def _rates(
@@ -126,6 +130,8 @@ def _rates(
         v_D, v_Q = (float(one) for one in voltage(t))
         c, s = cos(delta), sin(delta)
         v_d, v_q = c * v_D + s * v_Q, c * v_Q - s * v_D
+        if not n["C_F"]:
+            e_d, e_q, g_d, g_q = v_d, v_q, i_d, i_q
         e = hypot(e_d, e_q)
         seen = filtered if n["w_pll"] else e_q
         if freeze is not None and e < freeze["v_freeze"]:
@@ -161,13 +167,16 @@ def _rates(
             u_d, u_q = _scaled(u_d, u_q, command["u_max"])
             stand = not command["windup"]
         w = OMEGA + slip
-        return np.array([
-            OMEGA / n["L_F"] * (u_d - e_d - n["R_F"] * i_d) + w * i_q,
-            OMEGA / n["L_F"] * (u_q - e_q - n["R_F"] * i_q) - w * i_d,
+        middle = [
             OMEGA / n["C_F"] * (i_d - g_d) + w * e_q,
             OMEGA / n["C_F"] * (i_q - g_q) - w * e_d,
             OMEGA / n["L_g"] * (e_d - v_d - n["R_g"] * g_d) + w * g_q,
             OMEGA / n["L_g"] * (e_q - v_q - n["R_g"] * g_q) - w * g_d,
+        ] if n["C_F"] else [0.0] * 4  # fmt: skip
+        return np.array([
+            OMEGA / n["L_F"] * (u_d - e_d - n["R_F"] * i_d) + w * i_q,
+            OMEGA / n["L_F"] * (u_q - e_q - n["R_F"] * i_q) - w * i_d,
+            *middle,
             slip, seen, n["w_pll"] * (e_q - filtered),
             0.0 if stand_p else err_p, 0.0 if stand_q else -err_q,
             0.0 if stand else k_d, 0.0 if stand else k_q, moving,

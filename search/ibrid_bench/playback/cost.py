@@ -9,7 +9,7 @@ import numpy as np
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.rest import Rest, rest
-from ibrid.gap.event_fit import STEP
+from ibrid.gap.event_misfit import STEP
 from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import ReferenceInverter
