@@ -5,22 +5,46 @@ from collections.abc import Mapping
 from ibrid.errors import IbridError
 from ibrid.modules.behaviour import COUPLINGS, Element
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.devices import devices
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import roles
-from ibrid.structure.wiring import split_port
+from ibrid.structure.wiring import Wiring, split_port, wire
 
 
 def loops(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]]:
     """Name of a loop -> its modules, the regulator or what makes the frequency first; empty where nothing is recognised.
 
     With them are the blocks of one input and one output in front, back to a measurement, and the decoupling beside a regulator.
+    Of several devices behind one PCC each has its loops, with its number behind their names.
     """
     try:
-        seen = roles(diagram, kinds)
-        draft = Draft(diagram, kinds)
+        parts = devices(wire(diagram, kinds))
+        if len(parts) == 1:
+            return _of_one(diagram, kinds)
+        each = [_of_one(_part(diagram, part), kinds) for part in parts]
     except (IbridError, KeyError):  # a diagram that the grammar refuses
         return {}
+    return {f"{title} {number}": loop for number, own in enumerate(each, 1) for title, loop in own.items()}
+
+
+def _part(diagram: Diagram, part: Wiring) -> Diagram:
+    """The diagram of one device alone."""
+    names = (*part.kinds, TERMINAL_VOLTAGE, TERMINAL_CURRENT)
+    own = Diagram(diagram.name)
+    own.extend(
+        part.instances,
+        [one for one in diagram.connections if _owner(one.source) in names and _owner(one.target) in names],
+    )
+    return own
+
+
+def _owner(port: str) -> str:
+    return split_port(port)[0] or port
+
+
+def _of_one(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]]:
+    seen, draft = roles(diagram, kinds), Draft(diagram, kinds)
     if seen is None:
         return {}
     found: dict[str, tuple[str, ...]] = {}

@@ -68,9 +68,15 @@ def test_blocks_bear_their_values_and_have_room_for_them():
         ("gfl_pll_filter_exact", {"PLL": "pll", "current": "current", "power": "p_loop"}),
         ("gfm_droop", {"frequency": "p_droop", "voltage": "voltage", "current": "current", "power": "q_droop"}),
         ("gfl_dc_link", {"PLL": "pll", "current": "current", "power": "dc_loop"}),
+        (
+            "parallel_gfl_gfm",
+            {"PLL 1": "gfl_pll", "current 1": "gfl_current", "power 1": "gfl_p_loop"}
+            | {"frequency 2": "gfm_p_droop", "voltage 2": "gfm_voltage", "power 2": "gfm_q_droop"}
+            | {"current 2": "gfm_current"},
+        ),
     ],
 )
-def test_loops_are_known_by_what_regulates_in_them(name: str, expected: dict[str, str]):
+def test_loops_are_known_by_what_regulates_in_them_each_device_by_its_own(name: str, expected: dict[str, str]):
     found = loops(textbook(name), VOCABULARY)
     assert {title: members[0] for title, members in found.items()} == expected
 
