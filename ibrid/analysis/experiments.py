@@ -1,4 +1,4 @@
-"""What to measure next: sweeps ranked by what they would tell of the parameters, and of structures that the data leave open.
+"""What to measure next: sweeps and events ranked by what they would tell of parameters, and of structures left open.
 
 A sweep of frequencies F at an operating point is n = 8 |F| real numbers with Gaussian errors of deviation s. To first order in
 the parameters x, with J = dY/dx / s whitened and C their covariance so far (Laplace),
@@ -11,8 +11,8 @@ and with a rival that answers r = (Y_rival - Y) / s differently, where the param
 
 what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination among mechanistic models,
 1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are less linear than their covariance says, so both
-are given `CAUTION` times their deviation. Frequencies are taken one
-by one, each where it adds most.
+are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most. A record of an event is
+the same with the samples of the nonlinear model (`ibrid.analysis.event_answers`).
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.analysis.event_answers import Structure, event_answers
 from ibrid.analysis.linear_model import linear_model, whole_record, with_point
 from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
 from ibrid.errors import IbridError
@@ -34,6 +35,8 @@ DECISIVE = float(np.log2(20.0))
 NOTHING = 0.98
 #: Factor on the deviations of parameters when structures are compared.
 CAUTION = 2.0
+#: |Y| below which nothing is measured, per unit: without current and with unit feedforward an inverter answers nothing.
+LEAST = 1e-6
 #: Relative noise of a measurement to come where the record knows none.
 ASSUMED_NOISE = 0.01
 
@@ -41,7 +44,9 @@ ASSUMED_NOISE = 0.01
 @dataclass(frozen=True)
 class Among:
     """What the user can do: operating points `p`, `q`, `v` (per unit, all combinations), `count` frequencies of those between
-    `low` and `high` (Hz; None: the range of the record), with relative noise `noise` (None: that of the record)."""
+    `low` and `high` (Hz; None: the range of the record), with relative noise `noise` (None: that of the record); `events` at the
+    same points, written as `ibrid record` takes them, with the noise `record_noise` of each sample, relative to the rms of what
+    happens."""
 
     p: tuple[float, ...] = (0.0, 0.5, 1.0)
     q: tuple[float, ...] = (-0.3, 0.0, 0.3)
@@ -50,6 +55,8 @@ class Among:
     low: float | None = None
     high: float | None = None
     noise: float | None = None
+    events: tuple[str, ...] = ("dip:0.7", "phase:20")
+    record_noise: float = 0.01
     of: int = 48
 
     def points(self) -> tuple[OperatingPoint, ...]:
@@ -62,14 +69,15 @@ class Among:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A sweep. `gain` : parameter -> standard deviation after it over that before. `information` : bits on the parameters.
-    `separates` : (structure, structure, bits)."""
+    """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation after it over that before.
+    `information` : bits on the parameters. `separates` : (structure, structure, bits)."""
 
     op: OperatingPoint
     frequencies: tuple[float, ...]
     gain: dict[str, float]
     information: float
     separates: tuple[tuple[str, str, float], ...]
+    event: str = ""
 
     @property
     def decides(self) -> float:
@@ -78,10 +86,11 @@ class Experiment:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
+        what = {"event": self.event} if self.event else {"frequencies": list(self.frequencies)}
         return {
-            "kind": "sweep",
+            "kind": "event" if self.event else "sweep",
+            **what,
             "op": {"name": self.op.name, "p": self.op.p, "q": self.op.q, "v": self.op.v},
-            "frequencies": list(self.frequencies),
             "gain": self.gain,
             "information": self.information,
             "separates": [list(pair) for pair in self.separates],
@@ -100,9 +109,9 @@ class _Known:
 
 
 def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -> tuple[Experiment, ...]:
-    """Sweeps at all operating points of `among` at which every record has an answer, the most telling first.
+    """Sweeps and events at all operating points of `among` at which every record has an answer, the most telling first.
 
-    records : the answer, then its rivals; `names` : what each structure is called (its hash). With rivals the sweep that leaves
+    records : the answer, then its rivals; `names` : what each structure is called (its hash). With rivals the one that leaves
     the least doubt between them comes first, else the one with most information on the answer's parameters.
 
     Raises IbridError where the answer cannot predict, or no operating point can be asked.
@@ -113,30 +122,33 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     found, why = [], "none was asked"
     for op in among.points():
         try:
-            known = _known(records, names, op, frequency, noise)
+            structures = [_structure(record, op) for record in records]
+            known = _swept(structures, names, op, frequency, noise)
+            found.append(_told(known, op, _chosen(known, among.count), frequency))
+            for event in among.events:
+                known = _recorded(structures, names, event, among.record_noise)
+                found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
         except IbridError as error:
             why = str(error)
-            continue
-        found.append(_best(known, op, frequency, among.count))
     if not found:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
     return tuple(sorted(found, key=lambda one: (-min(one.decides, DECISIVE * 8), -one.information)))
 
 
 def sentences(found: Sequence[Experiment]) -> tuple[str, ...]:
-    """What no sweep can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing."""
+    """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing."""
     pairs = {tuple(pair[:2]): max(_bits(one, pair) for one in found) for pair in found[0].separates}
     said = [
-        f"nothing you can do at the terminals by a sweep will tell {one} from {other}: at most {bits:.1g} bits; a record of an "
-        "event that reaches a limit may"
+        f"nothing you can do at the terminals will tell {one} from {other}, of all that was asked: at most {bits:.1g} bits; a "
+        "record of an event that reaches a limit may"
         for (one, other), bits in pairs.items()
         if bits < DECISIVE
     ]
     blind = [name for name in found[0].gain if min(one.gain[name] for one in found) > NOTHING]
     if len(blind) == len(found[0].gain):
-        said.append("no sweep tells more of the parameters than is known")
+        said.append("nothing that was asked tells more of the parameters than is known")
     elif blind:
-        said.append(f"no sweep tells more of {', '.join(blind)}")
+        said.append(f"nothing that was asked tells more of {', '.join(blind)}")
     return tuple(said)
 
 
@@ -159,33 +171,46 @@ def _noise(record: Record) -> float:
     return float(floor["value"]) if known else ASSUMED_NOISE
 
 
-def _known(
-    records: Sequence[Record], names: Sequence[str], op: OperatingPoint, frequency: np.ndarray, noise: float
-) -> list[_Known]:
-    """Structures at an operating point, all whitened by the noise of the first one's answer.
+def _structure(record: Record, op: OperatingPoint) -> Structure:
+    """Raises IbridError where a record has no operating point, or is unstable on an ideal grid there."""
+    with whole_record():
+        whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
+        linear = linear_model(whole, point)
+        if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
+            raise IbridError(f"the model is unstable at {op.name}")
+        model = ParametricModel(whole, OperatingPoint(point, linear.p, linear.q, linear.v))
+        sure = uncertainty(whole, model)
+    if sure is None:
+        raise IbridError("the record holds no covariance; fit again with --parameters shared")
+    return whole, linear, model, sure
 
-    Raises IbridError where one has no operating point, or is unstable on an ideal grid there.
-    """
+
+def _swept(
+    structures: Sequence[Structure], names: Sequence[str], op: OperatingPoint, frequency: np.ndarray, noise: float
+) -> list[_Known]:
+    """Structures in a sweep, all whitened by the noise of the first one's answer. IbridError where one has no answer."""
     found, deviation = [], np.zeros(0)
-    for record, name in zip(records, names, strict=True):
-        with whole_record():
-            whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
-            linear = linear_model(whole, point)
-            if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
-                raise IbridError(f"the model is unstable at {op.name}")
-            model = ParametricModel(whole, OperatingPoint(point, linear.p, linear.q, linear.v))
-            sure = uncertainty(whole, model)
-            response = model.admittance(frequency)
-            if sure is None:
-                raise IbridError("the record holds no covariance; fit again with --parameters shared")
-            slopes = model.slopes(frequency) @ sure.directions
+    for (_, _, model, sure), name in zip(structures, names, strict=True):
+        response, slopes = model.admittance(frequency), model.slopes(frequency) @ sure.directions
         if not (np.isfinite(response).all() and np.isfinite(slopes).all()):
             raise IbridError(f"the model has no finite answer at {op.name}")
         if not found:
-            deviation = noise * np.linalg.norm(response, axis=(1, 2)) / np.sqrt(8.0)
+            deviation = noise * np.maximum(np.linalg.norm(response, axis=(1, 2)), LEAST) / np.sqrt(8.0)
         answer = _real(response.reshape(len(frequency), 4, 1))[..., 0] / deviation[:, None]
         slopes = _real(slopes.reshape(len(frequency), 4, -1)) / deviation[:, None, None]
         found.append(_Known(name, answer, slopes, sure))
+    return found
+
+
+def _recorded(structures: Sequence[Structure], names: Sequence[str], event: str, noise: float) -> list[_Known]:
+    """The same in a record, whose numbers go together by eight as those of a frequency do."""
+    found = []
+    for (answer, slopes), name, (*_, sure) in zip(
+        event_answers(structures, event, noise), names, structures, strict=True
+    ):
+        rest = -len(answer) % 8
+        rows = np.pad(slopes, ((0, rest), (0, 0))).reshape(-1, 8, slopes.shape[1])
+        found.append(_Known(name, np.pad(answer, (0, rest)).reshape(-1, 8), rows, sure))
     return found
 
 
@@ -194,10 +219,17 @@ def _real(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.real(values), np.imag(values)], axis=1)
 
 
-def _best(known: Sequence[_Known], op: OperatingPoint, frequency: np.ndarray, count: int) -> Experiment:
-    """The frequencies that tell most, and what they tell."""
+def _chosen(known: Sequence[_Known], count: int) -> np.ndarray:
+    """The frequencies that tell most."""
     pairs = list(combinations(range(len(known)), 2))
-    chosen = _for_structures(known, pairs, count) if pairs else _for_parameters(known[0], count)
+    return _for_structures(known, pairs, count) if pairs else _for_parameters(known[0], count)
+
+
+def _told(
+    known: Sequence[_Known], op: OperatingPoint, chosen: np.ndarray, frequency: Sequence[float] = (), *, event: str = ""
+) -> Experiment:
+    """What is told by the chosen frequencies, or by the event."""
+    pairs = list(combinations(range(len(known)), 2))
     answer = known[0]
     after = _posterior(answer.slopes[chosen])
     before = (answer.sure.directions**2).sum(axis=1)
@@ -206,7 +238,8 @@ def _best(known: Sequence[_Known], op: OperatingPoint, frequency: np.ndarray, co
     information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
     separates = tuple((known[i].name, known[j].name, _apart(known[i], known[j], chosen)) for i, j in pairs)
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
-    return Experiment(op, tuple(float(hz) for hz in frequency[chosen]), gains, information, separates)
+    asked = () if event else tuple(float(frequency[k]) for k in chosen)
+    return Experiment(op, asked, gains, information, separates, event)
 
 
 def _posterior(slopes: np.ndarray) -> np.ndarray:

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    ask = commands.add_parser("next", help="what to measure next: sweeps ranked by what they would tell")
+    ask = commands.add_parser("next", help="what to measure next: sweeps and events ranked by what they would tell")
     ask.add_argument("record", metavar="RECORD|RUN", help="JSON of ibrid evaluate or gap, or the folder of a search")
     ask.add_argument(
         "--among",
         metavar="FILE",
-        help="toml of what you can do: p, q, v (lists, per unit), count, low, high (Hz), noise (relative)",
+        help="toml of what you can do: p, q, v (lists, per unit), count, low, high (Hz), noise, record_noise (relative), "
+        "events (a list such as dip:0.6)",
     )
     add_kinds_option(ask)
     add_json_option(ask)
@@ -105,6 +106,16 @@ def _checked(path: str, name: str, value: Any) -> Any:
         if 0 < len(numbers) <= 20 and all(_number(one) and (name != "v" or one > 0) for one in numbers):
             return tuple(float(one) for one in numbers)
         raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
+    if name == "events":
+        from ibrid.playback.recording import event_of
+
+        if (
+            isinstance(value, list)
+            and len(value) <= 20
+            and all(isinstance(one, str) and event_of(one) for one in value)
+        ):
+            return tuple(value)
+        raise IbridError(f'{path}: events must be a list such as ["dip:0.6", "phase:20"], found {str(value)[:60]}')
     if name == "count":
         if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= 200:
             return value

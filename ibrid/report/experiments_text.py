@@ -1,4 +1,4 @@
-"""What `ibrid next` prints: sweeps, the most telling first, and what no sweep would tell."""
+"""What `ibrid next` prints: sweeps and events, the most telling first, and what none of them would tell."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from ibrid.analysis.experiments import DECISIVE, Experiment
 from ibrid.report.numbers import number
 from ibrid.report.text import table, wrapped
 
-#: Sweeps and parameters that are listed.
+#: Experiments that are listed, beside the best sweep and the best place of each event; parameters that are named.
 LISTED, NAMED = 6, 4
 
 
@@ -21,12 +21,11 @@ def format_experiments(found: Sequence[Experiment], said: Sequence[str]) -> str:
         if pairs
         else f"it tells most of {_most(best)}"
     )
+    do = f"record {best.event}" if best.event else "measure"
     told = ", ".join(f"{hz:g}" for hz in best.frequencies)
-    parts = [
-        "\n".join(wrapped(f"measure at {best.op.name} next: {worth}", "  ")),
-        "\n".join(wrapped(f"frequencies (Hz): {told}", "  ")),
-        "\n".join(_table(found)),
-    ]
+    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: {worth}", "  "))]
+    parts += ["\n".join(wrapped(f"frequencies (Hz): {told}", "  "))] if told else []
+    parts.append("\n".join(_table(found)))
     parts += ["\n".join(wrapped(sentence, "  ")) for sentence in said]
     return "\n\n".join(parts) + "\n"
 
@@ -38,13 +37,18 @@ def _most(one: Experiment) -> str:
 
 
 def _table(found: Sequence[Experiment]) -> list[str]:
+    best = {one.event: one for one in reversed(found)}
     rows = [
         [
             one.op.name,
+            one.event or "sweep",
             number(one.decides, 3) if one.separates else "-",
             number(one.information, 3),
             number(float(np.median(list(one.gain.values()))) if one.gain else 1.0, 2),
         ]
-        for one in found[:LISTED]
+        for place, one in enumerate(found)
+        if place < LISTED or one is best[one.event]
     ]
-    return table(["operating point", "structures (bits)", "parameters (bits)", "median deviation x"], rows)
+    return table(
+        ["operating point", "experiment", "structures (bits)", "parameters (bits)", "median deviation x"], rows
+    )

@@ -14,9 +14,12 @@ from ibrid.analysis.parametric import ParametricModel
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.gap.joint_fit import evaluate_events
+from ibrid.plants.sweeping import operating_point, plant_named
+from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
 
-HERE = Among(p=(1.0,), q=(0.3,), count=6, of=12, noise=0.01)
+HERE = Among(p=(1.0,), q=(0.3,), count=6, of=12, noise=0.01, events=())
 
 
 @shared
@@ -76,11 +79,11 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     one, other = (only_uncertain(evaluated("gfl_pll_filter_exact"), name, 10.0) for _ in range(2))
     found = experiments([one, with_value(other, name, 1.001)], ["a", "b"], HERE)
     assert found[0].decides < 0.01
-    assert sentences(found)[0].startswith("nothing you can do at the terminals by a sweep will tell a from b")
+    assert sentences(found)[0].startswith("nothing you can do at the terminals will tell a from b")
 
 
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
-    found = experiments([noisy()], ["a"], Among(count=8))
+    found = experiments([noisy()], ["a"], Among(count=8, events=()))
     assert {one.op.p for one in found} == {0.5, 1.0}  # at p = 0 the model is unstable
     assert [one.information for one in found] == sorted((one.information for one in found), reverse=True)
     assert min(found[0].gain.values()) < 0.9
@@ -88,10 +91,32 @@ def test_a_noisy_fit_gains_at_points_that_were_not_measured():
 
 
 def test_the_noise_of_the_record_is_that_of_the_measurement_to_come():
-    known = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,)))[0]
-    said = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), noise=0.01))[0]
+    known = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), events=()))[0]
+    said = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), noise=0.01, events=()))[0]
     assert known.information == pytest.approx(said.information, rel=0.02)  # 40 dB; the floor is over all frequencies
     assert pytest.approx(0.01) == ASSUMED_NOISE
+
+
+def test_a_record_gains_what_a_fit_to_it_gains():
+    """The promise of `next` against the intervals of a joint fit to a record made by the device afterwards."""
+    record = noisy()
+    asked = Among(p=(0.7,), q=(0.1,), count=1, events=("dip:0.7",), record_noise=0.01)
+    (told,) = [one for one in experiments([record], ["a"], asked) if one.event]
+    op = operating_point("p=0.7,q=0.1")
+    events = record_events(plant_named("paper_like"), [op], [event_of("dip:0.7")], noise_db=40.0)
+    data = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(0))
+    both = evaluate_events(ibrid.textbook("gfl_pll_filter_exact"), events, data)
+    before, after = (next(iter(one.parameters.values())) for one in (record, both))
+    gains = {name: gain for name, gain in told.gain.items() if gain < 0.8 and abs(after[name] / before[name] - 1) < 0.1}
+    kept = {name: deviation(both, name) / deviation(record, name) for name in gains}  # others are those of a twin
+    assert len(gains) > 4
+    assert kept == pytest.approx(gains, rel=0.2)
+
+
+def deviation(record: Record, name: str) -> float:
+    """Relative, of a positive parameter."""
+    k = list(record.covariance["names"]).index(name)
+    return float(np.sqrt(record.covariance["matrix"][k][k]))
 
 
 def test_what_cannot_be_asked_is_refused():
@@ -106,21 +131,26 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     (tmp_path / "among.toml").write_text("p = [0.5, 1]\nq = 0\ncount = 4\n", encoding="utf-8")
     words = ["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]
     assert main(words) == 0
-    assert capsys.readouterr().out.startswith("measure at p=")
+    assert capsys.readouterr().out.startswith("record dip:0.7 at p=")
     assert main([*words, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert breach(content, "next") is None
-    assert [len(one["frequencies"]) for one in content["experiments"]] == [4, 4]
+    sweeps = [one for one in content["experiments"] if one["kind"] == "sweep"]
+    assert [len(one["frequencies"]) for one in sweeps] == [4, 4]
+    events = {one["event"] for one in content["experiments"] if one["kind"] == "event"}
+    assert events == {"dip:0.7", "phase:20"}
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("p = [", "must be toml"),
-        ("power = 1", "knows count, high, low, noise, p, q, v"),
+        ("power = 1", "knows count, events, high, low, noise, p, q, record_noise, v"),
         ("p = [99]", "p must be one to twenty numbers"),
         ("v = [0]", "v must be"),
         ("count = 0", "count must be a whole number"),
+        ('events = ["dip"]', "an event is written dip:0.6"),
+        ("events = 3", "events must be a list such as"),
         ("noise = -1", "noise must be a positive number"),
     ],
 )
