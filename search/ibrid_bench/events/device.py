@@ -14,10 +14,10 @@ from scipy.integrate import RK45
 from scipy.interpolate import CubicSpline
 
 OMEGA = 120 * np.pi
-#: Largest step, s, and lag of the ramp's follower, s: kinks and jumps of the laws are met by short steps.
-STEP, LAG = 1e-5, 5e-6
+#: Largest step, s, and with a ramp: kinks and jumps of the laws are met by short steps.
+STEP, RAMPED = 1e-5, 3e-6
 #: Names of states.
-STATES = ("i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", "x_p", "x_q", "y_d", "y_q", "r_d")
+STATES = ("i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", "x_p", "x_q", "y_d", "y_q")
 
 
 @dataclass(frozen=True)
@@ -49,27 +49,32 @@ def at_rest(device: Device, p: float, q: float, v: float) -> tuple[list[float], 
     y = u - own
     return [
         i.real, i.imag, e, 0.0, g.real, g.imag, float(-np.angle(grid)), 0.0, 0.0, i.real / n["kI"], i.imag / n["kI"],
-        y.real / n["kI_c"], y.imag / n["kI_c"], i.real,
+        y.real / n["kI_c"], y.imag / n["kI_c"],
     ], {"p": p, "q": q, "e": e}  # fmt: skip
 
 
 def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(N, 2) current into the grid at the samples; v (N, 2) at the PCC, a cubic spline between. ValueError where it leaves."""
     x, wanted = at_rest(device, *point)
-    spline, memory = CubicSpline(time, v), {"below": -np.inf, "size": 1.0}
+    spline, memory = CubicSpline(time, v), {"below": -np.inf, "since": time[0], "from": x[0]}
     rates = _rates(device, wanted, spline, memory)
+    most = RAMPED if "reference_ramp" in device.limits else STEP
     found = np.empty((len(time), 2))
     state = np.array(x)
     for k, t in enumerate(time):
         found[k] = _out(device, state)
         if k == len(time) - 1:
             break
-        solver = RK45(rates, t, state, time[k + 1], max_step=STEP, rtol=1e-8, atol=1e-10)
+        solver = RK45(rates, t, state, time[k + 1], max_step=most, rtol=1e-8, atol=1e-10)
         while solver.status == "running":
             solver.step()
             size = hypot(*(solver.y[2:4] if device.numbers["C_F"] else spline(solver.t)))
             if "momentary_cessation" in device.limits and size < device.limits["momentary_cessation"]["v_block"]:
                 memory["below"] = solver.t
+            memory |= {
+                "since": solver.t,
+                "from": memory.get("ramped", 0.0),
+            }  # the last rates are those where a step ends
         state = solver.y
         if not np.isfinite(state).all() or np.abs(state[:6]).max() > 50:
             raise ValueError("it leaves")
@@ -81,7 +86,7 @@ def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarra
     x, wanted = at_rest(Device(device.numbers), *point)
     lacks = [name for name, number in (("filtered", "w_pll"), ("e_d", "C_F"), ("e_q", "C_F"), ("g_d", "C_F"), ("g_q", "C_F"))
              if not device.numbers[number]]  # fmt: skip
-    keep = [k for k, name in enumerate(STATES[:13]) if name not in lacks]
+    keep = [k for k, name in enumerate(STATES) if name not in lacks]
     x, step = np.array(x), 1e-6
 
     def rates(x: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -92,9 +97,9 @@ def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarra
         return np.array([np.subtract(answer(one), answer(-one)) for one in moves]).T / (2 * step)
 
     v = np.array([point[2], 0.0])
-    a = slopes(lambda move: rates(x + move, v), 14)
+    a = slopes(lambda move: rates(x + move, v), 13)
     b = slopes(lambda move: rates(x, v + move), 2)
-    c = slopes(lambda move: _out(device, x + move), 14)
+    c = slopes(lambda move: _out(device, x + move), 13)
     return a[np.ix_(keep, keep)], b[keep], c[:, keep]
 
 
@@ -110,7 +115,7 @@ def _out(device: Device, x: np.ndarray) -> tuple[float, float]:
 
 
 def _rates(
-    device: Device, wanted: Mapping[str, float], voltage: Any, memory: Mapping[str, float]
+    device: Device, wanted: Mapping[str, float], voltage: Any, memory: dict[str, float]
 ) -> Callable[..., np.ndarray]:
     n, limits = device.numbers, device.limits
     freeze, support = limits.get("pll_freeze"), limits.get("voltage_support")
@@ -126,7 +131,7 @@ def _rates(
     at_rest_help = helped(wanted["e"])
 
     def rates(t: float, x: np.ndarray) -> np.ndarray:
-        i_d, i_q, e_d, e_q, g_d, g_q, delta, phi, filtered, x_p, x_q, y_d, y_q, r_f = x.tolist()
+        i_d, i_q, e_d, e_q, g_d, g_q, delta, phi, filtered, x_p, x_q, y_d, y_q = x.tolist()
         v_D, v_Q = (float(one) for one in voltage(t))
         c, s = cos(delta), sin(delta)
         v_d, v_q = c * v_D + s * v_Q, c * v_Q - s * v_D
@@ -142,10 +147,9 @@ def _rates(
         err_q = wanted["q"] - (e_q * g_d - e_d * g_q)
         r_d = n["kP"] * err_p + n["kI"] * x_p
         r_q = -n["kP"] * err_q + n["kI"] * x_q + helped(e) - at_rest_help
-        moving = 0.0
         if ramp is not None:
-            moving = max(-ramp["ramp"], min(ramp["ramp"], (r_d - r_f) / LAG))
-            r_d = r_f
+            reach = ramp["ramp"] * (t - memory["since"])
+            r_d = memory["ramped"] = memory["from"] + max(-reach, min(reach, r_d - memory["from"]))
         stand_p = stand_q = False
         if cease is not None and (memory["below"] > -np.inf or e < cease["v_block"]):
             since = 0.0 if e < cease["v_block"] else t - memory["below"]
@@ -179,7 +183,7 @@ def _rates(
             *middle,
             slip, seen, n["w_pll"] * (e_q - filtered),
             0.0 if stand_p else err_p, 0.0 if stand_q else -err_q,
-            0.0 if stand else k_d, 0.0 if stand else k_q, moving,
+            0.0 if stand else k_d, 0.0 if stand else k_q,
         ])  # fmt: skip
 
     return rates
