@@ -19,6 +19,8 @@ from ibrid.gap.workflow import find_gap
 from ibrid.structure.library import textbook
 
 LEVELS = (None, 60.0, 40.0)
+#: What the catalogue calls a hidden block, where it has another name.
+EFFECTS = {"pll_filter": "pll_prefilter"}
 SILENT = ("no-gap", "parameters-only")
 #: Noise floors up to which a held-out record counts as predicted.
 PREDICTED = 3.0
@@ -70,13 +72,13 @@ def _row(hidden: str, seed: int) -> dict[str, Any]:
     except IbridError as error:
         nothing = dict.fromkeys(("first", "alike", "silent", "predicted"), False)
         return {**told, **nothing, "verdict": f"error: {error}", "named": [], "seconds": time.process_time() - began}
-    named = [effect.id for effect in gap.effects]
-    alike = named and hidden in (named[0], *gap.effects[0].indistinguishable_from)
+    named, effect = [one.id for one in gap.effects], EFFECTS.get(hidden, hidden)
+    alike = named and effect in (named[0], *gap.effects[0].indistinguishable_from)
     return {
         **told,
         "verdict": gap.verdict,
         "named": named,
-        "first": named[:1] == [hidden],
+        "first": named[:1] == [effect],
         "alike": bool(alike),
         "silent": gap.verdict in SILENT,
         "predicted": _predicted(gap.after["holdout"], noise_db),
