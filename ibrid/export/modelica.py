@@ -1,4 +1,4 @@
-"""Modelica: a block with named connectors and named states, one file that needs the standard library's connectors."""
+"""Modelica: a block with named connectors and named states, one file that needs no library."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,9 @@ import numpy as np
 from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.export.names import MODELICA, MODELICA_WORDS, written_in
 
-INPUT, OUTPUT = "Modelica.Blocks.Interfaces.RealInput", "Modelica.Blocks.Interfaces.RealOutput"
+INPUT, OUTPUT = "RealInput", "RealOutput"
+#: The same types as those of the standard library, so that signals of its blocks connect.
+CONNECTORS = (f"  connector {INPUT} = input Real;", f"  connector {OUTPUT} = output Real;")
 
 
 @written_in(MODELICA)
@@ -25,11 +27,9 @@ def modelica(model: LinearModel, name: str = "LinearInverter") -> bytes:
     currents = [(name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)]
     lines = [
         f"block {name} {quoted(f'{model.name} at {model.op}, written by ibrid')}",
+        *CONNECTORS,
         *(f"  {INPUT} {name} {quoted('terminal voltage, deviation, per unit')};" for name in model.inputs),
-        *(
-            f"  {OUTPUT} {name} {quoted('terminal current out of the inverter, deviation, per unit')};"
-            for name in model.outputs
-        ),
+        *(f"  {OUTPUT} {name} {quoted('current out of the inverter, deviation, per unit')};" for name in model.outputs),
         *(f"  parameter Real {one} = {value!r};" for one, value in rest.items()),
         *(
             f"  Real {state}(start = 0, fixed = true) {quoted(f'{name}, deviation')};"

@@ -63,7 +63,7 @@ MODELICA_WORDS = frozenset(
     elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if import
     impure in initial inner input loop model not operator or outer output package parameter partial protected public
     pure record redeclare replaceable return stream then true type when while within time
-    Real Integer Boolean String StateSelect
+    Real Integer Boolean String StateSelect RealInput RealOutput
     """.split()  # noqa: SIM905
 )
 _C_WORDS = frozenset(

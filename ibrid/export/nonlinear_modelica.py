@@ -11,7 +11,7 @@ from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.export.formula import Formula, formula
-from ibrid.export.modelica import INPUT, OUTPUT, documentation, identifiers, quoted
+from ibrid.export.modelica import CONNECTORS, INPUT, OUTPUT, documentation, identifiers, quoted
 from ibrid.export.names import MODELICA, written_in
 from ibrid.export.nonlinear_model import ABSOLUTE, rest_of_record
 from ibrid.modules.kind import ModuleKind
@@ -47,6 +47,7 @@ def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str,
     blocks = {words.blocks[module.name]: module for module in at.modules}
     lines = [
         f"package {title} {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
+        *CONNECTORS,
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
         *(f"  {line}" for line in _inverter(words, at, values, model.op)),
         f"  annotation(Documentation(info = {documentation(model, ABSOLUTE)}));",

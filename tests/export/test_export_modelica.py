@@ -12,10 +12,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from fitted import evaluated
+from modelica_readers import without_connectors
 from scipy.linalg import expm
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.export.modelica import INPUT, OUTPUT, identifiers, modelica
+from ibrid.export.nonlinear_modelica import nonlinear_modelica
 
 OP = "p=1,q=0.3"
 
@@ -27,9 +29,7 @@ def model() -> LinearModel:
 
 def test_pymoca_reads_the_matrices(model: LinearModel, tmp_path: Path):
     api = pytest.importorskip("pymoca.backends.casadi.api", reason="pymoca is not installed (pip install pymoca)")
-    # pymoca comes without the standard library, whose connectors are an input and an output of type Real
-    text = modelica(model).decode().replace(INPUT, "input Real").replace(OUTPUT, "output Real")
-    (tmp_path / "LinearInverter.mo").write_text(text)
+    (tmp_path / "LinearInverter.mo").write_text(without_connectors(modelica(model).decode()))
     read = api.transfer_model(str(tmp_path), "LinearInverter", {"cache": False})
     unknown = [*(one.symbol for one in read.der_states), *(one.symbol for one in read.alg_states)]
     known = [*(one.symbol for one in read.states), *(one.symbol for one in read.inputs)]
@@ -48,7 +48,7 @@ def test_openmodelica_simulates_the_step_response(model: LinearModel, tmp_path: 
     (tmp_path / "LinearInverter.mo").write_bytes(modelica(model))
     (tmp_path / "Step.mo").write_text("model Step LinearInverter i; equation i.v_D = 0.01; i.v_Q = 0; end Step;")
     (tmp_path / "run.mos").write_text(
-        'loadModel(Modelica); loadFile("LinearInverter.mo"); loadFile("Step.mo");\n'
+        'loadFile("LinearInverter.mo"); loadFile("Step.mo");\n'
         'simulate(Step, stopTime=0.05, numberOfIntervals=50, tolerance=1e-10, outputFormat="csv");\n'
         "getErrorString();\n"
     )
@@ -69,7 +69,18 @@ def test_every_state_is_declared_and_has_one_equation(model: LinearModel):
     declared = re.findall(r"^  Real (\w+)\(start = 0, fixed = true\)", text, re.MULTILINE)
     derivatives = re.findall(r"^  der\((\w+)\) =", text, re.MULTILINE)
     assert declared == derivatives == list(identifiers(model.states))
-    assert text.count(INPUT) == text.count(OUTPUT) == 2
+    assert text.count(f"  {INPUT} ") == text.count(f"  {OUTPUT} ") == 2
+
+
+def test_the_files_name_no_library(model: LinearModel):
+    texts = [modelica(model), nonlinear_modelica(evaluated("gfl_pll_filter_exact", restarts=0), OP)[1]]
+    for text in (one.decode() for one in texts):
+        assert (
+            text.count(f"  connector {INPUT} = input Real;") == text.count(f"  connector {OUTPUT} = output Real;") == 1
+        )
+        code = re.sub(r'"[^"]*"', '""', text)  # without the texts
+        assert "Modelica" not in code
+    assert identifiers([INPUT, OUTPUT]) == (f"{INPUT}_", f"{OUTPUT}_")  # no instance hides them
 
 
 def test_names_become_identifiers_that_differ():

@@ -9,6 +9,7 @@ import pytest
 from collecting import each_of
 from extended_inverters import VALUES, Inverter, program
 from fitted import benchmark, evaluated
+from modelica_readers import without_connectors
 from random_diagrams import random_legal_diagram
 from scipy.linalg import expm
 from sharing import shared
@@ -22,7 +23,6 @@ from ibrid.errors import DiagramError, IbridError, ModuleError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.export import NonlinearModel, export, nonlinear_model
 from ibrid.export.formula import Formula, formula
-from ibrid.export.modelica import INPUT, OUTPUT
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import LargeSignal, is_linear
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
@@ -245,8 +245,7 @@ def test_pymoca_reads_a_nonlinear_model_that_rests_and_linearises_to_the_record(
     monkeypatch.setitem(generator.OP_MAP, "/", "__truediv__")  # it asks for the division of Python 2
     record = RECORDS[name]()
     export(record, tmp_path / "out.mo", "modelica", ELSEWHERE, nonlinear=True)
-    text = (tmp_path / "out.mo").read_text().replace(INPUT, "input Real").replace(OUTPUT, "output Real")
-    (tmp_path / "out.mo").write_text(text)
+    (tmp_path / "out.mo").write_text(without_connectors((tmp_path / "out.mo").read_text()))
     options = {"cache": False, "replace_parameter_values": True, "replace_parameter_expressions": True}
     read = api.transfer_model(str(tmp_path), "NonlinearInverter.Inverter", options)
     model, linear = nonlinear_model(record, ELSEWHERE), linear_model(record, ELSEWHERE)
