@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from ibrid.errors import DiagramError, IbridError, OperatingPointError, near
 from ibrid.evaluation.record import Record
@@ -129,6 +130,22 @@ def _terminal_point(record: Record, name: str) -> tuple[tuple[float, float], tup
         return record.terminal_point(name)
     except DiagramError:
         return (float("nan"), float("nan")), (float("nan"), float("nan"))
+
+
+def without_dust(model: LinearModel) -> LinearModel:
+    """With zeros for coefficients that are rounding: below 1e-14 of their row, states in balanced units, and all of them
+    together below 1e-12 of the response from 0.01 Hz to 100 kHz (to first order)."""
+    n, whole = len(model.A), np.block([[model.A, model.B], [model.C, model.D]])
+    _, (scale, _) = matrix_balance(model.A, permute=False, separate=True)
+    sizes = np.abs(whole) * np.append(scale, np.ones(len(model.inputs)))
+    small = (whole != 0) & (sizes <= 1e-14 * sizes.max(axis=1, keepdims=True))
+    states = np.linalg.inv(2j * np.pi * np.geomspace(1e-2, 1e5, 141)[:, None, None] * np.eye(n) - model.A)
+    size = np.linalg.norm(model.C @ states @ model.B + model.D, axis=(1, 2), keepdims=True)
+    from_voltage = np.pad(np.linalg.norm(states @ model.B, axis=2), ((0, 0), (0, 2)), constant_values=1.0)
+    to_current = np.pad(np.linalg.norm(model.C @ states, axis=1), ((0, 0), (0, 2)), constant_values=1.0)
+    moved = to_current[:, :, None] * np.abs(whole) * from_voltage[:, None, :]
+    kept = np.where(small & (small.sum() * moved <= 1e-12 * size).all(axis=0), 0.0, whole)
+    return replace(model, A=kept[:n, :n], B=kept[:n, n:], C=kept[n:, :n], D=kept[n:, n:])
 
 
 def with_point(record: Record, op: str | None) -> tuple[Record, str]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
+from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point, without_dust
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.export.andes import andes
@@ -47,17 +48,12 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
         )
 
 
-def _write_csv(sweep: Sweep, path: str | Path) -> None:
-    write_sweep(sweep, path, header=("admittance of a fitted model, not a measurement; delays are exact",))
-
-
-def _write_touchstone(sweep: Sweep, path: str | Path) -> None:
-    write_touchstone(sweep, path, sweep.names[0])
-
-
 #: Formats of the admittance: name -> function that writes a sweep of one operating point.
 ADMITTANCE_FORMATS: Mapping[str, Callable[[Sweep, str | Path], None]] = MappingProxyType(
-    {"csv": _write_csv, "touchstone": _write_touchstone}
+    {
+        "csv": partial(write_sweep, header=("admittance of a fitted model, not a measurement; delays are exact",)),
+        "touchstone": lambda sweep, path: write_touchstone(sweep, path, sweep.names[0]),
+    }
 )
 
 
@@ -95,7 +91,7 @@ def export(
     nonlinear: bool = False,
     windows: bool = False,
 ) -> LinearModel:
-    """Write the linear model of a record at an operating point (see `linear_model`) and return it.
+    """Write the linear model of a record at an operating point (see `linear_model`), source code `without_dust`, and return it.
 
     format : one of `FORMAT_NAMES`. op : "all" stacks all points of the record, in the formats `STACKED`; the first is returned.
     name : of the model: the C symbols, the FMU's modelName, the Modelica class. frequency : (K,) Hz, ascending, of csv and
@@ -135,7 +131,7 @@ def export(
         ADMITTANCE_FORMATS[format](admittance(record, op, frequency), path)
     else:
         options = {**(titled if format in NAMED else {}), **({"windows": True} if windows else {})}
-        write_whole(path, FORMATS[format](model, **options))
+        write_whole(path, FORMATS[format](without_dust(model) if format in NAMED else model, **options))
     return model
 
 

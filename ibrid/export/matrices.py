@@ -104,8 +104,8 @@ _TEXT = b"MATLAB 5.0 MAT-file, a linear inverter model written by ibrid".ljust(1
 def mat_file(*models: LinearModel) -> bytes:
     """The file's content: A, B, C, D; v0, i0, p_pcc, q_pcc, omega_0, s_base_va, v_base_v (NaN where they are not known); cell
     arrays of names (columns); scalars f0_hz, p, q, v; texts op, units. Of several points op is a column of names."""
-    content = _arrays(models, _cells) | {"parameter_values": _column(models)}
-    content |= {name: content[name].reshape(2, -1) for name in ("v0", "i0")}
+    content = _arrays(models, _cells)
+    content |= {name: content[name].reshape(len(content[name]), -1) for name in ("v0", "i0", "parameter_values")}
     stream = io.BytesIO()
     scipy.io.savemat(stream, content, format="5")
     return _TEXT + stream.getvalue()[len(_TEXT) :]
@@ -136,10 +136,6 @@ def _arrays(models: Sequence[LinearModel], listed: Callable[[Sequence[str]], np.
         "power_node": model.power_node,
         "units": UNITS,
     }
-
-
-def _column(models: Sequence[LinearModel]) -> np.ndarray:
-    return _stacked(models, lambda one: list(one.parameters.values())).reshape(len(models[0].parameters), -1)
 
 
 def _cells(names: Sequence[str]) -> np.ndarray:
