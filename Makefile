@@ -11,7 +11,7 @@ STAMP := $(VENV)/.ibrid-ready
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
 TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs lint clean
+.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -87,6 +87,10 @@ docs: setup-docs
 setup-docs: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 
+# other programs that open what is exported, in tests: ANDES, rumoca, zig (400 MB); Octave and chromium are packages of the system
+setup-consumers: $(STAMP)
+	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[consumers]'
+
 lint: $(STAMP)
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/ruff check
@@ -107,6 +111,7 @@ test: lint
 test-all: newcomer
 	$(MAKE) setup-llm || echo "torch cannot be installed here: tests of language models and of learning are skipped" >&2
 	$(MAKE) setup-docs || echo "sphinx cannot be installed here: the documentation site is not built" >&2
+	$(MAKE) setup-consumers || echo "ANDES, rumoca and zig cannot be installed here: exports are not opened in them" >&2
 	$(MAKE) lint
 	$(TEST) --tier all $(ARGS)
 

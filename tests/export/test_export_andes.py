@@ -60,7 +60,7 @@ def quasi_static_poles(model: LinearModel, rating: float) -> np.ndarray:
 
 def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(record: ibrid.Record, tmp_path: Path):
     if find_spec("andes") is None:
-        pytest.skip("ANDES is not installed (pip install andes)")
+        pytest.skip("ANDES is not installed (pip install 'ibrid[consumers]')")
     rating = 50.0
     model = export(record, tmp_path / "east.py", "andes", OP, name="east")
     i = complex(*model.i0) * rating / 100

@@ -194,7 +194,8 @@ def test_a_library_for_windows_needs_ziglang_and_says_so(
 
 
 @pytest.mark.skipif(
-    find_spec("ziglang") is None, reason="ziglang, which compiles for Windows, is not installed (pip install ziglang)"
+    find_spec("ziglang") is None,
+    reason="ziglang, which compiles for Windows, is not installed (pip install 'ibrid[consumers]')",
 )
 def test_fmu_and_library_for_windows_are_dlls(record: ibrid.Record, tmp_path: Path):
     export(record, tmp_path / "m.fmu", "fmu", OP, windows=True)
