@@ -43,10 +43,11 @@ def block_diagram_svg(
         )
     graph = block_graph(diagram, vocabulary, values, framed)
     drawing = arrange(graph)
-    parts, names = loop_frames(drawing, loops(diagram, tuple(vocabulary)))
+    frames = [frame.svg for frame in loop_frames(drawing, loops(diagram, tuple(vocabulary)))]
+    parts = [frame for frame, _ in frames]
     parts += [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
     parts += [part for node in graph.nodes for part in _node(drawing, node, node.name in framed)]
-    parts += names
+    parts += [name for _, name in frames]
     label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
     return Markup(
         f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '

@@ -35,3 +35,11 @@ for (const svg of document.querySelectorAll("svg.diagram")) {
     show(now() * Math.exp(-event.deltaY / 300), (event.clientX - box.left) / box.width);
   }, { passive: false });
 }
+
+// A link to a folded section opens it.
+const unfold = () => {
+  const there = location.hash.length > 1 && document.getElementById(location.hash.slice(1))?.querySelector(":scope > details");
+  if (there) there.open = true;
+};
+addEventListener("hashchange", unfold);
+unfold();

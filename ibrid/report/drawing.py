@@ -4,8 +4,8 @@ from ibrid.report.block_graph import BlockGraph, Pin
 from ibrid.report.layering import Placement, place
 from ibrid.report.routing import TRACK, Crossbar, Routes, route
 
-#: Around the drawing; beside the tracks of a channel.
-MARGIN, APPROACH = 14.0, 26.0
+#: Around the drawing, frames of loops in it; beside the tracks of a channel.
+MARGIN, APPROACH = 19.0, 26.0
 #: Starting orders that are tried for the drawing with the fewest crossings.
 TRIES = 24
 Point = tuple[float, float]

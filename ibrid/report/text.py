@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
+from ibrid.analysis.loop_modes import loops_told
 from ibrid.evaluation.record import Record
 from ibrid.measurement.quantities import counted, hertz
 from ibrid.measurement.sweep import ENTRIES
@@ -29,7 +30,7 @@ def format_record(record: Record) -> str:
     if record.parameters:
         parts.append(_parameters(parameter_rows(record)))
     if record.poles:
-        parts.append(_modes(record))
+        parts += [_loops(record), _modes(record)]
     parts.append(listed("what the data say about the parameters", record.identifiability))
     parts.append(listed("warnings", record.warnings))
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
@@ -115,6 +116,15 @@ def _modes(record: Record) -> list[str]:
         )
         rows.append([_cut(op), "stable" if record.stable.get(op) else "UNSTABLE", words])
     return table(["operating point", "", "least damped modes (frequency at damping ratio)"], rows)
+
+
+def _loops(record: Record) -> list[str]:
+    rows = [
+        [one.loop, one.regulator, *("-" if value is None else words(value) for value, words in (
+            (one.bandwidth, hertz), (one.phase_margin, lambda x: f"{number(x, 3)} deg"), (one.damping, percent)))]
+        for one in loops_told(record)
+    ]  # fmt: skip
+    return table(["loop", "regulator", "bandwidth", "phase margin", "damping"], rows, right=(2, 3, 4)) if rows else []
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:

@@ -6,8 +6,10 @@ from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
+from ibrid.analysis.loop_modes import loops_told
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
+from ibrid.report.block_diagram import readable
 from ibrid.report.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, verdict
@@ -21,7 +23,7 @@ from ibrid_search.report.models import drawn_models, front_facts, response_facts
 from ibrid_search.report.run_data import RunData, Stored, read_run
 from ibrid_search.report.statistics import statistics_facts
 from ibrid_search.run_folder import ARCHIVE, PAGE
-from ibrid_search.step import EVALUATED, Status, Step
+from ibrid_search.step import EVALUATED, Status, Step, line
 from ibrid_search.store import Store
 
 #: What the error is drawn against: a number of a step, and its name.
@@ -60,7 +62,7 @@ def write_run_page(
 def run_html(run: RunData) -> str:
     """The page as text."""
     evaluations, budget, record = run.points[-1].evaluation if run.points else 0, run.settings.get("budget"), run.record
-    updates = updates_of(run)
+    updates, start = updates_of(run), None if run.start is None else readable(run.start.program)
     budget = budget if isinstance(budget, int) else 0
     facts = {
         "run": run,
@@ -77,8 +79,10 @@ def run_html(run: RunData) -> str:
         "responses": response_facts(run),
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
+        "loops": () if record is None else loops_told(record),
         "fronts": [(name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front],
         "front": front_facts(run),
+        "origin": "the start" if start is None else start.name.removeprefix("build_"),
         "lineage": [] if run.answer is None else lineage(run.steps, run.answer.number),
         "learning": {"updates": updates, "svg": learning_svg(updates)},
     }
@@ -107,15 +111,8 @@ class Ancestor:
 
 
 def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
-    """The way from the start to a step, oldest first; it begins later where a parent is not among the steps."""
-    path: list[Step] = []
-    seen: set[int] = set()
-    here = steps.get(number)
-    while here is not None and here.number not in seen:
-        seen.add(here.number)
-        path.append(here)
-        here = None if here.parent is None else steps.get(here.parent)
-    path.reverse()
+    """The way from the start or shipped diagram to a step, oldest first; it begins later where a parent is not among the steps."""
+    path = line(steps, number)
     found = [Ancestor(step) for step in path[:1]]
     for parent, step in pairwise(path):
         found.append(Ancestor(step, difference(parent.program, step.program), _others(steps, parent, step)))
@@ -126,6 +123,6 @@ def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step,
     found = [
         step
         for step in steps.values()
-        if step.parent == parent.number and step.number != child.number and step.status is Status.OK
+        if step.edited == parent.number and step.number != child.number and step.status is Status.OK
     ]
     return tuple(sorted(found, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))

@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+#: The proposer of further starts.
+SHIPPED = "shipped"
+
 
 class Status(StrEnum):
     """How a proposal ended. Every refusal has a word of its own, in the order in which they are asked."""
@@ -98,3 +101,17 @@ class Step:
     order: int | None = None
     free: int | None = None
     seconds: float = 0.0
+
+    @property
+    def edited(self) -> int | None:
+        """The step whose program it edits; None for the start and for a further shipped diagram, which replaces all of it."""
+        return None if self.proposer == SHIPPED else self.parent
+
+
+def line(steps: Mapping[int, Step], number: int | None) -> list[Step]:
+    """A step behind those it comes from by edits, the oldest first; it begins later where one is not among the steps."""
+    path: list[Step] = []
+    while number is not None and (here := steps.get(number)) is not None and here not in path:
+        path.insert(0, here)
+        number = here.edited
+    return path

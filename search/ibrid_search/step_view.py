@@ -11,7 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.numbers import number
 from ibrid_search.blocks import shown
-from ibrid_search.step import Step
+from ibrid_search.step import Step, line
 
 #: Steps and frequencies that are shown at most, and parameters that moved.
 STEPS, ROWS, MOVED = 20, 16, 12
@@ -31,10 +31,7 @@ def steps_view(steps: Sequence[Step], after: int = -1) -> dict[str, Any]:
 
 def lineage(steps: Sequence[Step], number: int) -> list[int]:
     """Numbers of the steps from the first ancestor to a step."""
-    known, path = {step.number: step for step in steps}, [number]
-    while (parent := known[path[0]].parent) is not None and parent in known and parent not in path:
-        path.insert(0, parent)
-    return path
+    return [step.number for step in line({step.number: step for step in steps}, number)]
 
 
 def differences(first: Record, second: Record) -> dict[str, Any]:

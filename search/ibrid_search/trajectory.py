@@ -38,7 +38,7 @@ class Point:
 class Milestone:
     """An improvement that was accepted.
 
-    `before`, `after` : best NRMSE without and with it, `before` None for the first. `band` : the band (Hz) whose part of the
+    `before`, `after` : NRMSE of the edited parent and of this, `before` None for a start. `band` : the band (Hz) whose part of the
     squared error fell most from the record of the edited parent to this one's, with the relative error in that band in both;
     "" where that is unknown.
     """
@@ -108,27 +108,21 @@ def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: Re
     for one in points:
         if one.better:
             step = steps[one.step]
-            parent = steps.get(-1 if step.parent is None else step.parent)
-            before = found[-1].after if found else None
-            parent_record = None if parent is None else record_of(parent.number)
-            found.append(milestone(one.evaluation, step, before, record_of(step.number), parent_record))
+            parent = None if step.edited is None else record_of(step.edited)
+            found.append(milestone(one.evaluation, step, record_of(step.number), parent))
     return tuple(found)
 
 
 def milestone(
-    evaluation: int,
-    step: Step,
-    before: float | None,
-    record: Record | None = None,
-    parent_record: Record | None = None,
+    evaluation: int, step: Step, record: Record | None = None, parent_record: Record | None = None
 ) -> Milestone:
-    """One improvement, described by the records before and after the edit."""
+    """One improvement, described by the records before and after the edit; of a start, which edits nothing, by its own alone."""
     band = band_that_got_better(parent_record, record)
     return Milestone(
         evaluation=evaluation,
         step=step.number,
         note=" ".join(step.note.split()) or ("the start" if step.parent is None else ""),
-        before=before,
+        before=None if parent_record is None else parent_record.nrmse,
         after=_error(step),
         band=band,
         band_before=parent_record.nrmse_by_band.get(band) if parent_record is not None and band else None,

@@ -68,12 +68,11 @@ class Watcher:
             self.shown.say(f"step {step.number}, {step.proposer}: {step.status}: {step.reason[:300]}")
 
     def _tell(self, loop: Loop, step: Step) -> None:
-        before = self._mark
-        if not improves(before, step.nrmse or 0.0):
+        if not improves(self._mark, step.nrmse or 0.0):
             return  # as good, and simpler
         self._mark = step.nrmse
-        parent = None if step.parent is None else loop.appraisal.record(step.parent)
-        self.shown.milestone(milestone(self._evaluation, step, before, loop.appraisal.record(step.number), parent))
+        parent = None if step.edited is None else loop.appraisal.record(step.edited)
+        self.shown.milestone(milestone(self._evaluation, step, loop.appraisal.record(step.number), parent))
 
 
 def _seconds(store: Store) -> float:

@@ -1,7 +1,7 @@
 """Runs of a search put together by hand from real records: what their pages must cope with."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from fitted import evaluated
@@ -38,8 +38,9 @@ def put(store: Store, step: Step, record: Record | None = None) -> None:
     store.conclude(step.number, status=step.status, reason=step.reason, record=record)
 
 
-def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, **changes: str) -> Path:
-    """A folder with a run of a few steps; `changes` : fields of every proposal."""
+def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, shipped: Collection[int] = (), **changes: str) -> Path:
+    """A folder with a run of a few steps; `changes` : fields of every proposal; `shipped` : steps that are
+    further starts."""
     folder.mkdir()
     with Store.create(folder / "archive.sqlite", texts) as store:
         for number in sorted({*WAY, *REFUSALS}):
@@ -51,6 +52,7 @@ def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, **changes: st
                 continue
             parent, name, note = WAY[number]
             given = {"note": note, "proposer": "rules", "scale": "module", **(changes if number else {})}
+            given |= {"proposer": "shipped", "note": f"the shipped diagram {name}"} if number in shipped else {}
             step = Step(number, parent=parent, status=Status.OK, program=textbook_text(name), island=number, **given)
             put(store, step, evaluated(name, restarts=0))
     return folder

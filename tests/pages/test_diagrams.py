@@ -1,6 +1,5 @@
 """Diagrams as engineers draw them: minus at the sum, values in blocks, loops framed and named, zoom, bandwidth, damping."""
 
-import re
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -16,7 +15,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.report.block_diagram import block_diagram_svg
 from ibrid.report.block_graph import block_graph
 from ibrid.report.drawing import arrange
-from ibrid.report.loop_frames import loop_frames
+from ibrid.report.loop_frames import Frame, _belongs, _meet, _outlines, loop_frames
 from ibrid.report.numbers import in_si
 from ibrid.report.page import report_html
 from ibrid.report.parameter_rows import parameter_rows, values_of
@@ -81,21 +80,48 @@ def test_loops_are_known_by_what_regulates_in_them_each_device_by_its_own(name: 
     assert {title: members[0] for title, members in found.items()} == expected
 
 
-def test_frames_hold_their_loop_and_no_other_block():
-    for name in shipped_names()[::3]:
+def holds(frame: Frame, box: tuple[float, float, float, float]) -> bool:
+    x, y, width, height = box
+    return any(
+        left <= x and right >= x + width and top <= y and bottom >= y + height
+        for left, top, right, bottom in frame.boxes
+    )
+
+
+def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_overlap():
+    outside = []
+    for name in shipped_names():
         diagram = textbook(name)
         drawing = arrange(block_graph(diagram, VOCABULARY))
         found = loops(diagram, VOCABULARY)
-        frames, names = loop_frames(drawing, found)
-        assert [re.sub(r".*>([^<]+)</text>.*", r"\1", one) for one in names] == list(found)
-        members = {one for group in found.values() for one in group}
+        frames = loop_frames(drawing, found)
+        assert {frame.title for frame in frames} == set(found)
+        for one, two in combinations(frames, 2):
+            assert not any(_meet(a, b) for a in one.boxes for b in two.boxes), (name, one.title, two.title)
         for frame in frames:
-            left, top, width, height = (
-                float(one) for one in re.findall(r'(?:x|y|width|height)="([\d.-]+)"', frame)[:4]
+            for block, (x, y, width, height) in drawing.boxes.items():
+                if not _belongs(block, found[frame.title]):
+                    assert not any(_meet(box, (x, y, x + width, y + height)) for box in frame.boxes), (name, block)
+            for left, top, right, bottom in frame.boxes:  # in the picture with the thickness of its line
+                assert min(left, top, drawing.width - right, drawing.height - bottom) >= 1, (name, frame.title)
+            assert block_diagram_svg(diagram, VOCABULARY).count(f">{frame.title}</text>") >= sum(
+                one.title == frame.title for one in frames
             )
-            for block, (x, y, w, h) in drawing.boxes.items():
-                outside = x + w <= left or x >= left + width or y + h <= top or y >= top + height
-                assert outside or block in members or block.startswith("sum at "), (name, block)
+        for title, members in found.items():
+            own = [frame for frame in frames if frame.title == title]
+            for block, box in drawing.boxes.items():
+                if _belongs(block, members) and not any(holds(frame, box) for frame in own):
+                    outside.append((name, block))
+    assert outside == [("gfm_power_synchronisation", "sum at damping.in_")]  # another block lies between
+
+
+def test_a_frame_goes_round_what_is_between_its_blocks():
+    # an L of two rectangles that share a corner region: six corners, clockwise from the upper left
+    ((first, *rest),) = _outlines([(0, 0, 30, 10), (20, 0, 30, 40)])
+    assert {first, *rest} == {(0, 0), (30, 0), (30, 40), (20, 40), (20, 10), (0, 10)}
+    assert len(rest) == 5
+    apart = _outlines([(0, 0, 10, 10), (20, 20, 30, 30)])
+    assert sorted(map(len, apart)) == [4, 4]
 
 
 def test_the_bandwidth_of_a_pll_on_a_stiff_grid_is_the_closed_form():

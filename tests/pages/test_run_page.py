@@ -16,6 +16,7 @@ from ibrid_search.report.run_data import read_run
 from ibrid_search.report.statistics import MEANINGS, speed
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
+from ibrid_search.watching.state import run_state
 from made_run import REFUSALS, a_run, meta, put
 from page_reader import Reader, self_contained
 
@@ -93,7 +94,7 @@ def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(
     shown = {float(one["value"] or "nan") for one in reader.all("data")}
     assert set(record.nrmse_by_op.values()) <= shown
     assert {value for values in record.parameters.values() for value in values.values()} <= shown
-    assert len(reader.all("details")) == 4 + 2  # the edits, the statistics, and the settings of the run
+    assert len(reader.all("details")) == 4 + 4  # the edits; numbers, errors, statistics and settings of the run
     assert '+    g.add("LPF1", "pll_filter")' in unescape(page)
 
 
@@ -134,8 +135,33 @@ def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_pat
     assert "1 other structure fits equally well." in words
     for part in ("A reason.", "held out", "0.0123", "passivity", "-0.456", "a remark", "the answer, fits equally well"):
         assert part in words
-    assert "phase margin" not in words  # a column without a number
+    assert "phase margin" not in words.partition("Structures that no simpler one beats")[2]  # a column without a number
     assert "Residual modules, which stand for no physics: rest." in words
+
+
+def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_figures):
+    folder = a_run(tmp_path / "run", meta(), shipped=(1,))
+    with Store.open(folder / "archive.sqlite", read_only=True) as store:
+        run = read_run(store)
+    assert run.start.number == 1
+    errors = {number: step.nrmse for number, step in run.steps.items()}
+    assert [(one.step, one.before) for one in run.milestones] == [(0, None), (1, None), (3, errors[1]), (5, errors[3])]
+    assert run.milestones[1].band == ""
+    words = read(write_run_page(folder)).text
+    assert "2 edits lead from the shipped diagram gfl_exact to what was found" in words
+    way = words.partition("2 edits lead")[2].partition("How the search went")[0]
+    assert "decoupling by the nominal frequency" in way
+    assert "step 0" not in way
+    assert [one["parent"] for one in run_state(folder)["nodes"]] == [None, None, 1, 3]
+
+
+def test_page_begins_with_sentence_grade_diagram_and_line_and_folds_its_statistics(page):
+    order = [page.index(one) for one in ('class="verdict"', "<dt>grade", "<summary>The search in numbers",
+             'id="diagram"', "<th scope=\"row\">PLL", 'id="lineage"', 'id="trajectory"', "<details><summary><h2 id=\"error-heading")]  # fmt: skip
+    assert order == sorted(order)
+    head = page[page.index("<header>") : page.index("</header>")]
+    assert head.partition("<details>")[0].count("<dt>") == 5
+    assert "evaluations per second" not in head.partition("<details>")[0]
 
 
 def test_structures_that_miss_the_data_alike_are_not_said_to_fit(folder, tmp_path, few_figures):

@@ -107,7 +107,7 @@ def test_milestone_names_the_band_whose_part_of_the_squared_error_fell_most():
     assert (found[0].before, found[0].note, found[0].band) == (None, "edit 0", "")
 
 
-def test_the_band_is_that_of_the_edited_parent_and_the_error_before_that_of_the_best():
+def test_band_and_error_before_are_those_of_the_edited_parent():
     steps = {0: step(0, 0.9), 1: step(1, 0.5), 2: step(2, 0.4, parent=0)}
     records = {
         0: record(0.9, (0, 0, 1.0, 0), (0.1, 0.1, 0.9, 0.1)),
@@ -115,7 +115,7 @@ def test_the_band_is_that_of_the_edited_parent_and_the_error_before_that_of_the_
         2: record(0.4, (0.5, 0, 0.5, 0), (0.2, 0.1, 0.2, 0.1)),
     }
     last = milestones(trajectory(steps.values()), steps, records.get)[-1]
-    assert last.before == 0.5
+    assert last.before == 0.9
     assert (last.band, last.band_before, last.band_after) == ("500-2000", 0.9, 0.2)
 
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from ibrid_search.diagnosis import Edited
 from ibrid_search.proposal import Context, Proposal
+from ibrid_search.step import SHIPPED
 
 
 class Shipped:
     """Proposes the first of some diagrams that the run has not met, whatever the parent is."""
 
-    name = "shipped"
+    name = SHIPPED
     attempts = 1
     window: int | None = None
 

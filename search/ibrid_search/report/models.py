@@ -35,7 +35,7 @@ def drawn_models(run: RunData) -> DrawnDiagrams | None:
         Shown(title, diagram, values=values_or_none(None if step is None else run.records.get(step.number)))
         for title, diagram, step in (
             ("Found", None if run.answer is None else readable(run.answer.program), run.answer),
-            ("The start", None if run.start is None else readable(run.start.program), run.start),
+            ("The start", None if run.start in (None, run.answer) else readable(run.start.program), run.start),
             ("The given truth", run.truth, None),
         )
         if diagram is not None
@@ -78,9 +78,9 @@ def _made_of(program: str, kinds: Sequence[ModuleKind]) -> str:
 
 def _models(run: RunData) -> list[FittedModel]:
     """Found, start and truth, as far as they were fitted; each keeps its colour."""
-    answer, start = run.record, run.records.get(0)
+    answer, start = run.record, None if run.start is None else run.records.get(run.start.number)
     models = [FittedModel("found", answer, 0)] if answer is not None and answer.parameters else []
-    if start is not None and start.parameters and (run.answer is None or run.answer.number != 0):
+    if start is not None and start.parameters and start is not answer:
         models.append(FittedModel("start", start, 3))
     if run.truth_record is not None:
         models.append(FittedModel("given truth (refitted)", run.truth_record, 1))

@@ -24,7 +24,7 @@ from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
 from ibrid_search.parsed import mapping_in
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
-from ibrid_search.step import Step
+from ibrid_search.step import Step, line
 from ibrid_search.store import NotedCall
 from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
 
@@ -71,8 +71,8 @@ class RunData:
 
     @property
     def start(self) -> Step | None:
-        """The step that the search began with."""
-        return self.steps.get(0)
+        """What the answer's line begins with: step 0 or a further shipped diagram."""
+        return next(iter(line(self.steps, self.answer.number)), None) if self.answer else self.steps.get(0)
 
     @property
     def record(self) -> Record | None:
@@ -154,8 +154,8 @@ def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKi
 def _worth_reading(points: Sequence[Point], steps: Mapping[int, Step], answer: Step | None) -> set[int]:
     """Numbers of the steps whose records the page shows."""
     better = [steps[one.step] for one in points if one.better]
-    numbers = {one.number for one in better} | {one.parent for one in better if one.parent is not None}
-    return numbers | {0} | (set() if answer is None else {answer.number})
+    way = [] if answer is None else line(steps, answer.number)
+    return {one.number for one in (*better, *way)} | {one.edited for one in better if one.edited is not None} | {0}
 
 
 def _records(

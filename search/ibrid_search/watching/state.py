@@ -13,6 +13,7 @@ from ibrid.structure.compare import difference
 from ibrid.writing import inside
 from ibrid_search.report.run_data import measured, settings_of
 from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.step import line
 from ibrid_search.store import Store
 from ibrid_search.trajectory import trajectory
 
@@ -34,10 +35,7 @@ def run_state(folder: Path) -> dict[str, Any]:
     ranked = sorted(known, key=lambda number: steps[number].nrmse or 0.0)[:DRAWN]
     shown = dict.fromkeys(ranked)
     for number in ranked:
-        parent = steps[number].parent
-        while parent is not None and parent in known and parent not in shown:
-            shown[parent] = None
-            parent = steps[parent].parent
+        shown |= {one.number: None for one in line(steps, number) if one.number in known}
     best = meta.get("best", "")
     return {
         "name": folder.resolve().name,
@@ -50,7 +48,7 @@ def run_state(folder: Path) -> dict[str, Any]:
         "nodes": [
             {
                 "step": number,
-                "parent": steps[number].parent if steps[number].parent in known else None,
+                "parent": steps[number].edited if steps[number].edited in known else None,
                 "nrmse": steps[number].nrmse,
                 "stable": steps[number].stable,
                 "note": steps[number].note[:200],
@@ -71,7 +69,7 @@ def step_page(folder: Path, number: int, kinds: Sequence[ModuleKind] = VOCABULAR
         record = store.record(number, kinds)
         sweep, _ = measured(store.meta.get("data", ""))
         try:
-            parent = None if step.parent is None else store.step(step.parent)
+            parent = None if step.edited is None else store.step(step.edited)
         except IbridError:
             parent = None
     changed = () if parent is None else difference(parent.program, step.program)
