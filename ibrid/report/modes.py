@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+#: Imaginary part over real part up to which a pole is a real one.
+ROUNDING = 1e-6
+
+
 @dataclass(frozen=True)
 class PolePair:
     """A pole pair: `frequency` of oscillation, Im p / 2 pi in Hz; `damping` -Re p / |p|; `real` in 1/s."""
@@ -28,9 +32,14 @@ def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[P
     found = []
     for real, imaginary in poles:
         size = math.hypot(real, imaginary)
-        if 0 < imaginary <= 2 * math.pi * highest:
+        if ROUNDING * abs(real) < imaginary <= 2 * math.pi * highest:
             found.append(PolePair(imaginary / (2 * math.pi), -real / size, real))
     return sorted(found, key=lambda one: one.damping)
+
+
+def real_poles(poles: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+    """Poles whose imaginary part is rounding."""
+    return [one for one in poles if abs(one[1]) <= ROUNDING * abs(one[0])]
 
 
 def slowest(poles: Sequence[Sequence[float]]) -> float:

@@ -37,6 +37,7 @@ from ibrid_search.settings import SearchSettings
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
 FITTED, SECONDS, RESTARTS = 3, 12.0, 1
 GRADES = tuple(map(str, Grade))
+FITS = GRADES[:2]
 _WORDS = {
     "explains": "explains these data: what is left is no larger than {noise}",
     "close": "is close: what is left is up to twice {noise}",
@@ -130,7 +131,8 @@ class Start:
 
 
 def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; one of two devices in
+    parallel where none of these fits.
 
     With records of events these are fitted to both, and ranked by the Bayesian information criterion.
 
@@ -139,7 +141,8 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     inspection = inspect(sweep)
     study = Study(sweep, seed=seed, port=port)
     measure = criterion(study, SearchSettings())
-    looks = Looker(study, measure).textbooks(tell=lambda words, share: tell(words, 0.6 * share))
+    looker = Looker(study, measure)
+    looks = looker.textbooks(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
@@ -149,15 +152,20 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
         fitted.append(_fitted(look, study))
     fitted.sort(key=lambda one: (GRADES.index(one.grade), _worth(one, measure)))
+    if fitted[0].grade not in FITS:
+        tell("no diagram of one device fits: two in parallel", 0.86)
+        pairs = [_fitted(look, study) for look in looker.textbooks(2)[:1]]
+        fitted = [one for one in pairs if one.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
         fitted = sorted((_fitted_to_both(one, study, events) for one in fitted), key=lambda one: one.bic)
     tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
-    rest = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
+    good = [one for one in fitted[1:] if one.grade != GRADES[-1]]
+    rest = [one for one in fitted[1:] if one not in good] + [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
-    return Start(sweep, inspection, (first, *fitted[1:], *rest), family, events=events)
+    return Start(sweep, inspection, (first, *good, *sorted(rest, key=lambda one: one.nrmse)), family, events=events)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -190,6 +198,9 @@ def start_html(answer: Start) -> str:
 
 def family_words(sort: str) -> str:
     """A sort of control as an engineer says it."""
+    first, beside, second = sort.partition(" beside ")
+    if beside:
+        return f"two devices in parallel: {family_words(first)}; {family_words(second)}"
     follows, _, loop = sort.partition(", ")
     names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
     return " and ".join(names) + (f", with a {loop}" if loop else "")
@@ -239,15 +250,16 @@ def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:
 def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
     """Three commands: what the grade asks for first."""
     model, record = str(folder / "model.py"), str(folder / "model.json")
-    search = ["ibrid", "search", data, *behind, "--out", str(folder / "search")]
+    two = ["--devices", "2"] if answer.family.startswith("two devices") else []
+    search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
     gap = ["ibrid", "gap", model, data, *behind, "--out", str(folder / "gap")]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
     op = answer.sweep.names[0]
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
     if answer.best.record is None:
         chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])
-    elif answer.best.grade in GRADES[:2]:
-        chosen = (stability, export, gap)
+    elif answer.best.grade in FITS:
+        chosen = (stability, export, search if two else gap)
     else:
         chosen = (search, gap, stability)
     return tuple(map(shlex.join, chosen))

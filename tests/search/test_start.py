@@ -40,6 +40,25 @@ def test_the_shipped_diagram_that_made_the_data_is_first_and_graded(started):
     assert answer["family"] == "grid-following, a PLL gives its angle"
 
 
+def test_what_was_looked_at_or_fails_stands_by_its_error(started):
+    ranked = json.loads((started / "out/start.json").read_text())["ranked"]
+    errors = [one["nrmse"] for one in ranked[1:] if one["grade"] in (None, "fails")]
+    assert errors == sorted(errors)
+    assert "phase margin" in (started / "out/report.html").read_text()  # the table of loops
+
+
+def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid_search.start.FITTED", 1)
+    assert cli.main(["start", "parallel_gfl_gfm", "--out", str(tmp_path / "out")]) == 0
+    answer = json.loads((tmp_path / "out/start.json").read_text())
+    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    assert (answer["ranked"][0]["diagram"], answer["ranked"][0]["grade"]) == ("parallel_gfl_gfm", "explains")
+    assert "(two devices in parallel: grid-following" in answer["sentence"]
+    (search,) = [line for line in answer["next"] if line.startswith("ibrid search")]
+    assert "--devices 2" in search
+    assert search in capsys.readouterr().out
+
+
 def test_the_next_commands_can_be_pasted(started):
     answer = json.loads((started / "out/start.json").read_text())
     assert len(answer["next"]) == 3
