@@ -1,8 +1,8 @@
 """A fitted model to take away: state spaces for other tools, compiled code, the admittance as a sweep."""
 
 import sys
+from inspect import signature
 from types import ModuleType
-from typing import Any
 
 from ibrid.analysis.linear_model import LinearModel, linear_model
 from ibrid.assembly.averaged import NonlinearModel
@@ -26,8 +26,8 @@ __all__ = [
 class _Callable(ModuleType):
     """`ibrid.export(record, ...)` is the function, though this package bears its name."""
 
-    def __call__(self, *arguments: Any, **options: Any) -> LinearModel:
-        return export(*arguments, **options)
+    __call__ = staticmethod(export)
 
 
+__signature__ = signature(export)
 sys.modules[__name__].__class__ = _Callable

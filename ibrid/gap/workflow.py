@@ -51,7 +51,7 @@ def find_gap(
     sweep: Sweep | Study | None,
     values: Nominal | None = None,
     *,
-    catalogue: Sequence[Effect] = CATALOGUE,
+    catalogue: Sequence[Effect] | None = None,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     progress: str | Tell = "interactive",
     seconds: float | None = None,
@@ -71,7 +71,7 @@ def find_gap(
     holdout_op, vocabulary, seed, port, labels : as of `ibrid.study.Study`, but that labels are uncertain unless it is said
         here that they are exact; held-out points are predicted before and after. A gap is sought with shared parameters and
         the exact equilibrium alone.
-    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`.
+    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`; `CATALOGUE` when not given.
     suggest : who is asked for edits where something is located that the catalogue does not know.
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
@@ -89,8 +89,9 @@ def find_gap(
     ------
     IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
     """
+    effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
-        return _of_events(diagram, sweep, values, events, tuple(catalogue), progress, seconds, options)
+        return _of_events(diagram, sweep, values, events, effects, progress, seconds, options)
     if isinstance(diagram, Record):
         diagram, values = diagram.diagram, values or values_of(diagram)
     if sweep is None:
@@ -109,7 +110,7 @@ def find_gap(
     gate = linearity(study.fitted)
     with telling(progress) as tell:
         watch = Watch(tell, seconds, so_far)
-        ask = _Question(diagram, study, values, prior, tuple(catalogue), suggest, watch)
+        ask = _Question(diagram, study, values, prior, effects, suggest, watch)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     if watch.stopped:
         short = f"Stopped after {seconds:g} s: not everything was tried."

@@ -104,6 +104,12 @@ class PointSweep:
                 "check that the columns hold the measured values."
             )
 
+    def __repr__(self) -> str:
+        there = [name for name in ("sigma", "repeats", "larger") if getattr(self, name) not in (None, ())]
+        known = f", with {' and '.join(there)}" if there else ""
+        low, high = self.frequency[0], self.frequency[-1]
+        return brief(f"<PointSweep: {self.op.name}, {len(self.frequency)} frequencies, {low:g} to {high:g} Hz", f"{known}>")
+
     @property
     def omega(self) -> np.ndarray:
         """(K,) rad/s."""

@@ -40,12 +40,13 @@ def loop_frames(drawing: Layout, found: Mapping[str, Sequence[str]]) -> list[Fra
     wires = [piece for index in range(len(drawing.placement.graph.nets)) for piece in drawing.pieces(index)]
     frames: list[Frame] = []
     for title, members in found.items():
-        others = [_around(box) if name in framed else box for name, box in boxes.items() if name not in inside[title]]
+        others = [_around(boxes[name], name) if name in framed else boxes[name] for name in boxes.keys() - inside[title]]
         others += [box for frame in frames for box in frame.boxes]
-        modules = {_around(boxes[name]) for name in inside[title] if name in members}
-        for piece in _merged([_around(boxes[name]) for name in inside[title]], others):
-            if any(_hull(box, module) == box for box in piece for module in modules):
-                frames.append(Frame(title, tuple(piece), _free_place(piece, wires, _LETTER * len(title))))
+        own = {_around(boxes[name], name): name in members for name in inside[title]}
+        for piece in _merged(own, others):
+            named = [box for box in piece if any(_hull(box, one) == box for one, module in own.items() if module)]
+            if named:
+                frames.append(Frame(title, tuple(piece), _free_place(named, wires, _LETTER * len(title))))
     return frames
 
 
@@ -54,26 +55,44 @@ def _belongs(name: str, members: Sequence[str]) -> bool:
     return name in members or (name.startswith(SUM) and split_port(name.removeprefix(SUM))[0] in members)
 
 
-def _merged(boxes: Sequence[Box], others: Sequence[Box]) -> list[list[Box]]:
-    """Boxes joined pairwise, the closest first, as long as nothing else comes between; one rectangle where that is free."""
+def _merged(boxes: Mapping[Box, bool], others: Sequence[Box]) -> list[list[Box]]:
+    """Boxes joined pairwise, the closest first, as long as nothing else comes between; one rectangle where that is free.
+    boxes : True for a module; a sum may also be joined round a corner."""
     pieces = [[box] for box in boxes]
     while True:
         pairs = [
             (joint, one, two)
             for k, one in enumerate(pieces)
             for two in pieces[k + 1 :]
-            for joint in (_hull(a, b) for a in one for b in two)
-            if not any(_meet(joint, box) for box in others)
+            for a in one
+            for b in two
+            for joint in _joints(a, b)[: 1 if boxes.get(one[-1], True) and boxes.get(two[-1], True) else 3]
+            if not any(_meet(part, box) for part in joint for box in others)
         ]
         if not pairs:
             wholes = [(_hull(*piece), piece) for piece in pieces]
             return [piece if any(_meet(whole, box) for box in others) else [whole] for whole, piece in wholes]
-        joint, one, two = min(pairs, key=lambda found: found[0][2] - found[0][0] + found[0][3] - found[0][1])
-        pieces = [piece for piece in pieces if piece not in (one, two)] + [[*one, *two, joint]]
+        joint, one, two = min(pairs, key=lambda found: (len(found[0]), _half_way_round(_hull(*found[0]))))
+        pieces = [piece for piece in pieces if piece not in (one, two)] + [[*one, *two, *joint]]
 
 
-def _around(box: Box) -> Box:
-    return box[0] - _BESIDE, box[1] - _ABOVE, box[2] + _BESIDE, box[3] + _BESIDE
+def _joints(a: Box, b: Box) -> list[tuple[Box, ...]]:
+    """Rectangles that join two: all around them, or one of them led to the side of the other, as far up or down as it needs."""
+    found: list[tuple[Box, ...]] = [(_hull(a, b),)]
+    for one, two in ((a, b), (b, a)):
+        beside = min(one[3], two[3]) - max(one[1], two[1]) > _ROUND
+        end = two if beside else (two[0], min(one[1], two[1]), two[2], max(one[3], two[3]))
+        found.append(((min(one[0], two[2]), one[1], max(one[2], two[0]), one[3]), end))
+    return found
+
+
+def _half_way_round(box: Box) -> float:
+    return box[2] - box[0] + box[3] - box[1]
+
+
+def _around(box: Box, name: str) -> Box:
+    """With room; a sum bears no name."""
+    return box[0] - _BESIDE, box[1] - (_BESIDE if name.startswith(SUM) else _ABOVE), box[2] + _BESIDE, box[3] + _BESIDE
 
 
 def _hull(*boxes: Box) -> Box:

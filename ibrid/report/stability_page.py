@@ -33,7 +33,10 @@ def stability_facts(study: Stability, name: str = "", *, zoom: bool = True) -> d
         ],
         "grid_word": "SCR" if _ratios(points[0]) else "grid",
         "case_head": list(CASE_HEAD),
-        "grids": [(point.op, [(grid_name(case), case_cells(case)) for case in point.cases]) for point in points],
+        "grids": [
+            (point.op, [(grid_name(case), case_cells(case, float(point.frequency[-1]))) for case in point.cases])
+            for point in points
+        ],
         "locus": [
             (point.op, _locus(f"{name}locus-{index}", point))
             for index, point in enumerate(points)

@@ -35,8 +35,8 @@ def passivity_words(one: PointStability) -> str:
     return f"passivity index of -Y: negative, so that the inverter can feed an oscillation, in {words}; {least}"
 
 
-def case_cells(case: GridCase) -> list[str]:
-    """Verdicts, the mode that matters, and margins, without the name of the grid."""
+def case_cells(case: GridCase, highest: float) -> list[str]:
+    """Verdicts, the mode that matters, and margins, without the name of the grid; `highest` measured frequency in Hz."""
     nyquist = case.nyquist
     if case.modes is None:
         poles, mode = "-", "-"
@@ -52,7 +52,8 @@ def case_cells(case: GridCase) -> list[str]:
         poles,
         count,
         mode,
-        f"{number(nyquist.vector_margin, 2)} at {hertz(nyquist.vector_margin_hz)}",
+        f"{number(nyquist.vector_margin, 2)} at {hertz(nyquist.vector_margin_hz)}"
+        + (", beyond the data" if nyquist.vector_margin_hz > highest else ""),
         number(nyquist.gain_margin, 3) if nyquist.stable else "-",
         number(nyquist.phase_margin, 2) if nyquist.stable else "-",
     ]
@@ -72,7 +73,7 @@ def grid_name(case: GridCase) -> str:
 
 
 def _grids(one: PointStability) -> list[str]:
-    rows = [[grid_name(case), *case_cells(case)] for case in one.cases]
+    rows = [[grid_name(case), *case_cells(case, float(one.frequency[-1]))] for case in one.cases]
     name = "SCR" if isinstance(one.cases[0].grid, SeriesRL) else "grid"
     return table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
 

@@ -291,6 +291,16 @@ def test_the_measured_transfer_follows_the_named_block_within_its_errors():
     assert found.deviation[found.seen].min() < 0.01
 
 
+def test_two_named_effects_are_said_to_have_no_curve_at_one_place():
+    one = made("named")
+    (effect,) = one.effects
+    two = gap_page(replace(one, effects=(effect, replace(effect, id="control_delay")), ports=()))
+    assert "for pll_prefilter and control_delay: at each frequency the data tell one transfer at one place" in two
+    assert "these act at 2 places at once" in two
+    assert "No curve of the" not in page("named")
+    assert "No curve of the" not in page("located-unnamed")
+
+
 def test_a_verdict_that_places_nothing_shows_no_transfer():
     assert missing(made("unexplained")) is None
     assert missing(made("no-gap")) is None

@@ -1,5 +1,6 @@
 """The Python of a study engineer and of a notebook: data frames in and out, short words, pictures."""
 
+import importlib
 import inspect
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from made_gap import made
 from matplotlib.figure import Figure
 
 import ibrid
@@ -60,13 +62,20 @@ def test_a_data_frame_and_arrays_come_back_as_they_went():
 def test_values_show_themselves_in_a_line(record: ibrid.Record):
     """And so do the signatures of what a user calls."""
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    values = (sweep, record, ibrid.stability(record, scr=[2.0]), ibrid.predict(record, "p=0.5,q=0", [5.0, 50.0]))
+    values = (sweep, sweep.points[0], record, ibrid.stability(record, scr=[2.0]), ibrid.predict(record, "p=0.5,q=0", [5.0, 50.0]))
     assert [repr(value) for value in values if len(repr(value)) > 200 or "\n" in repr(value)] == []
     long = {
         name: len(str(inspect.signature(getattr(ibrid, name))))
-        for name in ("evaluate", "find_gap", "predict", "stability")
+        for name in ("evaluate", "find_gap", "predict", "search", "stability")
     }
-    assert {name: length for name, length in long.items() if length > 1600} == {}
+    assert {name: length for name, length in long.items() if length > 800} == {}
+    assert repr(sweep["p=1,q=0.3"]) == "<PointSweep: p=1,q=0.3, 16 frequencies, 5 to 5000 Hz>"
+
+
+def test_export_tells_its_options_whether_its_package_is_loaded_or_not():
+    package = importlib.import_module("ibrid.export")
+    assert inspect.signature(package) == inspect.signature(package.export)
+    assert "op: str | None = None" in str(inspect.signature(ibrid.export))
 
 
 def test_plots_go_on_axes_of_ones_own(record: ibrid.Record):
@@ -76,6 +85,15 @@ def test_plots_go_on_axes_of_ones_own(record: ibrid.Record):
     assert sweep.plot(pair, "qq") is pair
     assert record.plot(pair, "qq") is pair
     assert len(pair[0].lines) == 6  # dots of two points, and dots and lines of two
-    with pytest.raises(ibrid.IbridError, match="two axes"):
-        sweep.plot(figure.subplots())
+    gap = made("named")
+    elsewhere = ibrid.predict(record, "p=0.5,q=0", [5.0, 50.0])
+    for shown in (gap, elsewhere):
+        assert shown.plot(ax=pair) is pair
+    one, study = figure.subplots(), ibrid.stability(record, scr=[2.0, 5.0])
+    assert study.plot(one) is one
+    for shown in (sweep, record, gap, elsewhere):
+        with pytest.raises(ibrid.IbridError, match="two axes"):
+            shown.plot(ax=one)
+    with pytest.raises(ibrid.IbridError, match="one axes, such as that of plt.subplots"):
+        study.plot(ax=pair)
     assert matplotlib.get_backend()
