@@ -1,10 +1,11 @@
-"""`ibrid modules [KIND]`: the vocabulary as a table, or one kind in full."""
+"""`ibrid modules [KIND]`: the vocabulary as a table, or one kind in full; `ibrid list`: what else ships."""
 
 from argparse import Namespace
 from collections.abc import Mapping
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
-from ibrid.commands.outputs import complain
+from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
 from ibrid.writing import aligned
 
 if TYPE_CHECKING:
@@ -17,6 +18,38 @@ def declare(commands: Any) -> None:
     parser = commands.add_parser("modules", help="the vocabulary, as a table or one kind in full")
     parser.add_argument("kind", nargs="?", metavar="KIND", help="the kind to show in full")
     parser.set_defaults(run=run)
+    parser = commands.add_parser(
+        "list", help="diagrams, sweeps and inverters that ship, by the names that commands take"
+    )
+    add_json_option(parser)
+    parser.set_defaults(run=run_list)
+
+
+def run_list(arguments: Namespace) -> int:
+    """Print names and what they are."""
+    require_json_place(arguments.json)
+    if not give_json(found := shipped(), arguments.json):
+        for title, names in found.items():
+            print(
+                f"{title.replace('_', ' ')}:\n{aligned([(f'  {name}', shorten(words, 80, placeholder=' ...')) for name, words in names.items()])}\n"
+            )
+    return 0
+
+
+def shipped() -> dict[str, dict[str, str]]:
+    """Sort -> name -> what it is, of all that ships."""
+    from ibrid.plants.benchmarks import benchmarks
+    from ibrid.plants.published import PLANTS
+    from ibrid.structure.library import published_names, textbook_names, textbook_text
+
+    words = {name: textbook_text(name).split('"""')[1] for name in (*textbook_names(), *published_names())}
+    words = {name: " ".join(text.split()) for name, text in words.items()}
+    return {
+        "textbook_diagrams": {name: words[name] for name in textbook_names()},
+        "published_controls": {name: words[name] for name in published_names()},
+        "sweeps": {name: sweep.open().readline().partition("; ")[2].strip() for name, sweep in benchmarks().items()},
+        "inverters": {name: plant.summary for name, plant in PLANTS.items()},
+    }
 
 
 def run(arguments: Namespace) -> int:

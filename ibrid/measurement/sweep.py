@@ -108,7 +108,9 @@ class PointSweep:
         there = [name for name in ("sigma", "repeats", "larger") if getattr(self, name) not in (None, ())]
         known = f", with {' and '.join(there)}" if there else ""
         low, high = self.frequency[0], self.frequency[-1]
-        return brief(f"<PointSweep: {self.op.name}, {len(self.frequency)} frequencies, {low:g} to {high:g} Hz", f"{known}>")
+        return brief(
+            f"<PointSweep: {self.op.name}, {len(self.frequency)} frequencies, {low:g} to {high:g} Hz", f"{known}>"
+        )
 
     @property
     def omega(self) -> np.ndarray:

@@ -38,7 +38,9 @@ def put(store: Store, step: Step, record: Record | None = None) -> None:
     store.conclude(step.number, status=step.status, reason=step.reason, record=record)
 
 
-def a_run(folder: Path, texts: Mapping[str, str], until: int = 99, shipped: Collection[int] = (), **changes: str) -> Path:
+def a_run(
+    folder: Path, texts: Mapping[str, str], until: int = 99, shipped: Collection[int] = (), **changes: str
+) -> Path:
     """A folder with a run of a few steps; `changes` : fields of every proposal; `shipped` : steps that are
     further starts."""
     folder.mkdir()

@@ -13,6 +13,8 @@ import ibrid
 from ibrid import cli
 from ibrid.commands import vocabulary
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.plants.published import PLANTS
+from ibrid.structure.library import shipped_names
 
 COMMANDS = ("modules", "check", "sweep", "inspect", "evaluate", "compare", "export", "report")
 TRUE_STRUCTURE = "gfl_pll_filter_exact"
@@ -89,6 +91,20 @@ def test_one_kind_is_told_in_full(kind: ibrid.ModuleKind, capsys: pytest.Capture
 
 
 # --- check and compare
+
+
+def test_what_ships_is_listed_by_the_names_that_commands_take(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["list"]) == 0
+    told = capsys.readouterr().out
+    assert max(map(len, told.splitlines())) <= 110
+    assert cli.main(["list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == ["textbook_diagrams", "published_controls", "sweeps", "inverters"]
+    assert {*found["textbook_diagrams"], *found["published_controls"]} == set(shipped_names())
+    assert set(found["sweeps"]) == set(ibrid.benchmarks())
+    assert set(found["inverters"]) == set(PLANTS)
+    for names in found.values():
+        assert all(name in told and words for name, words in names.items())
 
 
 def test_check_tells_the_size_of_a_legal_program(capsys: pytest.CaptureFixture[str]):

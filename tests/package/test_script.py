@@ -62,7 +62,13 @@ def test_a_data_frame_and_arrays_come_back_as_they_went():
 def test_values_show_themselves_in_a_line(record: ibrid.Record):
     """And so do the signatures of what a user calls."""
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    values = (sweep, sweep.points[0], record, ibrid.stability(record, scr=[2.0]), ibrid.predict(record, "p=0.5,q=0", [5.0, 50.0]))
+    values = (
+        sweep,
+        sweep.points[0],
+        record,
+        ibrid.stability(record, scr=[2.0]),
+        ibrid.predict(record, "p=0.5,q=0", [5.0, 50.0]),
+    )
     assert [repr(value) for value in values if len(repr(value)) > 200 or "\n" in repr(value)] == []
     long = {
         name: len(str(inspect.signature(getattr(ibrid, name))))

@@ -15,7 +15,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.report.block_diagram import block_diagram_svg
 from ibrid.report.block_graph import block_graph
 from ibrid.report.drawing import arrange
-from ibrid.report.loop_frames import Frame, _belongs, _meet, _outlines, loop_frames
+from ibrid.report.loop_frames import Frame, _belongs, _meet, loop_frames
 from ibrid.report.numbers import in_si
 from ibrid.report.page import report_html
 from ibrid.report.parameter_rows import parameter_rows, values_of
@@ -113,15 +113,6 @@ def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_over
                 if _belongs(block, members) and not any(holds(frame, box) for frame in own):
                     outside.append((name, block))
     assert outside == []
-
-
-def test_a_frame_goes_round_what_is_between_its_blocks():
-    # an L of two rectangles that share a corner region: six corners, clockwise from the upper left
-    ((first, *rest),) = _outlines([(0, 0, 30, 10), (20, 0, 30, 40)])
-    assert {first, *rest} == {(0, 0), (30, 0), (30, 40), (20, 40), (20, 10), (0, 10)}
-    assert len(rest) == 5
-    apart = _outlines([(0, 0, 10, 10), (20, 20, 30, 30)])
-    assert sorted(map(len, apart)) == [4, 4]
 
 
 def test_the_bandwidth_of_a_pll_on_a_stiff_grid_is_the_closed_form():

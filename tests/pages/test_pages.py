@@ -23,6 +23,7 @@ from ibrid.report.figure import inline_svg
 from ibrid.report.gap_page import gap_page
 from ibrid.report.page import report_html
 from ibrid.report.stability_page import stability_page
+from ibrid.report.stability_text import case_cells
 from ibrid.report.style import style_sheet
 
 #: What stands below every page.
@@ -311,3 +312,27 @@ def test_keys_enlarge_all_plots_over_frequency_and_show_all_again(pages, tmp_pat
     middle = [one for one in seen if 100 < one < 250]  # 0.6^6 of three decades around 158 Hz
     assert len(middle) >= 2
     assert np.log10(max(middle) / min(middle)) < 1.1 * 0.6**6 * decade
+
+
+def test_stability_has_a_grade_and_says_what_is_beyond_the_data(pages):
+    head = pages["stability"].split("<header>")[1].split("</header>")[0]
+    assert re.search(r"<dt>grade at p=1,q=0.3</dt><dd>[^/]*(UNSTABLE|barely stable|stable)</span>", head)
+    (case,) = stability(evaluated("gfl_pll_filter_exact", restarts=0), [2.0], op=["p=1,q=0.3"]).points[0].cases
+    nearest = case.nyquist.vector_margin_hz
+    assert case_cells(case, 0.9 * nearest)[4].endswith(", beyond the data")
+    assert "beyond" not in case_cells(case, 1.1 * nearest)[4]
+
+
+@pytest.mark.parametrize("kind", ["evaluate", "search"])
+def test_what_few_ask_for_is_folded_and_its_link_opens_it(pages, kind, tmp_path):
+    question = """
+      const folded = [...document.querySelectorAll("section > details")];
+      const closed = folded.every((one) => !one.open), error = document.querySelector("#error > details");
+      window.location.hash = "#error";
+      window.dispatchEvent(new HashChangeEvent("hashchange"));
+      return [closed, error.open, folded.map((one) => one.parentElement.id)];
+    """
+    ((closed, opened, folded),), _ = asked([pages[kind]], question, tmp_path)
+    assert closed
+    assert opened
+    assert {"error", "settings" if kind == "evaluate" else "statistics"} <= set(folded)

@@ -448,3 +448,15 @@ def _colours(picture: Path) -> int:
 
     pixels = imread(picture)[::2, ::2, :3]
     return len(np.unique(np.round(255 * pixels).astype(int).reshape(-1, 3), axis=0))
+
+
+def test_a_text_tells_the_loops_and_a_real_pole_as_such():
+    record = evaluate(textbook("gfl_l_filter"), read_csv(benchmarks()["published_touti_19kva"]), restarts=0)
+    told = format_record(record)
+    assert re.search(r"PLL +pll +66.5 Hz +62.8 deg +66 %", told)
+    assert re.findall(r"(\S+) Hz at 100 %", told) == []
+    slowest = max(real for real, imaginary in record.poles["p=1,q=0.3"] if abs(imaginary) < 1e-3)
+    assert f"slowest real pole {slowest:.3g} 1/s" in told
+    assert [one.frequency for one in modes([[-20.0, 6e-11], [-20.0, -6e-11], [-1.0, 2.0], [-1.0, -2.0]])] == [
+        pytest.approx(2.0 / (2 * np.pi))
+    ]

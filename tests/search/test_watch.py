@@ -95,6 +95,11 @@ def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchS
     assert server.server_address[0] == "127.0.0.1"
 
 
+def test_a_shipped_diagram_that_the_search_began_with_has_no_parent(tmp_path: Path):
+    state = run_state(a_run(tmp_path / "run", meta(), shipped=(1,)))
+    assert {one["step"]: one["parent"] for one in state["nodes"]} == {0: None, 1: None, 3: 1, 5: 3}
+
+
 def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
     before = {path: path.read_bytes() for path in run.rglob("*")}
     for path in ("/", "/watch.js", "/state", "/step/3"):
@@ -111,7 +116,7 @@ def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: Watch
     told = json.loads(text)
     status, page = asked(server, told["page"])
     assert status == 200
-    assert "First answer about" in page
+    assert "First answer about my_sweep.csv" in page
     assert not list(Path(server.dropped.name).parent.glob("my*sweep.csv"))
     status, text = asked(server, "/start?name=a.csv", "POST", b"rubbish")
     assert status == 422
@@ -129,6 +134,8 @@ def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchSer
     assert done.stdout.count('class="edge way"') == 3
     assert "Best so far: step 5" in done.stdout
     assert 'src="/step/5"' in done.stdout
+    (height,) = re.findall(r'<iframe[^>]*style="height: (\d+)', done.stdout)
+    assert int(height) > 1500  # as tall as the page in it
     assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 

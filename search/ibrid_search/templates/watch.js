@@ -32,12 +32,16 @@ function curve(state) {
   if (!points.length) return;
   const logs = points.map((one) => Math.log10(one[1])), low = Math.floor(Math.min(...logs)), high = Math.max(Math.ceil(Math.max(...logs)), low + 1);
   const last = Math.max(...points.map((one) => one[0]), 1);
-  const x = (n) => 50 + (830 * n) / last, y = (v) => 230 - (210 * (Math.min(Math.log10(v), high) - low)) / (high - low);
-  for (let k = low; k <= high; k++) {
-    put(svg, "line", { x1: 50, x2: 880, y1: y(10 ** k), y2: y(10 ** k), class: "axis" });
+  // as many units as pixels, so that words keep their size on a telephone
+  const width = Math.max(280, Math.round(svg.parentElement.clientWidth)), right = width - 20;
+  svg.setAttribute("viewBox", `0 0 ${width} 260`);
+  const x = (n) => 50 + ((right - 50) * n) / last, y = (v) => 230 - (210 * (Math.min(Math.log10(v), high) - low)) / (high - low);
+  const every = Math.ceil((high - low) / 8);
+  for (let k = low; k <= high; k += every) {
+    put(svg, "line", { x1: 50, x2: right, y1: y(10 ** k), y2: y(10 ** k), class: "axis" });
     put(svg, "text", { x: 8, y: y(10 ** k) + 4 }, `1e${k}`);
   }
-  put(svg, "text", { x: 880, y: 250, "text-anchor": "end" }, `evaluation ${last}`);
+  put(svg, "text", { x: right, y: 250, "text-anchor": "end" }, `evaluation ${last}`);
   const nodes = new Map(state.nodes.map((one) => [one.step, one]));
   const best = points.filter((one) => one[2] > 0);
   if (best.length) put(svg, "path", { class: "line", d: best.map((one, k) => `${k ? `H${x(one[0])}V` : `M${x(one[0])} `}${y(one[2])}`).join("") });
@@ -100,6 +104,18 @@ async function look(file) {
     at("candidate").src = told.page;
   }
 }
+
+// The frame is as tall as the page in it, so that nothing of a diagram is cut; the curve follows the width of the window.
+const fit = () => {
+  const page = at("candidate").contentDocument?.documentElement;
+  if (page && at("candidate").contentWindow.location.protocol !== "about:") at("candidate").style.height = `${page.getBoundingClientRect().height + 4}px`;
+};
+at("candidate").addEventListener("load", () => {
+  fit();
+  const body = at("candidate").contentDocument?.body;
+  if (body) new ResizeObserver(fit).observe(body);
+});
+addEventListener("resize", () => { shown = ""; });
 
 const drop = at("drop");
 at("file").addEventListener("change", (event) => { if (event.target.files[0]) look(event.target.files[0]); });

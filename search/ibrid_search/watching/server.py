@@ -127,7 +127,7 @@ class _Answers(BaseHTTPRequestHandler):
             text = step_page(self.server.folder, int(found[1]), self.server.kinds)
             self._send(text, "text/html", policy=_FRAMED)
         elif found := re.fullmatch(r"/started/(\d{1,9})", path):
-            report = Path(self.server.dropped.name) / found[1] / "start" / "report.html"
+            report = Path(self.server.dropped.name) / found[1] / ".start" / "report.html"
             if not report.is_file():
                 raise _Refused(404, "there is no such first answer")
             self._send(report.read_text(encoding="utf-8"), "text/html", policy=_FRAMED)
@@ -155,9 +155,9 @@ class _Answers(BaseHTTPRequestHandler):
         self.server.looked += 1
         folder = Path(self.server.dropped.name) / str(self.server.looked)
         folder.mkdir()
-        file = folder / f"data_{name.lstrip('.-')}"
+        file = folder / (name.lstrip(".-") or "sweep.csv")
         file.write_bytes(content)
-        command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", "start"]
+        command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", ".start"]
         try:
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
         except subprocess.TimeoutExpired:
