@@ -18,9 +18,7 @@ def declare(commands: Any) -> None:
     parser = commands.add_parser("modules", help="the vocabulary, as a table or one kind in full")
     parser.add_argument("kind", nargs="?", metavar="KIND", help="the kind to show in full")
     parser.set_defaults(run=run)
-    parser = commands.add_parser(
-        "list", help="diagrams, sweeps and inverters that ship, by the names that commands take"
-    )
+    parser = commands.add_parser("list", help="diagrams, sweeps and inverters that ship, by the names of commands")
     add_json_option(parser)
     parser.set_defaults(run=run_list)
 
@@ -30,9 +28,8 @@ def run_list(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     if not give_json(found := shipped(), arguments.json):
         for title, names in found.items():
-            print(
-                f"{title.replace('_', ' ')}:\n{aligned([(f'  {name}', shorten(words, 80, placeholder=' ...')) for name, words in names.items()])}\n"
-            )
+            rows = ((name, shorten(words, 80, placeholder=" ...")) for name, words in names.items())
+            print(f"{title.replace('_', ' ')}:\n{aligned(rows, '  ')}\n")
     return 0
 
 
@@ -42,11 +39,12 @@ def shipped() -> dict[str, dict[str, str]]:
     from ibrid.plants.published import PLANTS
     from ibrid.structure.library import published_names, textbook_names, textbook_text
 
-    words = {name: textbook_text(name).split('"""')[1] for name in (*textbook_names(), *published_names())}
-    words = {name: " ".join(text.split()) for name, text in words.items()}
+    sorts = {"textbook_diagrams": textbook_names(), "published_controls": published_names()}
     return {
-        "textbook_diagrams": {name: words[name] for name in textbook_names()},
-        "published_controls": {name: words[name] for name in published_names()},
+        **{
+            sort: {name: " ".join(textbook_text(name).split('"""')[1].split()) for name in names}
+            for sort, names in sorts.items()
+        },
         "sweeps": {name: sweep.open().readline().partition("; ")[2].strip() for name, sweep in benchmarks().items()},
         "inverters": {name: plant.summary for name, plant in PLANTS.items()},
     }

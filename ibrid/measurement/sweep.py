@@ -105,12 +105,8 @@ class PointSweep:
             )
 
     def __repr__(self) -> str:
-        there = [name for name in ("sigma", "repeats", "larger") if getattr(self, name) not in (None, ())]
-        known = f", with {' and '.join(there)}" if there else ""
-        low, high = self.frequency[0], self.frequency[-1]
-        return brief(
-            f"<PointSweep: {self.op.name}, {len(self.frequency)} frequencies, {low:g} to {high:g} Hz", f"{known}>"
-        )
+        span = f", {len(self.frequency)} frequencies, {self.frequency[0]:g} to {self.frequency[-1]:g} Hz>"
+        return brief(f"<PointSweep: {self.op.name}", span)
 
     @property
     def omega(self) -> np.ndarray:

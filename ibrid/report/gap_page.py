@@ -126,12 +126,15 @@ def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
 
 
 def _details(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
-    """What the page alone shows."""
+    """What the page alone shows. `best` : the first suggestion that passes every test."""
+    best = next((edit for edit in gap.suggested if not edit.reason), None)
     return {
         "sequences": sequence_view(gap.sweep).sentences,
         "stability": stability(gap.repaired),
         "error_parts": errors_by_part(views),
-        "suggested": _suggested(gap),
+        "best": best,
+        "best_change": () if best is None else difference(gap.given, best.program, AROUND),
+        "held_out_words": HELD_OUT,
         "moved": _moved(gap),
         "far_limit": FAR,
         "parameters": parameter_groups(gap.repaired),
@@ -148,20 +151,6 @@ def _effect(gap: Gap, effect: NamedEffect) -> dict[str, Any]:
         "apart": [(name, known.told_apart_by) for name in rivals if (known := declared(name))],
         "evidence": list(evidence_words(effect.evidence)),
     }
-
-
-def _suggested(gap: Gap) -> dict[str, Any]:
-    """What the first suggestion that passes every test changes, and its errors at data held out."""
-    best = next((edit for edit in gap.suggested if not edit.reason), None)
-    if best is None:
-        return {"change": ()}
-    held_out = [
-        (words, before, after)
-        for key, words in HELD_OUT.items()
-        if (before := best.held_out["before"].get(key)) is not None
-        and (after := best.held_out["after"].get(key)) is not None
-    ]
-    return {"change": difference(gap.given, best.program, AROUND), "held_out": held_out}
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------

@@ -28,15 +28,12 @@ class Frame(NamedTuple):
     @property
     def svg(self) -> tuple[str, str]:
         """The frame, to be drawn below everything else, and its name, above: what fills it hides the lines inside of it."""
-        sizes = [
-            f'x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{low - y:.1f}"' for x, y, right, low in self.boxes
-        ]
-        rects = "".join(f'<rect{inside} {size} rx="3"/>' for inside in ("", ' class="inside"') for size in sizes)
-        x, y = self.name
-        return (
-            f'<g class="loop">{rects}</g>',
-            f'<g class="loop"><text x="{x:.1f}" y="{y:.1f}">{escape(self.title)}</text></g>',
+        rects = "".join(
+            f'<rect class="{style}" x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{low - y:.1f}" rx="3"/>'
+            for style, (x, y, right, low) in product(("edge", "inside"), self.boxes)
         )
+        text = f'<text x="{self.name[0]:.1f}" y="{self.name[1]:.1f}">{escape(self.title)}</text>'
+        return f'<g class="loop">{rects}</g>', f'<g class="loop">{text}</g>'
 
 
 def loop_frames(drawing: Layout, found: Mapping[str, Sequence[str]]) -> list[Frame]:
@@ -44,19 +41,21 @@ def loop_frames(drawing: Layout, found: Mapping[str, Sequence[str]]) -> list[Fra
     boxes = {name: (x, y, x + width, y + height) for name, (x, y, width, height) in drawing.boxes.items()}
     inside = {title: [one for one in boxes if _belongs(one, members)] for title, members in found.items()}
     framed = {name for names in inside.values() for name in names}
+    room = {name: _around(box, _BESIDE if name.startswith(SUM) else _ABOVE) for name, box in boxes.items()}
     nets = range(len(drawing.placement.graph.nets))
     wires = [_hull((*a, *a), (*b, *b)) for net in nets for a, b in drawing.pieces(net)]
     frames: list[Frame] = []
     for title, members in found.items():
-        others = [
-            _around(boxes[name], name) if name in framed else boxes[name] for name in boxes.keys() - inside[title]
-        ]
+        others = [room[name] if name in framed else boxes[name] for name in boxes.keys() - inside[title]]
         others += [box for frame in frames for box in frame.boxes]
-        own = {_around(boxes[name], name): name in members for name in inside[title]}
+        own = {room[name]: name in members for name in inside[title]}
         for piece in _merged(own, others):
             named = [box for box in piece if any(_hull(box, one) == box for one, module in own.items() if module)]
             if named:
-                frames.append(Frame(title, tuple(piece), _free_place(named, wires, _LETTER * len(title))))
+                shown = [box for box in piece if not any(_hull(box, one) == one != box for one in piece)]
+                frames.append(
+                    Frame(title, tuple(dict.fromkeys(shown)), _free_place(named, wires, _LETTER * len(title)))
+                )
     return frames
 
 
@@ -71,15 +70,14 @@ def _merged(boxes: Mapping[Box, bool], others: Sequence[Box]) -> list[list[Box]]
     pieces = [[box] for box in boxes]
     while True:
         pairs = [
-            (len(joint), _reach(_hull(*joint)), joint, one, two)
+            (len(joint), sum(_hull(*joint)[2:]) - sum(_hull(*joint)[:2]), joint, one, two)
             for one, two in combinations(pieces, 2)
             for a, b in product(one, two)
             for joint in _joints(a, b)[: 1 if boxes.get(one[-1], True) and boxes.get(two[-1], True) else 3]
             if not any(_meet(part, box) for part in joint for box in others)
         ]
         if not pairs:
-            wholes = [(_hull(*piece), piece) for piece in pieces]
-            return [piece if any(_meet(whole, box) for box in others) else [whole] for whole, piece in wholes]
+            return [piece if any(_meet(_hull(*piece), box) for box in others) else [_hull(*piece)] for piece in pieces]
         *_, joint, one, two = min(pairs)
         pieces = [piece for piece in pieces if piece not in (one, two)] + [[*one, *two, *joint]]
 
@@ -94,13 +92,8 @@ def _joints(a: Box, b: Box) -> list[tuple[Box, ...]]:
     return found
 
 
-def _reach(box: Box) -> float:
-    return box[2] - box[0] + box[3] - box[1]
-
-
-def _around(box: Box, name: str) -> Box:
-    """With room; a sum bears no name."""
-    return box[0] - _BESIDE, box[1] - (_BESIDE if name.startswith(SUM) else _ABOVE), box[2] + _BESIDE, box[3] + _BESIDE
+def _around(box: Box, above: float) -> Box:
+    return box[0] - _BESIDE, box[1] - above, box[2] + _BESIDE, box[3] + _BESIDE
 
 
 def _hull(*boxes: Box) -> Box:
@@ -119,7 +112,5 @@ def _free_place(piece: Sequence[Box], wires: Sequence[Box], width: float) -> Poi
         for left, top, right, _ in sorted(piece, key=lambda box: (box[1], box[0] - box[2]))
         for x in np.arange(left + 5.0, max(right - width - 3.0, left + 6.0), 4.0)
     ]
-    free = (
-        at for at in places if not any(_meet((at[0] - 2, at[1] - 10, at[0] + width, at[1] + 3), one) for one in wires)
-    )
-    return next(free, places[0])
+    words = ((x, y, (x - 2.0, y - 10.0, x + width, y + 3.0)) for x, y in places)
+    return next(((x, y) for x, y, box in words if not any(_meet(box, wire) for wire in wires)), places[0])

@@ -37,11 +37,6 @@ def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[P
     return sorted(found, key=lambda one: one.damping)
 
 
-def real_poles(poles: Sequence[Sequence[float]]) -> list[Sequence[float]]:
-    """Poles whose imaginary part is rounding."""
-    return [one for one in poles if abs(one[1]) <= ROUNDING * abs(one[0])]
-
-
 def slowest(poles: Sequence[Sequence[float]]) -> float:
     """Largest real part in 1/s; -inf without poles."""
     return max((real for real, _ in poles), default=-math.inf)

@@ -8,7 +8,7 @@ from ibrid.analysis.loop_modes import loops_told
 from ibrid.evaluation.record import Record
 from ibrid.measurement.quantities import counted, hertz
 from ibrid.measurement.sweep import ENTRIES
-from ibrid.report.modes import measured_up_to, modes, real_poles, slowest
+from ibrid.report.modes import ROUNDING, measured_up_to, modes, slowest
 from ibrid.report.numbers import error, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
 from ibrid.report.verdict import graded, stability, verdict
@@ -112,7 +112,7 @@ def _modes(record: Record) -> list[str]:
     for op, poles in record.poles.items():
         least = modes(poles, highest)[:3]
         words = [f"{hertz(mode.frequency)} at {percent(mode.damping)}" for mode in least] or ["no oscillating mode"]
-        if real := real_poles(poles):
+        if real := [one for one in poles if abs(one[1]) <= ROUNDING * abs(one[0])]:
             words.append(f"slowest real pole {number(slowest(real), 3)} 1/s")
         rows.append([_cut(op), "stable" if record.stable.get(op) else "UNSTABLE", "; ".join(words)])
     return table(["operating point", "", "least damped modes (frequency at damping ratio)"], rows)

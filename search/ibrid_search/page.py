@@ -19,7 +19,7 @@ from ibrid_search.fleet.page import fleet_html
 from ibrid_search.fleet.summary import summary_of
 from ibrid_search.report.course import front_svg, trajectory_svg
 from ibrid_search.report.learning import learning_svg, updates_of
-from ibrid_search.report.models import drawn_models, front_facts, response_facts
+from ibrid_search.report.models import drawn_models, front_rows, response_facts
 from ibrid_search.report.run_data import RunData, Stored, read_run
 from ibrid_search.report.statistics import statistics_facts
 from ibrid_search.run_folder import ARCHIVE, PAGE
@@ -81,7 +81,8 @@ def run_html(run: RunData) -> str:
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),
         "fronts": [(name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front],
-        "front": front_facts(run),
+        "front": front_rows(run),
+        "more": dict.fromkeys(name for one in run.selection.front for name, x in one.more.items() if x is not None),
         "origin": "the start" if start is None else start.name.removeprefix("build_"),
         "lineage": [] if run.answer is None else lineage(run.steps, run.answer.number),
         "learning": {"updates": updates, "svg": learning_svg(updates)},
@@ -111,7 +112,7 @@ class Ancestor:
 
 
 def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
-    """The way from the start or shipped diagram to a step, oldest first; it begins later where a parent is not among the steps."""
+    """The way from the start or shipped diagram to a step, oldest first; later where a parent is not among the steps."""
     path = line(steps, number)
     found = [Ancestor(step) for step in path[:1]]
     for parent, step in pairwise(path):

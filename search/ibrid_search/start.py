@@ -161,13 +161,11 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
         fitted = sorted((_fitted_to_both(one, study, events) for one in fitted), key=lambda one: one.bic)
     tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
-    good = [one for one in fitted[1:] if one.grade != GRADES[-1]]
-    rest = [one for one in fitted[1:] if one not in good] + [
-        Ranked(look.edit.part, look.error) for look in looks[FITTED:]
-    ]
+    others = [*fitted[1:], *(Ranked(look.edit.part, look.error) for look in looks[FITTED:])]
+    others.sort(key=lambda one: one.nrmse if one.grade in ("", GRADES[-1]) else 0.0)  # those that fit, as they are
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
-    return Start(sweep, inspection, (first, *good, *sorted(rest, key=lambda one: one.nrmse)), family, events=events)
+    return Start(sweep, inspection, (first, *others), family, events=events)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:

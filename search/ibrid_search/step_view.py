@@ -11,7 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.numbers import number
 from ibrid_search.blocks import shown
-from ibrid_search.step import Step, line
+from ibrid_search.step import Step
 
 #: Steps and frequencies that are shown at most, and parameters that moved.
 STEPS, ROWS, MOVED = 20, 16, 12
@@ -27,11 +27,6 @@ def steps_view(steps: Sequence[Step], after: int = -1) -> dict[str, Any]:
     return {"steps": told} | (
         {"left_out": {"steps": f"{left} of {len(there)}"}, "go_on_after": told[-1]["step"]} if left else {}
     )
-
-
-def lineage(steps: Sequence[Step], number: int) -> list[int]:
-    """Numbers of the steps from the first ancestor to a step."""
-    return [step.number for step in line({step.number: step for step in steps}, number)]
 
 
 def differences(first: Record, second: Record) -> dict[str, Any]:

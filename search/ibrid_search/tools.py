@@ -23,7 +23,8 @@ from ibrid.study import Study
 from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
 from ibrid_search.record_view import RecordPart, polar, record_view, summary
-from ibrid_search.step_view import differences, lineage, residuals_view, steps_view
+from ibrid_search.step import line
+from ibrid_search.step_view import differences, residuals_view, steps_view
 from ibrid_search.tool import STEP, Steps, Tool
 
 #: Seconds that looking, checking and comparing may take.
@@ -162,9 +163,9 @@ class Tools:
     def list_best(self, count: int = LISTED) -> dict[str, Any]:
         """The best steps; their programs are read by read_diagram."""
         best = self.steps.best(count)
-        rows = [
-            {"step": one.step, **summary(one.record), "lineage": lineage(self.steps.steps, one.step)} for one in best
-        ]
+        known = {step.number: step for step in self.steps.steps}
+        ways = ([step.number for step in line(known, one.step)] for one in best)
+        rows = [{"step": one.step, **summary(one.record), "lineage": way} for one, way in zip(best, ways, strict=True)]
         return {"best": rows} | ({"next": f"show_residuals or diagnose with step={best[0].step}"} if best else {})
 
     def predict_point(self, step: int, op: str) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class Point:
 class Milestone:
     """An improvement that was accepted.
 
-    `before`, `after` : NRMSE of the edited parent and of this, `before` None for a start. `band` : the band (Hz) whose part of the
+    `before`, `after` : NRMSE of the edited parent and of this, None before a start. `band` : the band (Hz) whose part of the
     squared error fell most from the record of the edited parent to this one's, with the relative error in that band in both;
     "" where that is unknown.
     """

@@ -100,6 +100,6 @@ def test_plots_go_on_axes_of_ones_own(record: ibrid.Record):
     for shown in (sweep, record, gap, elsewhere):
         with pytest.raises(ibrid.IbridError, match="two axes"):
             shown.plot(ax=one)
-    with pytest.raises(ibrid.IbridError, match="one axes, such as that of plt.subplots"):
+    with pytest.raises(ibrid.IbridError, match="ax must be one axes"):
         study.plot(ax=pair)
     assert matplotlib.get_backend()

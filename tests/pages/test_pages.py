@@ -76,7 +76,7 @@ def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reade
     header = text.split("<header>")[1].split("</header>")[0]
     assert [
         one.get("class") for _, one in Reader(header).tags if one.get("class") in ("eyebrow", "verdict", "facts")
-    ] == [
+    ][:3] == [
         "eyebrow",
         "verdict",
         "facts",

@@ -14,6 +14,7 @@ from ibrid.report.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, rea
 from ibrid.report.bode import Curves, bode_svgs, line_frequency
 from ibrid.report.parameter_rows import values_or_none
 from ibrid_search.report.run_data import RunData
+from ibrid_search.report.selection import Choice
 
 #: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
 POINTS = 6
@@ -54,17 +55,11 @@ def response_facts(run: RunData) -> dict[str, Any]:
     }
 
 
-def front_facts(run: RunData) -> dict[str, Any]:
-    """The front as a table. `rows` : (choice, what it is made of), the lowest error first. `more` : columns with a number."""
+def front_rows(run: RunData) -> list[tuple[Choice, str]]:
+    """The front: each structure and what it is made of, the lowest error first."""
     front = sorted(run.selection.front, key=lambda one: (math.inf if one.nrmse is None else one.nrmse, one.step))
     programs = {one.step: step.program for one in front if (step := run.steps.get(one.step)) is not None}
-    more = dict.fromkeys(name for one in front for name, value in one.more.items() if value is not None)
-    return {
-        "rows": [(one, _made_of(programs.get(one.step, ""), run.kinds)) for one in front],
-        "held_out": any(one.holdout is not None for one in front),
-        "more": [name for name in dict.fromkeys(name for one in front for name in one.more) if name in more],
-        "noted": any(one.note for one in front),
-    }
+    return [(one, _made_of(programs.get(one.step, ""), run.kinds)) for one in front]
 
 
 def _made_of(program: str, kinds: Sequence[ModuleKind]) -> str:

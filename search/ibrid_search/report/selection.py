@@ -90,17 +90,6 @@ def _merits(step: Step) -> tuple[float, float, float]:
 
 def _choice(entry: Mapping[str, Any]) -> Choice:
     known = {"step", "nrmse", "order", "free_parameters", "stable", "holdout", "note"}
-    return Choice(
-        step=entry["step"],
-        nrmse=entry.get("nrmse"),
-        order=entry.get("order"),
-        free=entry.get("free_parameters"),
-        stable=entry.get("stable"),
-        holdout=entry.get("holdout"),
-        more={
-            name: value
-            for name, value in entry.items()
-            if name not in known and (value is None or type(value) in (int, float))
-        },
-        note=entry.get("note") or "",
-    )
+    own = (entry.get(name) for name in ("nrmse", "order", "free_parameters", "stable", "holdout"))
+    more = {name: value for name, value in entry.items() if name not in known and type(value) in (int, float)}
+    return Choice(entry["step"], *own, more, entry.get("note") or "")

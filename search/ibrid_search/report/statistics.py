@@ -11,45 +11,13 @@ from ibrid_search.step import EVALUATED, Status, Step
 from ibrid_search.tally import Tally, counts
 from ibrid_search.trajectory import eligible
 
-MEANINGS = {
-    Status.NO_ANSWER: "the proposer gave nothing usable",
-    Status.NO_EDIT: "an answer without an edit",
-    Status.NO_MATCH: "the text to replace is not in the program",
-    Status.AMBIGUOUS: "the text to replace is there more than once",
-    Status.UNREADABLE: "the edited text is no program",
-    Status.ILLEGAL: "the grammar refuses the diagram",
-    Status.UNCHANGED: "the same structure as its parent",
-    Status.DUPLICATE: "a structure met before; its evaluation stands",
-    Status.IMPLAUSIBLE: "a cheap physical check refuses it",
-    Status.PENDING: "waits for its evaluation",
-    Status.OK: "fitted",
-    Status.FAILED: "no fit exists",
-    Status.TIMEOUT: "stopped by the time limit, twice",
-    Status.LOST: "its workers died; not the candidate's fault",
-    Status.REQUIRED: "fitted, but not what was required",
-}
-
-#: Statistics of the archive that are shown, in words.
-_ARCHIVE = {
-    "entries": "structures kept",
-    "unstable": "unstable among them",
-    "elites": "elites",
-    "admitted": "admitted in all",
-    "evicted": "evicted",
-    "migrations": "migrations between islands",
-}
-
 
 def statistics_facts(run: RunData) -> dict[str, Any]:
     """What the tables of proposals show."""
     proposals = [step for step in run.steps.values() if step.number > 0]
     return {
         "proposals": proposals,
-        "meanings": MEANINGS,
         "endings": _endings(proposals),
-        "archive": [
-            (words, held) for name, words in _ARCHIVE.items() if isinstance(held := run.archive.get(name), int)
-        ],
         "tallies": [
             ("Proposers", "proposer", _groups(proposals, lambda step: step.proposer or "-")),
             ("Scale of the edit asked for", "scale", _groups(proposals, lambda step: step.scale or "-")),
