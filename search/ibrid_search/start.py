@@ -154,7 +154,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     fitted.sort(key=lambda one: (GRADES.index(one.grade), _worth(one, measure)))
     if fitted[0].grade not in FITS:
         tell("no diagram of one device fits: two in parallel", 0.86)
-        pairs = [_fitted(look, study) for look in looker.textbooks(2)[:1]]
+        pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
         fitted = [one for one in pairs if one.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
@@ -206,9 +206,9 @@ def family_words(sort: str) -> str:
     return " and ".join(names) + (f", with a {loop}" if loop else "")
 
 
-def _fitted(look: RankedEdit, study: Study) -> Ranked:
+def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
     warm = dict(zip(study.fitted.names, look.values, strict=True))
-    record = evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=FitSettings(seconds=SECONDS), warm=warm)
+    record = evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=FitSettings(seconds=seconds), warm=warm)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
     return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)

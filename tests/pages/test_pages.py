@@ -74,9 +74,9 @@ def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reade
     landmarks = [tag for tag, _ in reader.tags if tag in ("header", "nav", "main", "footer")]
     assert landmarks == ["header", "nav", "main", "footer"]
     header = text.split("<header>")[1].split("</header>")[0]
-    assert [
-        one.get("class") for _, one in Reader(header).tags if one.get("class") in ("eyebrow", "verdict", "facts")
-    ][:3] == [
+    assert [one.get("class") for _, one in Reader(header).tags if one.get("class") in ("eyebrow", "verdict", "facts")][
+        :3
+    ] == [
         "eyebrow",
         "verdict",
         "facts",
