@@ -92,4 +92,4 @@ def _choice(entry: Mapping[str, Any]) -> Choice:
     known = {"step", "nrmse", "order", "free_parameters", "stable", "holdout", "note"}
     own = (entry.get(name) for name in ("nrmse", "order", "free_parameters", "stable", "holdout"))
     more = {name: value for name, value in entry.items() if name not in known and type(value) in (int, float)}
-    return Choice(entry["step"], *own, more, entry.get("note") or "")
+    return Choice(entry["step"], *own, more=more, note=entry.get("note") or "")
