@@ -1,6 +1,7 @@
 """The JSON that ibrid writes, as published schemas (2020-12) beside this file, and what in a document of others breaks one."""
 
 import json
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from math import isfinite
@@ -28,13 +29,9 @@ def breach(data: Any, name: str) -> str | None:
 
     Numbers are finite and whole ones written so; texts can be written as UTF-8. None: the data are whole.
     """
-    from jsonschema.exceptions import best_match
-
-    error = best_match(_validator(name).iter_errors(data))
+    error = first_error(_validator(name), data)
     if error is None:
         return None if writable(data) else "holds text that cannot be written as UTF-8"
-    while error.context:
-        error = max(error.context, key=lambda one: len(one.absolute_path))
     where = ", ".join(str(one)[:_SHOWN] for one in error.absolute_path)
     wanted, instance = error.validator_value, error.instance
     if error.validator == "required":
@@ -51,13 +48,28 @@ def breach(data: Any, name: str) -> str | None:
 
 @cache
 def _validator(name: str) -> Any:
+    return validator(schema(name))
+
+
+def validator(schema: Mapping[str, Any]) -> Any:
+    """Of jsonschema, for which numbers are finite and whole ones written so."""
     from jsonschema import Draft202012Validator
     from jsonschema.validators import extend
 
     types = Draft202012Validator.TYPE_CHECKER.redefine_many(
         {"number": _is_number, "integer": lambda _, one: isinstance(one, int) and _is_number(_, one)}
     )
-    return extend(Draft202012Validator, type_checker=types)(schema(name))
+    return extend(Draft202012Validator, type_checker=types)(schema)
+
+
+def first_error(checks: Any, data: Any) -> Any:
+    """What jsonschema finds most telling of all that is wrong with data; None where nothing is."""
+    from jsonschema.exceptions import best_match
+
+    error = best_match(checks.iter_errors(data))
+    while error is not None and error.context:
+        error = max(error.context, key=lambda one: len(one.absolute_path))
+    return error
 
 
 def _is_number(_: Any, value: Any) -> bool:

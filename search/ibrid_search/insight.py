@@ -21,7 +21,7 @@ from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import rankings_of
 from ibrid_search.record_view import polar, port_view
-from ibrid_search.tool import STEP, Steps, Tool
+from ibrid_search.tool import Steps, Tool, tools_in
 
 #: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
 ROWS, RANKED, TRIED = 16, 8, 8
@@ -40,70 +40,10 @@ class Insight:
     @property
     def tools(self) -> tuple[Tool, ...]:
         """Data, shipped diagrams, diagnosis, looks at programs."""
-        program = {"type": "string", "maxLength": LONGEST_PROGRAM}
-        hertz = {"type": "number", "minimum": 0}
-        return (
-            Tool(
-                "show_data",
-                "The measurement in frequency order, admittance Y or impedance Z = -Y^-1 seen from the grid, each entry as size "
-                "and angle, or as sequences see it: the impedance at f0 + f of the positive one and at f0 - f of the negative "
-                f"one; with what that says of the device in words; at most {ROWS} frequencies, evenly chosen from low to high "
-                "(Hz).",
-                {
-                    "op": {
-                        "type": "string",
-                        "maxLength": 200,
-                        "description": "operating point; the first if not given",
-                    },
-                    "view": {"type": "string", "enum": list(_VIEWS)},
-                    "low": hertz,
-                    "high": hertz,
-                },
-                self.show_data,
-            ),
-            Tool(
-                "list_diagrams",
-                "Published controls that ship as diagrams, in the order of a first look at the data: the likely family at once.",
-                {},
-                self.list_diagrams,
-            ),
-            Tool(
-                "read_diagram",
-                "The program of a published control, to start from, or of an evaluated step.",
-                {"name": {"type": "string", "enum": list(shipped_names())}, "step": STEP},
-                self.read_diagram,
-            ),
-            Tool(
-                "diagnose",
-                "What an evaluated step lacks or has too much: every edit that control practice knows, ranked by the error that "
-                "a few descent steps reach with it (an upper end of what a fit finds), with the program of the one at "
-                "`place`, the best if not given; and at which `ports` one unknown transfer would "
-                "explain what is left. Costs seconds and no evaluation. Ask this before you guess.",
-                {
-                    "step": STEP,
-                    "count": {"type": "integer", "minimum": 1, "maximum": 20, "description": f"how many ({RANKED})"},
-                    "place": {
-                        "type": "integer",
-                        "minimum": 1,
-                        "maximum": 20,
-                        "description": "in the ranking, for its program",
-                    },
-                },
-                self.diagnose,
-                ("step",),
-            ),
-            Tool(
-                "try_programs",
-                f"First looks at up to {TRIED} programs at once: the error that a few descent steps reach, from the values of an "
-                "evaluated step where one is named. Not counted as evaluations.",
-                {
-                    "programs": {"type": "array", "items": program, "description": "program texts"},
-                    "parent": STEP,
-                },
-                self.try_programs,
-                ("programs",),
-            ),
-        )
+        return tools_in(
+            "insight.toml", self, longest_program=LONGEST_PROGRAM, rows=ROWS, ranked=RANKED, tried=TRIED,
+            views=list(_VIEWS), diagrams=list(shipped_names()),
+        )  # fmt: skip
 
     def show_data(
         self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")

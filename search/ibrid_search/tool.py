@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -11,7 +12,9 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.schemas import first_error, validator
 from ibrid.structure.diagram import Diagram
+from ibrid_search.language import words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.step import Step
 
@@ -21,18 +24,6 @@ LONGEST_ANSWER, LONGEST_WHOLE = 4_000, 8_000
 _CUTS = ((40, 3_000), (24, 2_000), (16, 1_000), (10, 600), (6, 400), (3, 200), (1, 100), (1, 30))
 #: Where an answer says what is not in it.
 LEFT_OUT = "left_out"
-
-_TYPES: Mapping[str, tuple[type, ...]] = {
-    "string": (str,),
-    "integer": (int,),
-    "number": (int, float),
-    "boolean": (bool,),
-    "array": (list, tuple),
-    "object": (Mapping,),
-}
-
-#: The argument that names a step.
-STEP = {"type": "integer", "minimum": 0, "description": "number of an evaluated step"}
 
 
 class Steps(Protocol):
@@ -88,6 +79,15 @@ class Tool:
             return failed(str(error))
 
 
+def tools_in(table: str, owner: object, **facts: Any) -> tuple[Tool, ...]:
+    """The tools that a table of the folder `prompts` declares, each answered by the owner's method of its name."""
+    declared = tomllib.loads(words(table, **facts))
+    return tuple(
+        Tool(name, one["description"], one.get("arguments", {}), getattr(owner, name), tuple(one.get("required", ())))
+        for name, one in declared.items()
+    )
+
+
 def call_by_name(tools: Sequence[Tool], name: Any, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
     """Call the tool of that name; an unknown one is an answer with the near names."""
     for tool in tools:
@@ -103,21 +103,30 @@ def failed(sentence: str) -> dict[str, Any]:
 
 def complaint(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
     """What is wrong with a value under a JSON schema (types, enum, bounds, lengths, properties); None when nothing is."""
-    names = schema.get("type", tuple(_TYPES))
-    wanted = (names,) if isinstance(names, str) else tuple(names)
-    if not any(_is(value, name) for name in wanted):
-        return f"{what} must be of type {' or '.join(wanted)}, found {_shown(value)}"
-    if "enum" in schema and value not in schema["enum"]:
-        return f"{what} must be one of {', '.join(map(str, schema['enum']))}, found {_shown(value)}"
-    if isinstance(value, Mapping):
-        return _complaint_of_object(value, schema, what)
-    if isinstance(value, list | tuple):
-        found = (complaint(one, schema.get("items", {}), f"entry {k} of {what}") for k, one in enumerate(value, 1))
-        return next((one for one in found if one is not None), None)
-    if isinstance(value, str):
-        most = schema.get("maxLength", math.inf)
-        return None if len(value) <= most else f"{what} must have at most {most} characters, found {len(value)}"
-    return _complaint_of_number(value, schema, what)
+    error = first_error(validator(schema), value)
+    if error is None:
+        return None
+    path, where, found, bounds = [*error.absolute_path], what, error.instance, error.schema
+    if path:
+        where = f"entry {path[-1] + 1} of {path[-2]!r}" if isinstance(path[-1], int) else repr(path[-1])
+    if error.validator == "required":
+        return f"{where} lack {next(name for name in bounds['required'] if name not in found)!r}"
+    if error.validator == "additionalProperties":
+        name = next(name for name in found if name not in bounds["properties"])
+        return f"{where} have no {str(name)[:60]!r}; {near(str(name)[:60], bounds['properties'])}"
+    return f"{where} must {_must(error.validator, bounds, found)}"
+
+
+def _must(broken: str, bounds: Mapping[str, Any], found: Any) -> str:
+    if broken == "type":
+        names = bounds["type"]
+        return f"be of type {names if isinstance(names, str) else ' or '.join(names)}, found {_shown(found)}"
+    if broken == "enum":
+        return f"be one of {', '.join(map(str, bounds['enum']))}, found {_shown(found)}"
+    if broken == "maxLength":
+        return f"have at most {bounds['maxLength']} characters, found {len(found)}"
+    low, high = bounds.get("minimum", -math.inf), bounds.get("maximum", math.inf)
+    return f"lie within {low:g} and {high:g}, found {_shown(found)}"
 
 
 def plain(value: Any) -> Any:
@@ -151,32 +160,6 @@ def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str
         if _length(shorter | {LEFT_OUT: left}) <= longest:
             return shorter | {LEFT_OUT: left}
     return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
-
-
-def _is(value: Any, name: str) -> bool:
-    if isinstance(value, bool):
-        return name == "boolean"
-    return isinstance(value, _TYPES[name])
-
-
-def _complaint_of_object(value: Mapping[str, Any], schema: Mapping[str, Any], what: str) -> str | None:
-    known: Mapping[str, Any] = schema.get("properties", {})
-    for name in schema.get("required", ()):
-        if name not in value:
-            return f"{what} lack {name!r}"
-    for name, one in value.items():
-        if name not in known:
-            return f"{what} have no {str(name)[:60]!r}; {near(str(name)[:60], known)}"
-        if (found := complaint(one, known[name], f"{name!r}")) is not None:
-            return found
-    return None
-
-
-def _complaint_of_number(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    low, high = schema.get("minimum", -math.inf), schema.get("maximum", math.inf)
-    return None if low <= value <= high else f"{what} must lie within {low:g} and {high:g}, found {_shown(value)}"
 
 
 def _shown(value: Any) -> str:

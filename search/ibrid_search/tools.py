@@ -25,7 +25,7 @@ from ibrid_search.language import api_text, kinds_text, rules_text
 from ibrid_search.record_view import RecordPart, polar, record_view, summary
 from ibrid_search.step import line
 from ibrid_search.step_view import differences, residuals_view, steps_view
-from ibrid_search.tool import STEP, Steps, Tool
+from ibrid_search.tool import Steps, Tool, tools_in
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
@@ -33,19 +33,6 @@ LOOKING = 10.0
 MOST_LISTED, LISTED = 20, 5
 #: Rows of a prediction.
 PREDICTED = 12
-
-PROGRAM = {
-    "type": "string",
-    "maxLength": LONGEST_PROGRAM,
-    "description": "program text: one def with g.add and g.connect",
-}
-_EITHER = {
-    "type": ["string", "integer"],
-    "maxLength": LONGEST_PROGRAM,
-    "minimum": 0,
-    "description": "number of an evaluated step, or program text",
-}
-_OP = {"type": "string", "maxLength": 200, "description": "operating point, such as p=1,q=0.3"}
 
 
 class Tools:
@@ -60,81 +47,8 @@ class Tools:
     @property
     def reading(self) -> tuple[Tool, ...]:
         """Tools that evaluate nothing."""
-        band = "5-50, 50-500, 500-2000 or 2000-5000 (Hz)"
-        return (
-            *Insight(self.study, self.steps, self.hand_in).tools,
-            Tool(
-                "show_record",
-                "Where the error of an evaluated step lies: parts (operating point, band, entry of the admittance) worst first, "
-                "frequencies in their order, parameters, what the data cannot tell. With op, band or entry: that part alone.",
-                {
-                    "step": STEP,
-                    "op": _OP,
-                    "band": {"type": "string", "maxLength": 40, "description": band},
-                    "entry": {"type": "string", "maxLength": 10, "description": "dd, dq, qd or qq"},
-                },
-                self.show_record,
-                ("step",),
-            ),
-            Tool(
-                "show_residuals",
-                "What an evaluated step leaves, in standard deviations of the noise, by frequency and entry: only what stands "
-                "out of the noise is worth an edit.",
-                {"step": STEP, "op": _OP},
-                self.show_residuals,
-                ("step",),
-            ),
-            Tool(
-                "list_steps",
-                "All steps in their order, refused ones too, with parent, note and how they ended.",
-                {"after": {"type": "integer", "minimum": -1, "description": "go on after this step"}},
-                self.list_steps,
-            ),
-            Tool(
-                "list_best",
-                "The most plausible steps so far: error, order, free parameters, lineage; stable ones first.",
-                {
-                    "count": {
-                        "type": "integer",
-                        "minimum": 1,
-                        "maximum": MOST_LISTED,
-                        "description": f"how many ({LISTED})",
-                    }
-                },
-                self.list_best,
-            ),
-            Tool(
-                "compare",
-                "Two steps or programs: what only one of the diagrams has, and for two steps how error and parameters changed.",
-                {"a": _EITHER, "b": _EITHER},
-                self.compare,
-                ("a", "b"),
-            ),
-            Tool(
-                "predict_point",
-                "What a step says of an operating point that it was not fitted to: the error where it was held out, "
-                "else the admittance with its band.",
-                {"step": STEP, "op": _OP},
-                self.predict_point,
-                ("step", "op"),
-            ),
-            Tool(
-                "check_grammar",
-                "Whether a program is legal, with every violation and what would mend it, at no cost.",
-                {"program": PROGRAM},
-                self.check_grammar,
-                ("program",),
-            ),
-            Tool(
-                "describe_vocabulary",
-                "How programs are written, with the names of the kinds of modules; all kinds with their ports, or one in full.",
-                {
-                    "part": {"type": "string", "enum": ["language", "kinds"]},
-                    "kind": {"type": "string", "maxLength": 100, "description": "name of a kind"},
-                },
-                self.describe_vocabulary,
-            ),
-        )
+        own = tools_in("tools.toml", self, longest_program=LONGEST_PROGRAM, most_listed=MOST_LISTED, listed=LISTED)
+        return (*Insight(self.study, self.steps, self.hand_in).tools, *own)
 
     def show_record(
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None

@@ -8,12 +8,13 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.grade import Grade
 from ibrid.fit.settings import FitSettings
 from ibrid.report.verdict import graded, verdict
+from ibrid.structure.program import LONGEST_PROGRAM
 from ibrid.study import Study
 from ibrid_search.logbook import Logbook
 from ibrid_search.record_view import record_view
 from ibrid_search.step import Status
-from ibrid_search.tool import STEP, Tool
-from ibrid_search.tools import PROGRAM, Tools
+from ibrid_search.tool import Tool, tools_in
+from ibrid_search.tools import Tools
 
 #: Characters of the reasons for an answer.
 LONGEST_REASONS = 4_000
@@ -29,53 +30,11 @@ class Workbench(Tools):
     @property
     def all(self) -> tuple[Tool, ...]:
         """evaluate_program, finish and the reading tools."""
-        most = self.logbook.fit.seconds
-        settings = {
-            "type": "object",
-            "description": "effort; the default is right unless a fit looks stuck or a prediction is wanted",
-            "properties": {
-                "restarts": {
-                    "type": "integer",
-                    "minimum": 0,
-                    "maximum": 20,
-                    "description": "further waves of starts at most",
-                },
-                "seed": {"type": "integer", "minimum": 0, "maximum": 2**32 - 1, "description": "of the starts"},
-                "seconds": {"type": "number", "minimum": 0.1, "maximum": most, "description": f"time limit ({most:g})"},
-                "holdout_op": {
-                    "type": "array",
-                    "items": {"type": "string", "maxLength": 200},
-                    "description": "operating points to keep out of the fit and predict",
-                },
-            },
-        }
-        return (
-            Tool(
-                "evaluate_program",
-                "Check a program and fit its parameters to the measured admittance; answers with NRMSE (lower is better), "
-                "where the error lies, and what is wrong when it is refused. A structure met before costs nothing.",
-                {
-                    "program": PROGRAM,
-                    "note": {"type": "string", "maxLength": 500, "description": "what changes and why, in a line"},
-                    "parent": {"type": "integer", "minimum": 0, "description": "step that the program was made from"},
-                    "settings": settings,
-                },
-                self.evaluate_program,
-                ("program",),
-            ),
-            Tool(
-                "finish",
-                "Give an evaluated step as the answer, with the reasons: what the data show, what was ruled out, what is open. "
-                "Kept in the run; more may follow.",
-                {
-                    "step": STEP,
-                    "reasons": {"type": "string", "maxLength": LONGEST_REASONS, "description": "some sentences"},
-                },
-                self.finish,
-                ("step", "reasons"),
-            ),
-            *self.reading,
+        seconds = self.logbook.fit.seconds
+        own = tools_in(
+            "workbench.toml", self, longest_program=LONGEST_PROGRAM, longest_reasons=LONGEST_REASONS, seconds=seconds
         )
+        return (*own, *self.reading)
 
     def evaluate_program(
         self, program: str, note: str = "", parent: int | None = None, settings: Mapping[str, Any] | None = None
