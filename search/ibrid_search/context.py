@@ -5,19 +5,18 @@ first, second and fourth stay the same in a run and form the system turn. Text t
 fenced, and cannot close its fence or speak for another turn.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import zip_longest
 
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid_search.blocks import write_block
 from ibrid_search.language import kinds_text, rules_text, words
-from ibrid_search.proposal import Complaint, Context, Evaluated
+from ibrid_search.proposal import Context
 from ibrid_search.proposers.chat import Message, estimated_tokens
-from ibrid_search.quoting import FENCE, fenced, quoted
-from ibrid_search.record_view import record_text, score_text
+from ibrid_search.quoting import fenced, quoted
+from ibrid_search.record_view import record_facts
 from ibrid_search.step import Step
 
 
@@ -32,7 +31,7 @@ def prompt(context: Context, *, limit_tokens: int, count: Callable[[str], int] =
     Raises IbridError when even the shortest form is longer.
     """
     for short in (False, True):
-        system, question = system_text(context.study, short=short), "\n\n".join(_question(context, short))
+        system, question = system_text(context.study, short=short), _question(context, short)
         used = count(system) + count(question)
         if used <= limit_tokens:
             history = _history(context, limit_tokens - used, count)
@@ -67,25 +66,15 @@ def example_edit(kinds: Vocabulary) -> str:
     return write_block(['    g.connect("a.out", "b.in_")'], inserted.split("\n"))
 
 
-def _question(context: Context, short: bool) -> Iterator[str]:
-    parent = context.parent
-    yield f"# The program to edit (step {parent.step})\n{program_block(parent)}"
-    yield f"# Its record\n{record_text(parent.record, short=short)}"
-    if context.last is not None and context.last.number == parent.step and context.last.note:
-        yield f"It came from step {context.last.parent} by this change: {quoted(context.last.note)}"
-    if context.remark:
-        yield f"# What else is known\n{fenced(context.remark)}"
-    yield f"# What to do\nWrite {words('scales.md', scale=context.scale)}"
-    if context.complaint is not None:
-        yield complaint_text(context.complaint)
-
-
-def complaint_text(complaint: Complaint) -> str:
-    """Why the first answer to a question could not be used."""
-    return (
-        "# Your first answer could not be used\n"
-        f"{fenced(complaint.edit)}\nReason: {quoted(complaint.reason)}\n"
-        "Answer again, with a whole edit of the program above."
+def _question(context: Context, short: bool) -> str:
+    return words(
+        "question.md",
+        parent=context.parent,
+        last=context.last,
+        remark=context.remark,
+        scale=context.scale,
+        complaint=context.complaint,
+        **record_facts(context.parent.record, short=short),
     )
 
 
@@ -95,7 +84,7 @@ def _history(context: Context, room: int, count: Callable[[str], int]) -> str:
     goods, bads = "# The best so far\n", "# What failed lately\n"
     kept: tuple[list[str], list[str]] = ([], [])
     room -= count(goods) + count(bads) + 4
-    for pair in zip_longest(map(_candidate, best), map(_failure, context.failures)):
+    for pair in zip_longest((words("candidate.md", one=one) for one in best), map(_failure, context.failures)):
         for text, texts in zip(pair, kept, strict=True):
             needed = count(text) + 2 if text is not None else 0
             if text is not None and needed <= room:
@@ -106,19 +95,10 @@ def _history(context: Context, room: int, count: Callable[[str], int]) -> str:
     )
 
 
-def _candidate(one: Evaluated) -> str:
-    return f"Step {one.step}: {score_text(one.record)}\n{program_block(one)}"
-
-
 def _failure(step: Step) -> str:
     what = f", {quoted(step.note)}" if step.note else ""
     edit = f"\n{fenced(step.edit)}" if step.edit else ""
     return f"Step {step.number} ({step.status}{what}): {quoted(step.reason) or 'no reason given'}{edit}"
-
-
-def program_block(one: Evaluated) -> str:
-    """A program between fences."""
-    return f"{FENCE}python\n{program_text(one.diagram)}{FENCE}"
 
 
 def _one_in_one_out(kinds: Vocabulary) -> str:

@@ -8,6 +8,7 @@ from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from ibrid.measurement.quantities import counted
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import Vocabulary
@@ -15,7 +16,9 @@ from ibrid.signals import Signal
 from ibrid.structure.check import HIGHEST_ORDER
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import kind_parameters
+from ibrid.structure.program import program_text
 from ibrid.structure.wiring import PLANT
+from ibrid_search.quoting import digits, fenced, quoted
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -32,7 +35,10 @@ def _templates() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined  # only who asks a model needs it
 
     loader = PackageLoader("ibrid_search", "prompts")
-    return Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    templates = Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    filters = {"counted": counted, "digits": digits, "fenced": fenced, "program_text": program_text, "quoted": quoted}
+    templates.filters.update(filters)
+    return templates
 
 
 def api_text() -> str:

@@ -25,6 +25,11 @@ def quoted(text: str, *, longest: int = LONGEST_QUOTED) -> str:
     return " ".join(_harmless(text[:longest]).split()) + ("..." if len(text) > longest else "")
 
 
+def digits(value: float | None) -> str:
+    """A number of a record."""
+    return "no data" if value is None else f"{value:.3g}"
+
+
 def _harmless(text: str, keep: str = "") -> str:
     clean = "".join(one if one.isprintable() or one in keep else " " for one in text)
     for mark, instead in _MARKS:

@@ -10,12 +10,11 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.gap.port_map import PortFit
-from ibrid.measurement.quantities import counted
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.numbers import number
 from ibrid.report.parameter_rows import parameter_rows
 from ibrid.report.verdict import graded, verdict
-from ibrid_search.quoting import quoted
+from ibrid_search.quoting import digits, quoted
 
 #: Parts of the error and single frequencies that are shown, and frequencies of a part that was asked for.
 WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
@@ -186,50 +185,20 @@ def _parameter(row: Any) -> tuple[str, str]:
     )
 
 
-def score_text(record: Record) -> str:
-    """One candidate in a line: error, size, stability."""
-    parts = [
-        f"NRMSE {_number(record.nrmse)}{f' ({record.grade})' if record.grade else ''}",
-        f"order {record.order}",
-        counted(record.modules, "module"),
-        counted(record.free_parameters, "free parameter"),
-    ]
-    if record.residual_modules:
-        parts.append(counted(record.residual_modules, "residual module"))
-    if record.holdout:
-        parts.append(f"held out {_pairs(record.holdout)}")
-    if not all(record.stable.values()):
-        parts.append("UNSTABLE")
-    return ", ".join(parts)
-
-
-def record_text(record: Record, *, short: bool = False) -> str:
-    """Where the error lies, size, stability, fitted parameters and what the data cannot see; `short` : errors and size."""
-    return "\n".join(line for line in _lines(record, short) if line)
-
-
-def _lines(record: Record, short: bool) -> Iterator[str]:
-    yield f"{score_text(record)}, {counted(record.sums, 'sum')}"
-    if record.noise_floor is not None:
-        yield f"noise alone would leave an NRMSE of {_number(record.noise_floor)}"
-    yield f"NRMSE by operating point: {_pairs(record.nrmse_by_op)}"
-    yield "error by band in Hz, relative to the measurement there (share of the squared error): " + "; ".join(
-        f"{band} {_number(value)} ({_percent(record.share_by_band.get(band))})"
+def record_facts(record: Record, *, short: bool = False) -> dict[str, Any]:
+    """What the template `record.md` tells: where the error lies, size, stability, fitted parameters and what the data cannot see;
+    `short` : errors and size."""
+    bands = (
+        f"{band} {digits(value)} ({_percent(record.share_by_band.get(band))})"
         for band, value in record.nrmse_by_band.items()
     )
-    yield f"error by entry: {_pairs(record.nrmse_by_entry)}"
-    if short:
-        return
-    for op, bands in record.nrmse_by_part.items():
-        rows = "; ".join(f"{band}: {_pairs(entries)}" for band, entries in bands.items())
-        yield f"error by band and entry at {quoted(op)}: {rows}"
-    yield f"stability: {_stability(record)}"
-    yield f"fitted parameters: {_parameters(record)}"
-    if record.at_bound:
-        yield f"at a bound of their box: {', '.join(map(quoted, record.at_bound))}"
-    for heading, sentences in (("what the data say", record.identifiability), ("doubtful", record.warnings)):
-        for sentence in sentences:
-            yield f"{heading}: {quoted(sentence)}"
+    return {
+        "record": record,
+        "short": short,
+        "bands": "; ".join(bands),
+        "stability": _stability(record),
+        "parameters": _parameters(record),
+    }
 
 
 def _stability(record: Record) -> str:
@@ -248,16 +217,8 @@ def _parameters(record: Record) -> str:
     for name in names:
         values = [values[name] for values in record.parameters.values() if name in values]
         same = all(value == values[0] for value in values)
-        parts.append(f"{quoted(name)} {_number(values[0]) if same else ' / '.join(map(_number, values))}")
+        parts.append(f"{quoted(name)} {digits(values[0]) if same else ' / '.join(map(digits, values))}")
     return ", ".join(parts) or "none"
-
-
-def _pairs(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{quoted(name)} {_number(value)}" for name, value in values.items())
-
-
-def _number(value: float | None) -> str:
-    return "no data" if value is None else f"{value:.3g}"
 
 
 def _percent(value: float | None) -> str:
