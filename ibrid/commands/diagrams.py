@@ -4,8 +4,8 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
+from ibrid.commands.table import declare_command
 
 if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
@@ -14,19 +14,8 @@ if TYPE_CHECKING:
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    check = commands.add_parser("check", help="grammar: every violation with its line and what would mend it")
-    check.add_argument("program", metavar="PROGRAM", help=inputs.PROGRAM_HELP)
-    check.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
-    check.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
-    add_kinds_option(check)
-    check.set_defaults(run=run_check)
-    compare = commands.add_parser("compare", help="two diagrams matched up to naming: precision, recall, F1")
-    compare.add_argument("first", metavar="PROGRAM", help="the diagram that was found: " + inputs.PROGRAM_HELP)
-    compare.add_argument("second", metavar="PROGRAM", help="the one it is held against, likewise")
-    compare.add_argument("--vocabulary", default="extended", help="paper | extended (default)")
-    add_kinds_option(compare)
-    add_json_option(compare)
-    compare.set_defaults(run=run_compare)
+    declare_command(commands, "check", run_check)
+    declare_command(commands, "compare", run_compare)
 
 
 def run_check(arguments: Namespace) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
 
@@ -22,41 +22,8 @@ JSON, PAGE = "playback.json", "report.html"
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    record = commands.add_parser(
-        "record", help="disturb a reference inverter: voltage and current in time, as an events file"
-    )
-    record.add_argument("plant", metavar="PLANT", help="name of a reference inverter such as paper_like")
-    record.add_argument("--op", action="append", metavar="p=..,q=..[,v=..]", help="operating point, repeatable")
-    record.add_argument(
-        "--event",
-        action="append",
-        required=True,
-        metavar="KIND:VALUE[,at=..][,for=..]",
-        help="dip:REMAINING, swell:LEVEL, step:DV, phase:DEGREES, frequency:HZ[,ramp=HZ_PER_S]; repeatable, a record each",
-    )
-    record.add_argument("--rate", type=inputs.positive, default=5000.0, metavar="HZ", help="samples per second (5000)")
-    record.add_argument(
-        "--length", type=inputs.positive, metavar="S", help="of a record (0.4 s, or what the event needs)"
-    )
-    record.add_argument("--angle", type=inputs.finite, default=0.0, metavar="DEG", help="of the recorder's frame (0)")
-    record.add_argument(
-        "--noise-db", type=inputs.finite, metavar="DB", help="signal to noise of the current (default: clean)"
-    )
-    record.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the noise (0)")
-    record.add_argument("--set", action="append", default=[], metavar="name=value", help="another value, repeatable")
-    record.add_argument("--out", required=True, metavar="EVENTS", help="the CSV file to write")
-    record.set_defaults(run=run_record)
-    playback = commands.add_parser("playback", help="play records of events into a model and compare its current")
-    playback.add_argument("model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record")
-    playback.add_argument("events", metavar="EVENTS", help=inputs.EVENTS_HELP)
-    playback.add_argument(
-        "--values", metavar="FILE", help="values of a program's parameters (JSON), also of limits: current_limit.i_max"
-    )
-    inputs.add_events_options(playback)
-    inputs.add_port_option(playback)
-    playback.add_argument("--out", metavar="DIR", required=True, help=f"folder for {JSON} and {PAGE}")
-    add_kinds_option(playback)
-    playback.set_defaults(run=run_playback)
+    declare_command(commands, "record", run_record)
+    declare_command(commands, "playback", run_playback)
 
 
 def run_record(arguments: Namespace) -> int:

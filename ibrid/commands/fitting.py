@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_distinct, require_json_place
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
@@ -19,32 +19,7 @@ if TYPE_CHECKING:
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "evaluate", help="fit a diagram to a sweep or to records of events: parameters, errors"
-    )
-    parser.add_argument("program", metavar="PROGRAM", help=inputs.PROGRAM_HELP)
-    parser.add_argument("data", metavar="DATA", help=f"{inputs.DATA_HELP}; or records of events")
-    parser.add_argument("--events", metavar="EVENTS", help="records of events, fitted together with DATA")
-    parser.add_argument(
-        "--values", metavar="FILE", help="with records: values to begin at (JSON), also of limits: current_limit.i_max"
-    )
-    inputs.add_events_options(parser)
-    inputs.add_study_options(parser)
-    add_kinds_option(parser)
-    parser.add_argument(
-        "--objective",
-        help="sigma: error over the measured noise (default where that is known) | nrmse: error over the size of the whole "
-        "sweep, the paper's (default where it is not) | relative: error at each frequency over its own size | band: each "
-        "frequency band counts alike",
-    )
-    parser.add_argument("--restarts", type=inputs.natural, metavar="N", help="further waves of starts at most (5)")
-    inputs.add_port_option(parser)
-    inputs.add_labels_option(parser, "exact")
-    parser.add_argument("--seeds", default="textbook", help="starts from: textbook (default) | vector-fitting")
-    parser.add_argument("--seconds", type=inputs.positive, metavar="S", help="hard limit of the fit (60)")
-    add_json_option(parser)
-    parser.add_argument("--report", metavar="OUT.html", help="write the page with pictures")
-    parser.set_defaults(run=run)
+    declare_command(commands, "evaluate", run)
 
 
 def run(arguments: Namespace) -> int:

@@ -4,34 +4,13 @@ import os
 from argparse import Namespace
 from typing import Any
 
-from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
+from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.commands.table import declare_command
 
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "fleet", help="start, search or drift for every sweep of a folder: families, outliers, drifts"
-    )
-    parser.add_argument("folder", metavar="FOLDER", help="sweep files, one a device, also in folders below")
-    parser.add_argument(
-        "--out", required=True, metavar="OUT", help="the fleet's own folder; a new one, unless --resume"
-    )
-    parser.add_argument("--job", default="start", help="for each device: start (default) | search | drift")
-    parser.add_argument(
-        "--before", metavar="OUT", help="of drift: the folder of the fleet as it was, by names of files"
-    )
-    parser.add_argument("--budget", type=inputs.count, default=40, metavar="N", help="evaluations of each search (40)")
-    parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
-    parser.add_argument("--workers", type=inputs.count, metavar="N", help="so many processes (all cores)")
-    parser.add_argument("--ray", metavar="ADDRESS", help="workers on a Ray cluster: auto, or HEAD:6379")
-    parser.add_argument(
-        "--seconds", type=inputs.positive, default=300.0, metavar="S", help="after which a device is given up (300)"
-    )
-    parser.add_argument("--resume", action="store_true", help="go on with the fleet in OUT; new files are new devices")
-    parser.add_argument("--device", metavar="NAME", help="examine nothing: the record of this device of OUT, as --json")
-    add_json_option(parser)
-    parser.set_defaults(run=run)
+    declare_command(commands, "fleet", run)
 
 
 def run(arguments: Namespace) -> int:

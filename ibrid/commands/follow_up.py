@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -16,27 +16,9 @@ if TYPE_CHECKING:
 
 
 def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    ask = commands.add_parser("next", help="what to measure next: sweeps and events ranked by what they would tell")
-    ask.add_argument("record", metavar="RECORD|RUN", help="JSON of ibrid evaluate or gap, or the folder of a search")
-    ask.add_argument(
-        "--among",
-        metavar="FILE",
-        help="toml of what you can do: p, q, v (lists, per unit), count, low, high (Hz), noise, record_noise (relative), "
-        "events (a list such as dip:0.6)",
-    )
-    add_kinds_option(ask)
-    add_json_option(ask)
-    ask.set_defaults(run=run_next)
-    changed = commands.add_parser("drift", help="what changed since a record: nothing, parameters, structure, labels")
-    changed.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    changed.add_argument(
-        "data", metavar="DATA", help=f"new data of the device: {inputs.DATA_HELP}; or {inputs.EVENTS_HELP}"
-    )
-    inputs.add_events_options(changed)
-    add_kinds_option(changed)
-    add_json_option(changed)
-    changed.set_defaults(run=run_drift)
+    """Add the commands to the parser."""
+    declare_command(commands, "next", run_next)
+    declare_command(commands, "drift", run_drift)
 
 
 def run_next(arguments: Namespace) -> int:

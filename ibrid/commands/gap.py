@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.own_kinds import add_kinds_option
-from ibrid.commands.searching import MODEL_HELP
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
 
@@ -26,41 +25,7 @@ PROGRAM_ENDINGS = (".py", ".txt")
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser("gap", help="where a model and a measurement disagree, and which effect is missing")
-    parser.add_argument(
-        "model", metavar="MODEL", help=f"{inputs.PROGRAM_HELP}; or a record; or the sweep of a simulation (CSV, ...)"
-    )
-    parser.add_argument("data", metavar="DATA", help=f"{inputs.DATA_HELP}; or records of events")
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        required=True,
-        help="folder for report.html, gap.json, the repaired program model.py (without the comments of the given one), what "
-        "changed in it as model.diff, and its record model.json",
-    )
-    parser.add_argument("--events", metavar="EVENTS", help="records of events, fitted together with DATA")
-    inputs.add_events_options(parser)
-    parser.add_argument("--values", metavar="FILE", help="nominal values with tolerances (JSON), a prior of the refit")
-    parser.add_argument(
-        "--holdout-op", action="append", default=[], metavar="OP", help="keep this point out and predict it, repeatable"
-    )
-    parser.add_argument(
-        "--seconds",
-        type=inputs.positive,
-        metavar="N",
-        help="stop after so many with the best answer so far, and say so",
-    )
-    parser.add_argument(
-        "--suggest",
-        metavar="PROPOSER",
-        help="where the catalogue has no name: ask rules | random | llm | agent for edits, which pass the same tests or fail",
-    )
-    parser.add_argument("--model", dest="models", action="append", default=[], metavar="MODEL", help=MODEL_HELP)
-    add_kinds_option(parser)
-    inputs.add_port_option(parser)
-    inputs.add_labels_option(parser, "uncertain")
-    parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
-    parser.set_defaults(run=run)
+    declare_command(commands, "gap", run)
 
 
 def run(arguments: Namespace) -> int:

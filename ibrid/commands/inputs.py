@@ -1,14 +1,16 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
+import json
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.commands.outputs import complain
+from ibrid.commands.table import WORDS, add_argument
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 
 if TYPE_CHECKING:
@@ -21,11 +23,7 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", int, float)
 
-PROGRAM_HELP = "a program file, or the name of a textbook diagram such as gfl"
-EVENTS_HELP = (
-    "records of voltage and current in time: an events file (CSV), COMTRADE (.cfg, .cff), or a table with --channels"
-)
-DATA_HELP = "a sweep file (CSV, .mat, Touchstone, ...), or the name of a shipped one such as paper_like"
+DATA_HELP = WORDS["data"]
 
 
 def program(text: str) -> "Diagram":
@@ -62,10 +60,8 @@ def measured(text: str) -> "Sweep":
 
 def add_events_options(parser: ArgumentParser) -> None:
     """`--channels` and `--base`: what a record of somebody else does not say."""
-    parser.add_argument(
-        "--channels", metavar="va=1,..", help="of records: which channels are va,vb,vc,ia,ib,ic, by number or name"
-    )
-    parser.add_argument("--base", metavar="VA,V", help="of records in V and A: the inverter's base, such as 10kVA,400V")
+    add_argument(parser, "--channels")
+    add_argument(parser, "--base")
 
 
 def holds_events(text: str) -> bool:
@@ -115,33 +111,9 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | No
     return None, events(arguments.data, *options)
 
 
-def add_study_options(parser: ArgumentParser, *, random: str = "the random starts") -> None:
-    """Declare --parameters, --equilibrium, --vocabulary, --holdout-op and --seed; random : what the seed is of."""
-    parser.add_argument("--parameters", default="shared", help="shared (default) | per-op")
-    parser.add_argument("--equilibrium", default="exact", help="exact (default) | paper")
-    parser.add_argument("--vocabulary", default="extended", help="extended (default) | paper")
-    words = "keep this point out and predict it, repeatable"
-    parser.add_argument("--holdout-op", action="append", default=[], metavar="OP", help=words)
-    parser.add_argument("--seed", type=natural, default=0, metavar="N", help=f"of {random} (0)")
-
-
 def add_port_option(parser: ArgumentParser) -> None:
     """`--port PORT`."""
-    parser.add_argument(
-        "--port",
-        metavar="PORT.toml",
-        help="passive elements that are known between the PCC and the filter, with tolerances",
-    )
-
-
-def add_labels_option(parser: ArgumentParser, default: str) -> None:
-    """`--labels WHAT`."""
-    usual = {word: f"{word} (default)" if word == default else word for word in ("uncertain", "exact")}
-    parser.add_argument(
-        "--labels",
-        default=default,
-        help=f"{usual['uncertain']}: p, q, v, base, signs, node and frame of the data may be wrong | {usual['exact']}",
-    )
+    add_argument(parser, "--port")
 
 
 def port(text: str | None, data: "Sweep | Events | None") -> "Outside":
@@ -207,6 +179,28 @@ def natural(text: str) -> int:
 def finite(text: str) -> float:
     """A finite number, for argparse."""
     return _number(text, float, isfinite, "a finite number")
+
+
+def field(text: str) -> tuple[str, Any]:
+    """A field of a request, for argparse; a value that is no JSON is text."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.isidentifier()):
+        raise ArgumentTypeError(f"must be NAME=JSON, such as top_p=0.9; found {text!r:.60}")
+    try:
+        return name, json.loads(value)
+    except (ValueError, RecursionError):
+        return name, value
+
+
+def price(text: str) -> tuple[float, float]:
+    """Prices of tokens in and out, for argparse."""
+    try:
+        price_in, price_out = map(float, text.split(","))
+    except ValueError:
+        price_in = price_out = -1.0
+    if not (0 <= price_in < float("inf") and 0 <= price_out < float("inf")):
+        raise ArgumentTypeError(f"must be two prices IN,OUT, not negative, such as 0.5,1.5; found {text!r:.60}")
+    return price_in, price_out
 
 
 def overrides(settings: Iterable[str]) -> dict[str, float | str]:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-from argparse import ArgumentParser
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,6 @@ from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
 TERMINAL = "-"
-
-
-def add_json_option(parser: ArgumentParser) -> None:
-    """`--json [OUT]`."""
-    parser.add_argument(
-        "--json", nargs="?", const=TERMINAL, metavar="OUT", help="write JSON to OUT; alone or with -, print it instead"
-    )
 
 
 def require_json_place(where: str | None) -> None:

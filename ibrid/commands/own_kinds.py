@@ -2,7 +2,6 @@
 
 import importlib.util
 import sys
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,17 +14,6 @@ if TYPE_CHECKING:
 
     from ibrid.modules.kind import ModuleKind
     from ibrid.modules.vocabulary import Vocabulary
-
-
-def add_kinds_option(parser: ArgumentParser) -> None:
-    """Let a command take files with kinds of one's own."""
-    parser.add_argument(
-        "--kinds",
-        action="append",
-        default=[],
-        metavar="FILE.py",
-        help="EXECUTE this Python file of yours and take the ModuleKinds in it, repeatable",
-    )
 
 
 def with_own_kinds(vocabulary: "Vocabulary", files: Sequence[str]) -> "Vocabulary":

@@ -3,37 +3,12 @@
 from argparse import Namespace
 from typing import Any
 
-from ibrid.commands import inputs
+from ibrid.commands.table import declare_command
 
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    train = commands.add_parser("policy", help="train the small learned proposer anew, about an hour on two free cores")
-    train.add_argument(
-        "verb", metavar="train", choices=("train",), help="draw inverters, damage and fit them, learn the repairs"
-    )
-    train.add_argument("--out", required=True, metavar="DIR", help="folder of the policy; a new one, unless --resume")
-    train.add_argument(
-        "--from",
-        dest="runs",
-        nargs="+",
-        default=[],
-        metavar="RUN",
-        help="learn from these finished searches which ideas are right, for ibrid search --proposer diagnosis --policy DIR; in "
-        "seconds, and none of the other options",
-    )
-    train.add_argument("--inverters", type=inputs.natural, default=2500, metavar="N", help="drawn to learn from (2500)")
-    train.add_argument("--steps", type=inputs.natural, default=16000, metavar="N", help="of training (16000)")
-    train.add_argument(
-        "--size",
-        default="small",
-        help="of the model: small, as shipped, 1.1 million parameters (default) | large, 5 million",
-    )
-    train.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of everything random (0)")
-    train.add_argument("--workers", type=inputs.natural, metavar="N", help="processes that draw and fit (all cores)")
-    train.add_argument("--ray", metavar="ADDRESS", help="draw and fit on a Ray cluster: auto, or HEAD:6379")
-    train.add_argument("--resume", action="store_true", help="go on with the training in the folder")
-    train.set_defaults(run=run_train)
+    declare_command(commands, "policy", run_train)
 
 
 def run_train(arguments: Namespace) -> int:

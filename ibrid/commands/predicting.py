@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
@@ -17,60 +17,12 @@ if TYPE_CHECKING:
     from ibrid.analysis.stability import Stability
     from ibrid.evaluation.record import Record
 
-OP_HELP = "a point of the record, or p=..,q=..[,v=..] anywhere, repeatable"
-
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    predict = commands.add_parser(
-        "predict", help="the admittance at an operating point that nobody measured, with bands"
-    )
-    predict.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    predict.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP)
-    predict.add_argument(
-        "--events", metavar="EVENTS", help="instead: records whose voltage is played; their current is written"
-    )
-    inputs.add_events_options(predict)
-    predict.add_argument(
-        "--freq", default="5:5000:60", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:60)"
-    )
-    predict.add_argument(
-        "--out", required=True, metavar="DATA", help="the sweep file to write, sigma being one deviation"
-    )
-    add_kinds_option(predict)
-    add_json_option(predict)
-    predict.set_defaults(run=run_predict)
-    nfp = commands.add_parser("nfp", help="power over angle and magnitude of the grid's voltage: Jacobian and NFP")
-    nfp.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    nfp.add_argument("--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)")
-    nfp.add_argument(
-        "--freq", default="0.1:1000:60", metavar="A:B:N", help="N frequencies from A to B Hz (0.1:1000:60)"
-    )
-    nfp.add_argument("--out", metavar="FILE", help="a csv file: op, freq_hz, then real and imaginary parts")
-    add_kinds_option(nfp)
-    add_json_option(nfp)
-    nfp.set_defaults(run=run_nfp)
-    stability = commands.add_parser(
-        "stability", help="poles, Nyquist, passivity and critical SCR of the model in a grid"
-    )
-    stability.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate, search or gap")
-    stability.add_argument(
-        "--scr", metavar="A:B[:N]", help="short-circuit ratios from weak to strong, or one; per unit 1/|Z|"
-    )
-    stability.add_argument("--xr", type=inputs.positive, metavar="X/R", help="of these grids (10)")
-    stability.add_argument(
-        "--grid", metavar="r=..,x=..|FILE", help="one grid instead: per unit, or its measured impedance"
-    )
-    stability.add_argument(
-        "--op", metavar="OP", action="append", default=[], help=OP_HELP + " (default: all of the record)"
-    )
-    stability.add_argument(
-        "--freq", metavar="A:B:N", help="frequencies of the passivity index (default: the measured range)"
-    )
-    stability.add_argument("--report", metavar="OUT.html", help="write a page with figures")
-    add_kinds_option(stability)
-    add_json_option(stability)
-    stability.set_defaults(run=run_stability)
+    declare_command(commands, "predict", run_predict)
+    declare_command(commands, "nfp", run_nfp)
+    declare_command(commands, "stability", run_stability)
 
 
 def run_predict(arguments: Namespace) -> int:

@@ -6,15 +6,12 @@ from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_place
 
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
-
-#: For the help, which must come before anything slow is imported; a test compares.
-FORMATS_HELP = ("control-json", "mat", "npz", "modelica", "fmu", "c", "andes", "cigre", "csv", "touchstone")
 
 #: In the folder of a search.
 ARCHIVE = "archive.sqlite"
@@ -22,39 +19,8 @@ ARCHIVE = "archive.sqlite"
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    export = commands.add_parser("export", help="the state-space model at an operating point, for other tools")
-    export.add_argument("record", metavar="RECORD", help="JSON of ibrid evaluate --json")
-    export.add_argument(
-        "--op",
-        metavar="OP",
-        help="a point of the record, p=..,q=..[,v=..] elsewhere, or all: mat, npz and control-json stack them on a last axis",
-    )
-    export.add_argument("--format", required=True, help=" | ".join(FORMATS_HELP))
-    export.add_argument(
-        "--freq", metavar="A:B:N", help="of csv and touchstone: N frequencies from A to B Hz (5:5000:60)"
-    )
-    export.add_argument("--name", metavar="NAME", help="of the C symbols, the FMU's modelName, the Modelica class")
-    export.add_argument(
-        "--nonlinear",
-        action="store_true",
-        help="of modelica, c, fmu: the averaged model before linearisation (cigre always)",
-    )
-    export.add_argument(
-        "--windows", action="store_true", help="of fmu and cigre: with a library for Windows (pip install ziglang)"
-    )
-    export.add_argument("--out", required=True, metavar="FILE", help="the file to write")
-    add_kinds_option(export)
-    export.set_defaults(run=run_export)
-    report = commands.add_parser("report", help="(re)write the HTML page of a record")
-    report.add_argument(
-        "record", metavar="RECORD|DIR", help="a record, the folder of a search or a fleet, or a folder with a record"
-    )
-    report.add_argument("--data", metavar="DATA", help="the measurement, where it has moved: " + inputs.DATA_HELP)
-    report.add_argument("--events", metavar="EVENTS", help="the records of events, where they have moved")
-    inputs.add_events_options(report)
-    report.add_argument("--out", metavar="OUT.html", help="default: beside the record")
-    add_kinds_option(report)
-    report.set_defaults(run=run_report)
+    declare_command(commands, "export", run_export)
+    declare_command(commands, "report", run_report)
 
 
 def run_export(arguments: Namespace) -> int:

@@ -5,39 +5,16 @@ from argparse import Namespace
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import add_json_option, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
 
 def declare(commands: Any) -> None:
     """Add the commands to the parser."""
-    sweep = commands.add_parser("sweep", help="measure a reference inverter: its dq admittance as a sweep file")
-    sweep.add_argument("plant", metavar="PLANT", help="name of a reference inverter such as paper_like")
-    sweep.add_argument(
-        "--op",
-        action="append",
-        metavar="p=..,q=..[,v=..]",
-        help="operating point, repeatable (default: the plant's own)",
-    )
-    sweep.add_argument("--freq", default="5:5000:16", metavar="A:B:N", help="N frequencies from A to B Hz (5:5000:16)")
-    sweep.add_argument("--method", default="linear", metavar="linear|time", help="linearise, or inject in a simulation")
-    sweep.add_argument(
-        "--noise-db", type=inputs.finite, metavar="DB", help="signal to noise of each run (default: clean)"
-    )
-    sweep.add_argument("--repeats", type=inputs.natural, default=1, metavar="N", help="runs; needs --noise-db")
-    sweep.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the noise (0)")
-    sweep.add_argument("--set", action="append", default=[], metavar="name=value", help="another value, repeatable")
-    sweep.add_argument("--out", required=True, metavar="DATA", help="the CSV file to write")
-    sweep.set_defaults(run=run_sweep)
-    inspect = commands.add_parser(
-        "inspect", help="first look at a sweep or at records of events: what is odd, what they can tell"
-    )
-    inspect.add_argument("data", metavar="DATA|EVENTS", help=f"{inputs.DATA_HELP}; or {inputs.EVENTS_HELP}")
-    inspect.add_argument("--sampling-hz", type=inputs.positive, metavar="HZ", help="sampling rate of the controller")
-    inputs.add_events_options(inspect)
-    add_json_option(inspect)
-    inspect.set_defaults(run=run_inspect)
+    declare_command(commands, "sweep", run_sweep)
+    declare_command(commands, "inspect", run_inspect)
 
 
 def run_sweep(arguments: Namespace) -> int:

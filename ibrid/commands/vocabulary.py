@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
-from ibrid.commands.outputs import add_json_option, complain, give_json, require_json_place
+from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.commands.table import declare_command
 from ibrid.writing import aligned
 
 if TYPE_CHECKING:
@@ -15,12 +16,8 @@ if TYPE_CHECKING:
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser("modules", help="the vocabulary, as a table or one kind in full")
-    parser.add_argument("kind", nargs="?", metavar="KIND", help="the kind to show in full")
-    parser.set_defaults(run=run)
-    parser = commands.add_parser("list", help="diagrams, sweeps and inverters that ship, by the names of commands")
-    add_json_option(parser)
-    parser.set_defaults(run=run_list)
+    declare_command(commands, "modules", run)
+    declare_command(commands, "list", run_list)
 
 
 def run_list(arguments: Namespace) -> int:

@@ -5,22 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.own_kinds import add_kinds_option
+from ibrid.commands.table import declare_command
 
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "watch", help="a live page about a search: curve, lineage, candidates; for this machine"
-    )
-    parser.add_argument(
-        "folder", metavar="RUN", help="folder of ibrid search, running or ended; nothing is written into it"
-    )
-    parser.add_argument(
-        "--port", type=inputs.natural, default=0, metavar="N", help="on the loopback address (any free one)"
-    )
-    add_kinds_option(parser)
-    parser.set_defaults(run=run)
+    declare_command(commands, "watch", run)
 
 
 def run(arguments: Namespace) -> int:
