@@ -10,18 +10,10 @@ from ibrid.measurement.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.equilibrium import filter_at_rest
 from ibrid.plants.gfl import GFLParameters, gfl_dynamics
-from ibrid.plants.gfm import DroopParameters, OscillatorParameters, VSMParameters, gfm_dynamics
+from ibrid.plants.gfm import DroopParameters, GFMParameters, OscillatorParameters, VSMParameters, gfm_dynamics
 from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
 from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
-from ibrid.plants.true_program import (
-    droop_values,
-    hybrid_values,
-    oscillator_values,
-    parallel_values,
-    true_program,
-    true_values,
-    vsm_values,
-)
+from ibrid.plants.true_program import true_program, true_values
 
 
 @dataclass(frozen=True)
@@ -53,8 +45,19 @@ _CASCADE = {
     "current.kP": "kP_current",
     "current.kI": "kI_current",
     "damping_filter.omega_c": "omega_damping",
-    "q_filter.omega_c": "omega_q",
 }
+_DROOP = {**_CASCADE, "p_filter.omega_c": "omega_p", "q_filter.omega_c": "omega_q"}
+_MACHINE = {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll", "q_filter.omega_c": "omega_q"}
+_OSCILLATOR = {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"}
+_HYBRID = {
+    **_FILTER,
+    "power_filter.omega_c": "omega_c_power",
+    "power.kP": "kP_power",
+    "power.kI": "kI_power",
+    "current.kP": "kP_current",
+    "current.kI": "kI_current",
+}
+_SHARES = {"gfl_share.share_p": "share_p", "gfl_share.share_q": "share_q"}
 
 _GFL_FIELDS = {
     **_FILTER,
@@ -105,46 +108,68 @@ def _textbook(name: str) -> Callable[[Any], str]:
     return lambda parameters: (files("ibrid") / "structure" / "programs" / f"{name}.py").read_text(encoding="utf-8")
 
 
+def _values(
+    fields: Mapping[str, str], others: Callable[[Any, float], dict[str, float]]
+) -> Callable[[Any, float], dict[str, float]]:
+    """Values of a textbook diagram: fields as they are, and what follows from them."""
+    return lambda m, omega_0: {name: getattr(m, field) for name, field in fields.items()} | others(m, omega_0)
+
+
+def _of_cascade(m: GFMParameters, omega_0: float) -> dict[str, float]:
+    return {"e_decoupling.L": m.C_F, "decoupling.L": m.L_F, "damping.k": -m.k_damping}
+
+
+def _of_droop(m: DroopParameters, omega_0: float) -> dict[str, float]:
+    droops = {"p_droop.k": -m.m_p, "q_droop.k": -m.m_q, "virtual_reactance.L": m.X_virtual}
+    return _of_cascade(m, omega_0) | droops
+
+
+def _of_machine(m: VSMParameters, omega_0: float) -> dict[str, float]:
+    """The swing equation is a low-pass of power and measured frequency, each with its gain."""
+    damping = m.k_d + m.k_w
+    return _of_cascade(m, omega_0) | {
+        "p_gain.k": -omega_0 / damping,
+        "pll_damping.k": m.k_d / damping,
+        "inertia.omega_c": damping / m.T_a,
+        "q_droop.k": -m.m_q,
+        "virtual_reactance.L": m.X_virtual,
+    }
+
+
+def _of_hybrid(m: HybridParameters, omega_0: float) -> dict[str, float]:
+    """The weights are within the gains of the PLL and the droop."""
+    pll = {"pll.kP": m.weight * m.kP_pll, "pll.kI": m.weight * m.kI_pll}
+    return pll | {"p_droop.k": -(1 - m.weight) * m.m_p, "decoupling.L": m.L_F}
+
+
+def _of_both(m: ParallelParameters, omega_0: float) -> dict[str, float]:
+    """Those of `gfl_l_filter` and `gfm_droop`, each with its prefix."""
+    following, forming = true_values(m.following, omega_0), _values(_DROOP, _of_droop)(m.forming, omega_0)
+    prefixed = {f"gfl_{name}": value for name, value in following.items()}
+    return prefixed | {f"gfm_{name}": value for name, value in forming.items()}
+
+
+def _forming_family(
+    name: str, fields: Mapping[str, str], others: Callable[[Any, float], dict[str, float]]
+) -> InverterFamily:
+    return InverterFamily(gfm_dynamics, _textbook(name), _values(fields, others), _forming, fields)
+
+
 FAMILIES: Mapping[type, InverterFamily] = MappingProxyType(
     {
         GFLParameters: InverterFamily(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
-        DroopParameters: InverterFamily(
-            gfm_dynamics, _textbook("gfm_droop"), droop_values, _forming, {**_CASCADE, "p_filter.omega_c": "omega_p"}
-        ),
-        VSMParameters: InverterFamily(
-            gfm_dynamics,
-            _textbook("gfm_vsm"),
-            vsm_values,
-            _forming,
-            {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll"},
-        ),
-        OscillatorParameters: InverterFamily(
-            gfm_dynamics,
-            _textbook("gfm_dvoc"),
-            oscillator_values,
-            _forming,
-            {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"},
-        ),
+        DroopParameters: _forming_family("gfm_droop", _DROOP, _of_droop),
+        VSMParameters: _forming_family("gfm_vsm", _MACHINE, _of_machine),
+        OscillatorParameters: _forming_family("gfm_dvoc", _OSCILLATOR, _of_cascade),
         HybridParameters: InverterFamily(
-            hybrid_dynamics,
-            _textbook("hybrid_gfl_gfm"),
-            hybrid_values,
-            _forming,
-            {
-                **_FILTER,
-                "power_filter.omega_c": "omega_c_power",
-                "power.kP": "kP_power",
-                "power.kI": "kI_power",
-                "current.kP": "kP_current",
-                "current.kI": "kI_current",
-            },
+            hybrid_dynamics, _textbook("hybrid_gfl_gfm"), _values(_HYBRID, _of_hybrid), _forming, _HYBRID
         ),
         ParallelParameters: InverterFamily(
             parallel_dynamics,
             _textbook("parallel_gfl_gfm"),
-            parallel_values,
+            _values(_SHARES, _of_both),
             _both,
-            {"gfl_share.share_p": "share_p", "gfl_share.share_q": "share_q"},
+            _SHARES,
             node=lambda m: "pcc",
         ),
     }
