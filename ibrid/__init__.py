@@ -7,10 +7,11 @@
 Names are imported when they are first used, so that `import ibrid` costs nothing.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # what `_HOME` does, for those who read types; a test compares them
+from ibrid.lazy import imported_by_need
+
+if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
     from ibrid_search.running import search
 
     from ibrid.analysis.power_jacobian import power_jacobian
@@ -57,60 +58,11 @@ __all__ = [
     "write_sweep",
 ]  # fmt: skip
 
-_HOME = {
-    "Diagram": "ibrid.structure.diagram",
-    "Events": "ibrid.measurement.events",
-    "FitSettings": "ibrid.fit.settings",
-    "IbridError": "ibrid.errors",
-    "LargeSignal": "ibrid.modules.large_signal",
-    "ModuleKind": "ibrid.modules.kind",
-    "PAPER_VOCABULARY": "ibrid.modules.vocabulary",
-    "Range": "ibrid.modules.kind",
-    "Record": "ibrid.evaluation.record",
-    "Signal": "ibrid.signals",
-    "Study": "ibrid.study",
-    "Sweep": "ibrid.measurement.sweep",
-    "VOCABULARY": "ibrid.modules.vocabulary",
-    "add_noise": "ibrid.measurement.noise",
-    "benchmarks": "ibrid.plants.benchmarks",
-    "compare": "ibrid.structure.compare",
-    "evaluate": "ibrid.evaluation.evaluate",
-    "export": "ibrid.export.formats",
-    "evaluate_events": "ibrid.gap.joint_fit",
-    "find_gap": "ibrid.gap.workflow",
-    "from_frd": "ibrid.measurement.frd",
-    "from_system": "ibrid.measurement.frd",
-    "inspect": "ibrid.measurement.inspect",
-    "nonlinear_model": "ibrid.export.nonlinear_model",
-    "parse_program": "ibrid.structure.program",
-    "power_jacobian": "ibrid.analysis.power_jacobian",
-    "predict": "ibrid.analysis.prediction",
-    "program_text": "ibrid.structure.program",
-    "read_events": "ibrid.measurement.read_events",
-    "read_program": "ibrid.structure.program",
-    "read_record": "ibrid.evaluation.record",
-    "read_sweep": "ibrid.measurement.read",
-    "search": "ibrid_search.running",
-    "stability": "ibrid.analysis.stability",
-    "structure_hash": "ibrid.structure.canonical",
-    "sweep": "ibrid.plants.sweeping",
-    "textbook": "ibrid.structure.library",
-    "textbook_names": "ibrid.structure.library",
-    "violations": "ibrid.structure.check",
-    "write_events": "ibrid.measurement.event_csv",
-    "write_report": "ibrid.report.page",
-    "write_sweep": "ibrid.measurement.csv_file",
-}
-
 __version__ = "0.1.0"
 
 
 if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
-
-    def __getattr__(name: str) -> object:
-        if name not in _HOME:
-            raise AttributeError(f"ibrid has no {name}")
-        return getattr(import_module(_HOME[name]), name)
+    __getattr__ = imported_by_need(__name__)
 
 
 def __dir__() -> list[str]:

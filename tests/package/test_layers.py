@@ -8,7 +8,7 @@ from floors import imported_modules
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
-    ("errors",),
+    ("errors", "lazy"),
     ("signals", "writing", "showing", "display", "schemas"),
     ("telling",),
     ("measurement",),

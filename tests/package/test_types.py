@@ -1,6 +1,5 @@
 """What a user's type checker knows of the public names, which are imported lazily."""
 
-import ast
 import re
 import subprocess
 import sys
@@ -12,6 +11,7 @@ import ibrid_search
 import pytest
 
 import ibrid
+from ibrid.lazy import homes
 
 #: A user's script: every public name, with the type that it must be seen to have.
 SCRIPT = """\
@@ -22,6 +22,7 @@ from typing import assert_type
 import numpy as np
 
 import ibrid
+from ibrid.lazy import homes
 import ibrid_search
 from ibrid import FitSettings, IbridError, LargeSignal, ModuleKind, Range, Record, Signal, Sweep
 from ibrid.analysis.power_jacobian import PowerJacobian
@@ -87,18 +88,9 @@ CHECKERS = {
 }
 
 
-def seen_by_checkers(package: ModuleType) -> dict[str, str]:
-    """Name -> module, of the imports that only type checkers follow."""
-    tree = ast.parse(Path(str(package.__file__)).read_text(encoding="utf-8"))
-    (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
-    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
-    return {alias.asname or alias.name: str(node.module) for node in imports for alias in node.names}
-
-
 @pytest.mark.parametrize("package", [ibrid, ibrid_search], ids=lambda package: package.__name__)
 def test_checkers_and_python_find_the_same_names(package: ModuleType):
-    assert seen_by_checkers(package) == package._HOME, "name it in _HOME, in __all__ and for type checkers"
-    assert set(package.__all__) == set(package._HOME)
+    assert set(package.__all__) == set(homes(package.__name__)), "name it in __all__ and for type checkers"
     assert (Path(str(package.__file__)).parent / "py.typed").is_file()
 
 
