@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from importlib import import_module
 from inspect import isclass, isfunction
 
+from ibrid.lazy import homes
+
 #: Parts of the package with names of their own beside those of `ibrid`, and what is there to extend them with.
 PARTS = {
     "ibrid.measurement": "Measurement",
@@ -47,8 +49,7 @@ def api_page() -> str:
 
 def public_names(part: str) -> list[str]:
     """Dotted names under which a part's objects are imported, the shortest one of each, without repetition."""
-    root = import_module("ibrid")
-    short = {name for name, home in root._HOME.items() if f"{home}.".startswith(f"{part}.")}
+    short = {name for name, home in homes("ibrid").items() if f"{home}.".startswith(f"{part}.")}
     package = import_module(part)
     own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
     if part == "ibrid.modules":
