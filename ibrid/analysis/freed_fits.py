@@ -15,6 +15,7 @@ from scipy.stats import f as f_law
 from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.fit.least_squares import Descent, Points
 from ibrid.fit.problem import Coordinates
 from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
@@ -24,8 +25,8 @@ from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import model_of_record
 
-#: Steps of a fit, and its relative end.
-STEPS, END = 25, 1e-6
+#: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows sets the scale of w.
+STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enough=1e-6, small=1e-6)
 #: Parameters of which a fit to records of events is tried; the linear gain in T below which none is; T of a number from which on
 #: nothing is linear.
 LIKELY, LEAST, FAR = 3, 4.0, 10.0
@@ -63,8 +64,8 @@ class FreedFits(ABC):
         return len(self.names)
 
     @abstractmethod
-    def residual(self, x: np.ndarray) -> np.ndarray:
-        """(R,) whitened, model minus measured, at x (P,)."""
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """(S, R) whitened, model minus measured, at x (S, P); not finite where the model has no answer."""
 
     @abstractmethod
     def slopes(self, x: np.ndarray) -> np.ndarray:
@@ -80,7 +81,11 @@ class FreedFits(ABC):
 
     def fit(self, free: Sequence[int], near: FreedFit | None = None) -> FreedFit:
         """The least T with these parameters free, by damped least squares from some starts."""
-        return min((self._from(w, free) for w in self.starts(free, near)), key=lambda one: one.cost)
+        model = Freed(self, free)
+        least = DESCENT.go(model, DESCENT.begin(model, self.starts(free, near)), STEPS).best(1).points
+        if not np.isfinite(least.cost[0]):
+            raise IbridError("the record's model has no finite answer at the operating points of the data")
+        return FreedFit(least.x[0], model.parameters(least.x)[0], float(least.cost[0]), model.normal(least)[1][0])
 
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
         """The record's values, these with the last parameter a quarter up or down, and another fit with one parameter less."""
@@ -91,33 +96,39 @@ class FreedFits(ABC):
             starts = np.vstack([starts, np.pad(near.w, (0, starts.shape[1] - len(near.w)))])
         return starts
 
-    def _from(self, w: np.ndarray, free: Sequence[int]) -> FreedFit:
-        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
-        pulled = np.concatenate([np.ones(self.root.shape[1]), np.zeros(len(free))])
-        residual, damping = self.residual(self._x(directions, w)), 1e-3
-        if not np.isfinite(residual).all():
-            raise IbridError("the record's model has no finite answer at the operating points of the data")
-        cost = float(residual @ residual + pulled @ w**2)
-        curvature = np.diag(pulled)
-        for _ in range(STEPS):
-            slopes = self.slopes(self._x(directions, w)) @ directions
-            curvature = slopes.T @ slopes + np.diag(pulled)
-            gradient = slopes.T @ residual + pulled * w
-            before = cost
-            for _ in range(8):
-                step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature) + 1e-12), gradient)
-                there = self.residual(self._x(directions, w - step))
-                new = float(there @ there + pulled @ (w - step) ** 2)
-                if new < cost:
-                    w, residual, cost, damping = w - step, there, new, damping / 5
-                    break
-                damping *= 5
-            if before - cost <= END * max(cost, 1.0):
-                break
-        return FreedFit(w, self._x(directions, w), cost, curvature)
 
-    def _x(self, directions: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return np.clip(self.x0 + directions @ w, self.coordinates.x_low, self.coordinates.x_high)
+class Freed:
+    """T over w = (z, d), as a `SumOfSquares`: how w moves the parameters, `directions`, and which of w the record pulls back."""
+
+    def __init__(self, fits: FreedFits, free: Sequence[int]) -> None:
+        self.fits = fits
+        self.directions = np.hstack([fits.root, np.eye(fits.size)[:, list(free)]])
+        self.pulled = np.repeat([1.0, 0.0], [fits.root.shape[1], len(free)])
+        self.box = np.full(len(self.pulled), -np.inf), np.full(len(self.pulled), np.inf)
+        self._known: dict[bytes, np.ndarray] = {}
+
+    def parameters(self, w: np.ndarray) -> np.ndarray:
+        """x (S, P) at w."""
+        coordinates = self.fits.coordinates
+        return np.clip(self.fits.x0 + w @ self.directions.T, coordinates.x_low, coordinates.x_high)
+
+    def at(self, x: np.ndarray, near: Points | None = None) -> Points:
+        """T and the residuals."""
+        residual = self.fits.residuals(self.parameters(x))
+        cost = (residual**2).sum(axis=1) + x**2 @ self.pulled
+        return Points(x, np.where(np.isfinite(cost), cost, np.inf), (residual,))
+
+    def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """Of the residuals and of what is pulled."""
+        slopes = np.array([self._slopes(x) for x in self.parameters(points.x)]) @ self.directions
+        gradient = np.einsum("srw,sr->sw", slopes, points.carried[0]) + points.x * self.pulled
+        return gradient, slopes.mT @ slopes + np.diag(self.pulled)
+
+    def _slopes(self, x: np.ndarray) -> np.ndarray:
+        """Once for each x: a step that was not taken asks for them again."""
+        if (key := x.tobytes()) not in self._known:
+            self._known[key] = self.fits.slopes(x)
+        return self._known[key]
 
 
 class SweepFits(FreedFits):
@@ -143,10 +154,10 @@ class SweepFits(FreedFits):
         self._sigma = np.concatenate([np.tile(np.asarray(one.sigma).ravel(), 2) for one in points])
         self.numbers = len(self._measured)
 
-    def residual(self, x: np.ndarray) -> np.ndarray:
+    def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the admittances."""
-        answer = np.concatenate([_flat(one[..., None])[:, 0] for one in self._problem.responses(x)])
-        return _finite((answer - self._measured) / self._sigma)
+        answers = [np.concatenate([_flat(one[..., None])[:, 0] for one in self._problem.responses(one)]) for one in x]
+        return (np.array(answers) - self._measured) / self._sigma
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
@@ -169,9 +180,9 @@ class EventFits(FreedFits):
         for name, row in zip(known, root, strict=True):
             self.root[self.names.index(name)] = row
 
-    def residual(self, x: np.ndarray) -> np.ndarray:
+    def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the currents."""
-        return _finite(self._misfit.played(x[None])[0])
+        return self._misfit.played(x)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
@@ -197,12 +208,10 @@ class EventFits(FreedFits):
             middles = self._middles(len(free) + 1, last)
             costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
             return sorted(sorted(costs, key=costs.__getitem__)[:LIKELY])
-        slopes = self.slopes(last.x)
-        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
-        pulled = np.diag(np.concatenate([np.ones(self.root.shape[1]), np.zeros(len(free))]))
-        seen = slopes @ directions
-        inverse = np.linalg.pinv(seen.T @ seen + pulled)
-        residual = self.residual(last.x)
+        slopes, model = self.slopes(last.x), Freed(self, free)
+        seen = slopes @ model.directions
+        inverse = np.linalg.pinv(seen.T @ seen + np.diag(model.pulled))
+        residual = self.residuals(last.x[None])[0]
         gain = {}
         for j in others:
             beside = slopes[:, j] - seen @ (inverse @ (seen.T @ slopes[:, j]))
@@ -221,9 +230,7 @@ class EventFits(FreedFits):
         cent has valleys of its own."""
         w = np.repeat(middle[None], len(SCAN), axis=0)
         w[:, -1] += SCAN
-        directions = np.hstack([self.root, np.eye(self.size)[:, list(free)]])
-        residual = _finite(self._misfit.played(np.array([self._x(directions, one) for one in w])))
-        cost = (residual**2).sum(axis=1) + (w[:, : self.root.shape[1]] ** 2).sum(axis=1)
+        cost = Freed(self, free).at(w).cost
         best = int(np.argmin(cost))
         return float(cost[best]), w[best]
 
@@ -239,10 +246,6 @@ def _known(record: Record) -> tuple[tuple[str, ...], np.ndarray]:
     if sure is None:
         raise IbridError("the record holds no covariance; fit again with --parameters shared")
     return sure.names, sure.directions
-
-
-def _finite(residual: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(residual, nan=1e12, posinf=1e12, neginf=-1e12)
 
 
 def _flat(values: np.ndarray) -> np.ndarray:
