@@ -7,7 +7,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "making"))
 
 project = "ibrid"
 author = "the ibrid developers"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "house_docstrings"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "house_docstrings", "mathml", "pictures", "notebook_pages"]
+html_math_renderer = "mathml"
 exclude_patterns = ["making"]
 
 html_theme = "furo"
@@ -24,6 +25,9 @@ smartquotes = False
 # blocks without a language are terminal output and programs of diagrams
 highlight_language = "none"
 myst_heading_anchors = 3
+# formulas as GitHub shows them: $..$ in lines, ```math between them
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

@@ -1,6 +1,5 @@
-"""The page about the Python interface: which names are public, by the part of the package that owns them."""
+"""The pages about the Python interface: which names are public, by the part of the package that owns them."""
 
-from collections.abc import Iterator
 from importlib import import_module
 from inspect import isclass, isfunction
 
@@ -39,12 +38,37 @@ _TOP = """\
 
 Made from the names that the packages export by `python docs/making/write_pages.py`; the words are the docstrings. Errors that a
 caller can do something about are `ibrid.IbridError`, one sentence each.
+
+| package | what it is about | names |
+| --- | --- | --- |
 """
 
 
-def api_page() -> str:
-    """Markdown with a section for each part of the package."""
-    return "\n".join([_TOP, *("\n".join(_part(part, title)) for part, title in PARTS.items())])
+def api_index() -> str:
+    """Markdown: a row for each part of the package, and its names, which lead to its page."""
+    rows = "".join(f"| [`{part}`](api/{file_of(part)}) | {_words(part)} | {_names(part)} |\n" for part in PARTS)
+    contents = "\n".join(f"{title} <api/{file_of(part).removesuffix('.md')}>" for part, title in PARTS.items())
+    return f"{_TOP}{rows}\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
+
+
+def api_page(part: str) -> str:
+    """Markdown: what a part of the package exports."""
+    names = "\n".join(f"```{{eval-rst}}\n.. {_directive(name)}\n```\n" for name in public_names(part))
+    return f"# {PARTS[part]}\n\n`{part}`: {_words(part)}\n\n{names}"
+
+
+def file_of(part: str) -> str:
+    """File name of a part's page, in the folder `api`."""
+    return f"{part.removeprefix('ibrid.')}.md"
+
+
+def _words(part: str) -> str:
+    first, *_ = (import_module(part).__doc__ or "").split("\n\n")
+    return " ".join(first.split()).removeprefix(f"{part}: ")
+
+
+def _names(part: str) -> str:
+    return ", ".join(f"`{name.rpartition('.')[2]}`" for name in public_names(part))
 
 
 def public_names(part: str) -> list[str]:
@@ -67,14 +91,6 @@ def _belongs(found: object, part: str) -> bool:
     """False for what a package passes on from another."""
     home = getattr(found, "__module__", None)
     return not isinstance(home, str) or home.startswith(part)
-
-
-def _part(part: str, title: str) -> Iterator[str]:
-    yield f"## {title}\n"
-    words = (import_module(part).__doc__ or "").strip().splitlines()[0]
-    yield f"`{part}`: {words.removeprefix(f'{part}: ')}\n"
-    for name in public_names(part):
-        yield f"```{{eval-rst}}\n.. {_directive(name)}\n```\n"
 
 
 def _directive(name: str) -> str:

@@ -1,7 +1,10 @@
-"""The page about module kinds, from their declarations: law, ports, parameters, and the matrices in symbols."""
+"""The page about module kinds, from their declarations: picture, law, ports, parameters, and the matrices in symbols."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from laws import law
+from typesetting import expression
 
 from ibrid.export.formula import Formula, formula
 from ibrid.modules.kind import ModuleKind, Range
@@ -18,10 +21,14 @@ Diagrams are made of these {count} kinds. {paper} are those of the paper; the ot
 where no unit is given; time constants are in s, corner frequencies in rad/s. [Your own kind](extend.md) is one more
 declaration.
 
-Matrices are those of small deviations, dx/dt = A x + B u, y = C x + D u; columns of B and rows of C are the ports in their
-order, a dq pair being two. `omega_0` is 2 pi f0 in rad/s. `e_eq_d`, `e_eq_q` and the like are the signal at that port at
-rest: of the whole operating point under `--equilibrium exact`; under `--equilibrium paper` the value that "in the paper's
-setting" gives. `cos_delta` and `sin_delta` are those of the angle of the controller frame at rest.
+Matrices are those of small deviations, $\\dot{{x}} = A x + B u$, $y = C x + D u$; columns of B and rows of C are the ports
+in their order, a dq pair being two. $\\omega_{{0}} = 2 \\pi f_0$ in rad/s, $\\Delta\\omega$ is `delta_omega`,
+$k_{{P,\\mathrm{{pll}}}}$ is `kP_pll`, $J = \\begin{{bmatrix}} 0 & -1 \\\\ 1 & 0 \\end{{bmatrix}}$.
+$e_{{\\mathrm{{eq}},d}}$, $e_{{\\mathrm{{eq}},q}}$ and the like are the signal at that port at rest: of the whole operating
+point under `--equilibrium exact`; under `--equilibrium paper` the value that "in the paper's setting" gives. $\\delta$ in
+the matrices is the angle of the controller frame at rest.
+
+In pictures thick lines carry a dq pair, thin ones a scalar.
 """
 
 
@@ -51,7 +58,7 @@ def _section(kind: ModuleKind) -> Iterator[str]:
     yield f"## {kind.name}\n"
     where = "beyond the paper's kinds" if kind.extended else "of the paper"
     yield f"{kind.family[:1].upper()}{kind.family[1:]}, {where}. Source: {_plain(kind.reference)}.\n"
-    yield f"```text\n{_law(kind.law)}\n```\n"
+    yield f"<!-- block {kind.name} -->\n\n{law(kind)}\n"
     yield f"- inputs: {_ports(kind.inputs) or 'none'}\n- outputs: {_ports(kind.outputs) or 'none'}"
     yield f"- states: {', '.join(f'`{name}`' for name in kind.states) or 'none'}"
     if kind.equilibrium_ports or kind.uses_frame:
@@ -66,7 +73,7 @@ def _section(kind: ModuleKind) -> Iterator[str]:
         yield from (_parameter(name, box) for name, box in kind.parameters.items())
         yield ""
     if not kind.delay:
-        yield from ("```text", *symbolic(kind), "```\n")
+        yield from (f"```math\n{matrix}\n```\n" for matrix in matrices(kind))
 
 
 def _paper(kind: ModuleKind) -> str:
@@ -79,34 +86,27 @@ def _parameter(name: str, box: Range) -> str:
     return f"| `{name}` | {box.unit} | {box.low:g} to {box.high:g} | {box.typical:g} | {_plain(box.meaning)} |"
 
 
-def symbolic(kind: ModuleKind) -> list[str]:
-    """Lines of the matrices that are not empty, in symbols."""
+def matrices(kind: ModuleKind) -> list[str]:
+    """LaTeX of those that are not empty, "A = ..", in symbols."""
     names = {name: Formula(name) for name in kind.parameters}
     frame = (Formula("cos_delta"), Formula("sin_delta"))
     ports = {port: (Formula(f"{port}_eq_d"), Formula(f"{port}_eq_q")) for port in kind.equilibrium_ports}
-    matrices = kind.state_space(**names, **kind.context(Formula("omega_0"), frame, ports))
-    return [line for label, rows in zip("ABCD", matrices, strict=True) for line in _matrix(label, rows)]
+    found = kind.state_space(**names, **kind.context(Formula("omega_0"), frame, ports))
+    return [
+        f"{label} = {_matrix(rows)}" for label, rows in zip("ABCD", found, strict=True) if len(rows) and len(rows[0])
+    ]
 
 
-def _matrix(label: str, rows: Sequence[Sequence[Any]]) -> Iterator[str]:
-    cells = [[formula(entry).text for entry in row] for row in rows]
-    if not cells or not cells[0]:
-        return
+def _matrix(rows: Sequence[Sequence[Any]]) -> str:
+    cells = [[expression(formula(entry).text) for entry in row] for row in rows]
     if len(cells) > 1 and all(cell == "0" for row in cells for cell in row):
-        yield f"{label} = 0, {len(cells)} x {len(cells[0])}"
-        return
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for number, row in enumerate(cells):
-        text = "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        yield f"{f'{label} =' if number == 0 else '   '} [ {text} ]"
+        return rf"0_{{{len(cells)} \times {len(cells[0])}}}"
+    inner = " \\\\\n".join(" & ".join(row) for row in cells)
+    return f"\\begin{{bmatrix}}\n{inner}\n\\end{{bmatrix}}"
 
 
 def _ports(ports: Mapping[str, Signal]) -> str:
     return ", ".join(f"*{_plain(name)}*" if signal.width == 2 else f"{_plain(name)}" for name, signal in ports.items())
-
-
-def _law(law: str) -> str:
-    return law.replace("; ", ";\n")
 
 
 def _plain(words: str) -> str:

@@ -21,12 +21,17 @@ import ibrid
 from ibrid.cli import parser
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.structure.library import shipped_names
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))}
+PAGES = {
+    path.relative_to(DOCS).as_posix(): path.read_text(encoding="utf-8")
+    for path in sorted([*DOCS.glob("*.md"), *DOCS.glob("api/*.md")])
+}
+API = [name for name in PAGES if name.startswith("api")]
 #: Pages that write commands as a usage, with brackets, and none to type.
 USAGES = ("stability.md", "command_line.md")
 COMMANDS = sorted(
@@ -63,7 +68,14 @@ def making(name: str) -> ModuleType:
 # --- pages made from the code ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["modules.md", "command_line.md", "api.md", "inverters.md", "images/architecture.svg"])
+MADE = ["modules.md", "diagrams.md", "command_line.md", "inverters.md", "images/architecture.svg", *API]
+
+
+def test_no_page_is_left_of_what_is_made_no_more():
+    assert set(making("write_pages").PAGES) == set(MADE)
+
+
+@pytest.mark.parametrize("name", MADE)
 def test_a_page_made_from_the_code_is_up_to_date(name: str):
     """The picture of the floors is made from the imports: a circle among them is an error."""
     text = making("write_pages").PAGES[name]()
@@ -79,28 +91,42 @@ def test_matrices_in_symbols_are_those_in_numbers(kind: ModuleKind):
     names |= {
         f"{port}_eq_{axis}": value for port, pair in ports.items() for axis, value in zip("dq", pair, strict=True)
     }
-    shown = matrices_of(making("modules_page").symbolic(kind), names)
+    shown = dict(matrix.split(" = ", 1) for matrix in making("modules_page").matrices(kind))
     for label, rows in zip("ABCD", kind.state_space(**values, **kind.context(314.0, (0.96, 0.28), ports)), strict=True):
         if len(rows) and len(rows[0]):
             expected = np.array([[float(entry) for entry in row] for row in rows])
-            np.testing.assert_allclose(shown[label], expected, rtol=1e-12)  # the same operations, in the same order
+            # other operations in another order: roundings of the sums' largest terms
+            np.testing.assert_allclose(matrix_of(shown[label], names), expected, rtol=1e-11, atol=1e-12)
 
 
-def matrices_of(lines: list[str], names: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The matrices that lines such as "A = [ -omega_c  0 ]" and "D = 0, 2 x 3" show."""
-    found: dict[str, list[list[float]]] = {}
+def matrix_of(latex: str, names: dict[str, Any]) -> np.ndarray:
+    """The matrix that LaTeX such as 0_{2 \\times 3} or \\begin{bmatrix} -\\omega_{c} & 0 \\end{bmatrix} shows, in numbers."""
+    if size := re.fullmatch(r"0_\{(\d+) \\times (\d+)\}", latex):
+        return np.zeros((int(size[1]), int(size[2])))
+    symbol = making("typesetting").symbol
+    written = {symbol(name): f" {name} " for name in sorted(names, key=lambda name: -len(symbol(name)))}
+    assert len(written) == len(names), "two names have one symbol"
+    for letters, name in written.items():
+        before = "" if letters.startswith("\\") else "(?<![A-Za-z_])"
+        latex = re.sub(rf"{before}{re.escape(letters)}(?![A-Za-z_])", name, latex)
+    latex = latex.removeprefix("\\begin{bmatrix}\n").removesuffix("\n\\end{bmatrix}")
     known = {**names, "sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
-    label = ""
-    for line in lines:
-        if line[0] != " ":
-            label = line[0]
-        inside = line[4:]
-        if size := re.fullmatch(r"0, (\d+) x (\d+)", inside):
-            found[label] = np.zeros((int(size[1]), int(size[2]))).tolist()
-        else:
-            cells = re.split(r"\s{2,}", inside.strip("[] "))
-            found.setdefault(label, []).append([float(eval(cell.replace("^", "**"), {}, known)) for cell in cells])
-    return {name: np.array(rows) for name, rows in found.items()}
+    return np.array([[eval(_python(cell), {}, known) for cell in row.split("&")] for row in latex.split(r"\\")])
+
+
+def _python(latex: str) -> str:
+    """LaTeX of fractions, roots, powers and products, innermost braces first, as Python."""
+    latex = re.sub(r"\\left|\\right", "", latex).replace(r"\,", "*")
+    latex = re.sub(r"\\(cos|sin) *(\w+)", r"\1(\2)", latex)
+    rules = (
+        (r"\\frac{([^{}]*)}{([^{}]*)}", r"((\1)/(\2))"),
+        (r"\\sqrt{([^{}]*)}", r"sqrt(\1)"),
+        (r"\^{(\w+)}", r"**\1"),
+    )
+    for _ in range(latex.count("{")):
+        for shown, meant in rules:
+            latex = re.sub(shown, meant, latex)
+    return latex.strip()
 
 
 def test_every_option_of_every_command_is_on_the_page():
@@ -115,7 +141,8 @@ def test_every_public_name_is_on_the_page_about_python():
     import ibrid_search
 
     names = [f"ibrid.{name}" for name in ibrid.__all__] + [f"ibrid_search.{name}" for name in ibrid_search.__all__]
-    lacking = [name for name in names if not re.search(rf":: {re.escape(name)}$", PAGES["api.md"], re.MULTILINE)]
+    shown = "".join(PAGES[page] for page in API)
+    lacking = [name for name in names if not re.search(rf":: {re.escape(name)}$", shown, re.MULTILINE)]
     assert not lacking
 
 
@@ -154,7 +181,7 @@ def test_the_nominal_values_of_the_page_about_gaps_are_understood():
 @each_of("page", PAGES)
 def test_links_between_pages_lead_somewhere(page: str):
     targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", PAGES[page])
-    missing = [one for one in targets if "://" not in one and not (DOCS / one).exists()]
+    missing = [one for one in targets if "://" not in one and not ((DOCS / page).parent / one).exists()]
     assert not missing
 
 
@@ -177,7 +204,7 @@ def test_docstrings_become_lists_and_laws_mean_themselves():
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     """The built site; warnings, such as a broken link, are errors."""
-    for name in ("sphinx", "myst_parser", "furo"):
+    for name in ("sphinx", "myst_parser", "furo", "latex2mathml"):
         if importlib.util.find_spec(name) is None:
             pytest.skip(f"{name} is not installed: pip install 'ibrid[docs]'")
     folder = tmp_path_factory.mktemp("site")
@@ -190,8 +217,19 @@ def site(tmp_path_factory) -> Path:
 def test_the_site_has_every_page_and_its_words(site: Path):
     for name in PAGES:
         assert (site / name).with_suffix(".html").is_file()
-    assert "ibrid.evaluate" in (site / "api.html").read_text(encoding="utf-8")
+    assert "ibrid.evaluate" in (site / "api" / "evaluation.html").read_text(encoding="utf-8")
     assert (site / "searchindex.js").is_file()
+
+
+def test_the_site_has_every_notebook_every_formula_and_every_picture(site: Path):
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        assert f'href="notebooks/{path.stem}.html"' in (site / "index.html").read_text(encoding="utf-8")
+        assert 'class="highlight-python' in (site / "notebooks" / f"{path.stem}.html").read_text(encoding="utf-8")
+    modules, diagrams = ((site / name).read_text(encoding="utf-8") for name in ("modules.html", "diagrams.html"))
+    assert modules.count('<svg class="diagram') == len(VOCABULARY)
+    assert modules.count('<div class="formula"><math') == PAGES["modules.md"].count("```math")
+    assert diagrams.count('<svg class="diagram') == len(shipped_names())
+    assert not [page for page in site.rglob("*.html") if "<!-- diagram" in page.read_text(encoding="utf-8")]
 
 
 def test_the_site_needs_no_network(site: Path):

@@ -1,0 +1,42 @@
+"""The page about the diagrams that ship: what each is, and its picture."""
+
+import ast
+from collections.abc import Iterator, Sequence
+
+from ibrid.structure.library import published_names, textbook, textbook_names, textbook_text
+
+_TOP = """\
+# Shipped diagrams
+
+Made from the programs in `ibrid/structure` by `python docs/making/write_pages.py`; a test compares the two. A name goes
+wherever a command takes a PROGRAM, as in `ibrid evaluate gfl sweep.csv`; `print(ibrid.program_text(ibrid.textbook("gfl")))`
+shows the program, to begin one of your own with. Searches begin with those that a first look at the data finds best.
+
+In the pictures of the site, which `make docs` draws, blocks are those of [module kinds](modules.md), coloured by family.
+Thick lines carry a dq pair, thin ones a scalar; circles add and subtract; dashed frames are loops.
+"""
+
+
+def diagrams_page() -> str:
+    """Markdown: a table of all, then each with its picture."""
+    groups = {"Textbook diagrams": textbook_names(), "Published controls": published_names()}
+    tables = "\n".join(_table(title, names) for title, names in groups.items())
+    return "\n".join([_TOP, tables, *(part for names in groups.values() for name in names for part in _section(name))])
+
+
+def _table(title: str, names: Sequence[str]) -> str:
+    rows = "".join(f"| [`{name}`](#{name}) | {_words(name)} | {len(textbook(name).instances)} |\n" for name in names)
+    return f"**{title}**\n\n| name | what | blocks |\n| --- | --- | --- |\n{rows}"
+
+
+def _section(name: str) -> Iterator[str]:
+    yield f"## {name}\n"
+    yield f"{_words(name)}\n\n<!-- diagram {name} -->\n"
+
+
+def _words(name: str) -> str:
+    (function,) = ast.parse(textbook_text(name)).body
+    words = " ".join((ast.get_docstring(function) or "").split())
+    for mark in ("_", "*", "|"):
+        words = words.replace(mark, f"\\{mark}")
+    return words
