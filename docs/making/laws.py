@@ -17,33 +17,8 @@ _SIGNS = frozenset("=+-*/^'()|,<[]")
 _OPENING = {"(": (")", r"\left(", r"\right)"), "[": ("]", "[", "]"), "|": ("|", r"\left|", r"\right|")}
 _FUNCTIONS = ("exp", "cos", "sin", "sqrt")
 #: Names that laws take for granted beside those of the kind.
-_KNOWN = frozenset(
-    [
-        "omega_0",
-        "s",
-        "J",
-        "R",
-        "I",
-        "V0",
-        "w",
-        "j",
-        "r",
-        "E",
-        "T_d",
-        "v_q",
-        "v_dq",
-        "u_r",
-        "i_d",
-        "i_g",
-        "i_ti",
-        "i_DQ",
-        "P_in",
-        "x_eq",
-        "i_eq",
-        "i_d_eq",
-        "i_q_eq",
-    ]
-)
+_WORDS = "omega_0 s J R I V0 w j r E T_d v_q v_dq u_r i_d i_g i_ti i_DQ P_in x_eq i_eq i_d_eq i_q_eq"
+_KNOWN = frozenset(_WORDS.split())
 #: A formula of more tokens stands on a line of its own, as does one that is a whole clause.
 _LONG = 8
 
