@@ -11,7 +11,7 @@ STAMP := $(VENV)/.ibrid-ready
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
 TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs lint clean
+.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -83,6 +83,10 @@ docs: setup-docs
 	$(RUN) docs/making/write_pages.py
 	$(RUN) -m sphinx -W --keep-going -q -b html -d out/docs-cache docs out/docs
 	@echo out/docs/index.html
+
+# a quarter of an hour: runs the notebooks that changed, so that their pages in the site show what they print and draw
+notebooks: setup-docs
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) docs/making/notebook_pages.py
 
 setup-docs: $(STAMP)
 	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]'

@@ -38,15 +38,15 @@ _TOP = """\
 
 Made from the names that the packages export by `python docs/making/write_pages.py`; the words are the docstrings. Errors that a
 caller can do something about are `ibrid.IbridError`, one sentence each.
-
-| package | what it is about | names |
-| --- | --- | --- |
 """
 
 
 def api_index() -> str:
-    """Markdown: a row for each part of the package, and its names, which lead to its page."""
-    rows = "".join(f"| [`{part}`](api/{file_of(part)}) | {_words(part)} | {_names(part)} |\n" for part in PARTS)
+    """Markdown: each part of the package, what it is about, and the names on its page."""
+    rows = "".join(
+        f"\n## [{title}](api/{file_of(part)})\n\n`{part}`: {_words(part)}\n\n{_names(part)}\n"
+        for part, title in PARTS.items()
+    )
     contents = "\n".join(f"{title} <api/{file_of(part).removesuffix('.md')}>" for part, title in PARTS.items())
     return f"{_TOP}{rows}\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
 

@@ -1,11 +1,12 @@
-"""Notebooks as pages of the site: their text, their code, and what was printed and drawn where they have been run.
+"""Notebooks as pages of the site: their text, their code, and what they printed and drew when they were last run.
 
     python docs/making/notebook_pages.py
 
-runs those whose outcome does not lie in out/notebooks yet, some minutes each. Pages link to the notebooks themselves, which is
-what a reader on a forge needs; while the site is built these links lead to its pages.
+runs those that changed since, some minutes each, and keeps the outcome in docs/measured/notebooks. Pages link to the notebooks
+themselves, as readers on a forge need it; while the site is built these links lead to its pages.
 """
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 import nbformat
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES, PAGES, RUN = ROOT / "notebooks", ROOT / "docs" / "notebooks", ROOT / "out" / "notebooks"
+SOURCES, PAGES, OUTCOMES = ROOT / "notebooks", ROOT / "docs" / "notebooks", ROOT / "docs" / "measured" / "notebooks"
 _LINK = re.compile(r"\]\((?:\.\./)?notebooks/(\w+)\.ipynb\)")
 _COLOURS = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
@@ -22,10 +23,12 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 def setup(app: Any) -> dict[str, bool]:
     """What Sphinx calls."""
     app.connect("builder-inited", lambda app: write_pages())
-    app.connect(
-        "source-read", lambda app, page, source: source.__setitem__(0, _LINK.sub(r"](notebooks/\1.md)", source[0]))
-    )
+    app.connect("source-read", _link)
     return {"parallel_read_safe": True}
+
+
+def _link(app: Any, page: str, source: list[str]) -> None:
+    source[0] = _LINK.sub(r"](notebooks/\1.md)", source[0])
 
 
 def write_pages() -> None:
@@ -39,8 +42,8 @@ def write_pages() -> None:
 
 
 def outcome(path: Path) -> Path | None:
-    """Where the notebook lies with its outputs; None if it changed since it was run."""
-    found = RUN / path.name
+    """Where a notebook lies with its outputs; None if it changed since it was run."""
+    found = OUTCOMES / f"{path.stem}.json"
     if not found.is_file():
         return None
     ran, now = (nbformat.read(one, as_version=4) for one in (found, path))
@@ -51,8 +54,8 @@ def notebook_page(notebook: nbformat.NotebookNode, name: str) -> str:
     """Markdown of a notebook; its pictures lie in the page."""
     first, *others = notebook.cells
     title, _, rest = first.source.partition("\n")
-    where = f"*`notebooks/{name}.ipynb`: [download](../../notebooks/{name}.ipynb).*"
-    parts = [title, where, rest.strip()]
+    changed = "" if any(cell.get("outputs") for cell in others) else ", not run since it changed"
+    parts = [title, f"*This page is [notebooks/{name}.ipynb](../../notebooks/{name}.ipynb){changed}.*", rest.strip()]
     for cell in others:
         if cell.cell_type == "markdown":
             parts.append(cell.source)
@@ -65,12 +68,12 @@ def _outputs(outputs: list[Any]) -> Iterator[str]:
     """What a cell printed and showed, in its order."""
     for output in outputs:
         shown = output.get("data", {})
-        if output.output_type == "stream" and output.name == "stdout":
+        if output.output_type == "stream":
             yield f"````text\n{_COLOURS.sub('', output.text).rstrip()}\n````"
         elif "image/png" in shown:
-            yield _html(
-                f'<img alt="Output of the cell above" src="data:image/png;base64,{shown["image/png"].strip()}">'
-            )
+            yield _html(f'<img alt="Drawn by the cell above" src="data:image/png;base64,{shown["image/png"].strip()}">')
+        elif "text/markdown" in shown:
+            yield shown["text/markdown"]
         elif "text/html" in shown:
             yield _html(shown["text/html"])
         elif "text/plain" in shown:
@@ -86,11 +89,20 @@ def run(path: Path) -> None:
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(
-        notebook, timeout=900, kernel_name="python3", resources={"metadata": {"path": path.parent}}
-    ).execute()
-    RUN.mkdir(parents=True, exist_ok=True)
-    nbformat.write(notebook, RUN / path.name)
+    where = {"metadata": {"path": path.parent}}
+    NotebookClient(notebook, timeout=900, kernel_name="python3", resources=where).execute()
+    keep(notebook, path.stem)
+
+
+def keep(notebook: nbformat.NotebookNode, name: str) -> None:
+    """What was shown, without warnings and without the folder where it was run."""
+    for cell in notebook.cells:
+        cell.metadata.clear()
+        if cell.cell_type == "code":
+            cell.outputs = [one for one in cell.outputs if one.get("name") != "stderr"]
+    OUTCOMES.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(notebook, ensure_ascii=False).replace(f"{ROOT}/", "")
+    (OUTCOMES / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
