@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ibrid_bench.markdown import markdown_table
+from laws import law_in_a_line
 
 from ibrid.parts.practice import Effect
 
@@ -14,7 +15,7 @@ def effects_table(catalogue: Sequence[Effect]) -> str:
     rows = [
         (
             f"`{one.id}`",
-            one.law,
+            law_in_a_line(one.law),
             one.places,
             one.signature,
             ", ".join(f"`{other}`" for other in one.confused_with),

@@ -1,4 +1,4 @@
-"""The law of a kind as formulas, read from its declaration: "out = omega_c/(s + omega_c) in_ on each axis" and the like.
+"""The law of a kind or an effect as formulas, from its declaration: "out = omega_c/(s + omega_c) in_ on each axis" and the like.
 
 Names side by side are a product, which binds tighter than a quotient; a prime is a derivative behind a state, else a transpose.
 """
@@ -12,8 +12,10 @@ from typesetting import bare, symbol
 
 from ibrid.modules.kind import ModuleKind
 
-_TOKEN = re.compile(r"[A-Za-z]+'s\b|[A-Za-z]\w*|\d+\.\d+|\w+|\S")
-_SIGNS = frozenset("=+-*/^'()|,<[]")
+_TOKEN = re.compile(r"[A-Za-z]+'s\b|a (?=[A-Za-z]{2})|L filter|[A-Za-z]\w*|\d+\.\d+|\w+|[-+]=|\S")
+_SIGNS = frozenset([*"=+-*/^'()|,<[]", "+=", "-="])
+#: What is a symbol in the law of an effect, which declares no names: letters alone or with indices, gains.
+_SYMBOL = re.compile(r"(?:[A-Za-z]|omega|delta|phi|k[PI])(?:_[A-Za-z0-9]+)*|delta_omega")
 _OPENING = {"(": (")", r"\left(", r"\right)"), "[": ("]", "[", "]"), "|": ("|", r"\left|", r"\right|")}
 _FUNCTIONS = ("exp", "cos", "sin", "sqrt")
 #: Names that laws take for granted beside those of the kind.
@@ -36,6 +38,14 @@ def law(kind: ModuleKind) -> str:
     )
 
 
+def law_in_a_line(text: str) -> str:
+    """Markdown of the law of an effect, its formulas among the words."""
+    names = {token for token in _TOKEN.findall(text) if _SYMBOL.fullmatch(token)}
+    return "; ".join(
+        part for clause in text.split("; ") for _, part in _clause(clause, names, {"v_dc"}, long=len(text))
+    )
+
+
 def _block(displayed: bool, texts: list[str]) -> str:
     if not displayed:
         return "; ".join(texts)
@@ -45,8 +55,8 @@ def _block(displayed: bool, texts: list[str]) -> str:
     return "```math\n\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}\n```"
 
 
-def _clause(text: str, names: set[str], states: set[str]) -> Iterator[tuple[bool, str]]:
-    """(displayed, Markdown) of the formulas and words of a clause, in their order."""
+def _clause(text: str, names: set[str], states: set[str], long: int = _LONG) -> Iterator[tuple[bool, str]]:
+    """(displayed, Markdown) of the formulas and words of a clause; displayed are formulas of more tokens than `long`."""
     tokens = list(_TOKEN.finditer(text))
     words, position, first, displayed = "", 0, 0, False
     while first < len(tokens):
@@ -57,7 +67,7 @@ def _clause(text: str, names: set[str], states: set[str]) -> Iterator[tuple[bool
         before, after = text[position : tokens[first].start()], text[tokens[last - 1].end() :]
         formula = _Reader([token[0] for token in tokens[first:last]], states).whole()
         alone = not (words + before).strip(" ,")
-        displayed = last - first > _LONG or (alone and "=" in formula and (displayed or not after))
+        displayed = last - first > long or (long == _LONG and alone and "=" in formula and (displayed or not after))
         if displayed:
             if said := _said(words + before):
                 yield False, said
@@ -82,7 +92,7 @@ def _end(tokens: list[re.Match[str]], first: int, names: set[str]) -> int:
             break
         depth += (token in "([") - (token in ")]")
         bars ^= token == "|"
-        if depth < 0 or (number == first and token in ",=+*/^')]<"):
+        if depth < 0 or (number == first and token in ",=+*/^')]<+="):
             break
         found = found or (token in names and token != "s")  # the s of rad/s is none
         if found and depth == 0 and not bars and (known or token[0].isdigit() or token in ")]|'*"):
@@ -107,7 +117,11 @@ class _Reader:
         text, product = "", []
         while self.tokens and self.tokens[0] != closing:
             token = self.tokens[0]
-            if token in "=+-,<":
+            if token in ("+=", "-="):
+                self.tokens.pop(0)
+                text += r"\,".join(product) + rf" \text{{ {token} }} "
+                product = []
+            elif token in "=+-,<":
                 self.tokens.pop(0)
                 text += r"\,".join(product)
                 text += {",": ", "}.get(token, f" {token} ") if product else token
@@ -145,7 +159,11 @@ class _Reader:
                 letter, _, index = base.partition("_")
                 base = rf"\dot{{{letter}}}" + (f"_{index}" if index else "")
             else:
-                above += {"'": r"\top", "*": "*", "^": self.tokens.pop(0) if mark == "^" else ""}[mark]
+                above += {
+                    "'": r"\prime" if token == "Y" else r"\top",
+                    "*": "*",
+                    "^": self.tokens.pop(0) if mark == "^" else "",
+                }[mark]
         return f"{base}^{{{above}}}" if above else base
 
 
