@@ -71,7 +71,7 @@ def run(arguments: Namespace) -> int:
     said = {name: getattr(arguments, name) for name in _SAID}
     if arguments.channels or any(map(inputs.holds_events, arguments.files)):
         return _import_events(arguments, said)
-    known = _known_formats(arguments.files, said)
+    known = None if arguments.map else _known_formats(arguments.files, said)
     if known is not None:
         write_sweep(known, arguments.out)
         print(f"{arguments.out}: a format that ibrid knows, {len(known.points)} operating points")
@@ -120,15 +120,16 @@ def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
 
 
 def _known_formats(files: list[str], said: dict[str, Any]) -> "Sweep | None":
-    """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), which say more than their columns; None for others."""
+    """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), and of sweep files; None for others."""
     from pathlib import Path
 
     from ibrid.measurement.amplitudes import merge
     from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
-    from ibrid.measurement.read import is_known_format, read_sweep
+    from ibrid.measurement.read import is_known_format, is_sweep_file, read_sweep
     from ibrid.measurement.told import base_of
 
-    if not all(is_known_format(Path(file)) for file in files):
+    plain = all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
+    if not all(is_known_format(Path(file)) or (plain and is_sweep_file(Path(file))) for file in files):
         return None
     keys = {name: value for name, value in said.items() if value is not None and name in HEADER_KEYS + POINT_KEYS}
     if said["base"]:

@@ -1,7 +1,7 @@
 """`--map freq=f,Ydd=ReYdd+jImYdd,p=P`: which columns hold what, where their names do not say it."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ibrid.errors import SweepError, near
@@ -20,51 +20,73 @@ _FORMS = "freq=f, p=0.8, Ydd=ReYdd+jImYdd (two columns), Ydd=Mag@Phase, Ydd=Y (c
 @dataclass(frozen=True)
 class Source:
     """Where a number comes from: one or two columns, or a constant. `joined` : "" for one column, "j" for real and imaginary
-    part, "@" for magnitude and phase. `unit` : in brackets behind the columns, "" where their names are to say it."""
+    part, "@" for magnitude and phase. `unit` : in brackets behind the columns, "" where their names are to say it; `angle` : the
+    same of a phase. `name` : of a constant that stands beside the table."""
 
     columns: tuple[str, ...] = ()
     joined: str = ""
     unit: str = ""
     constant: float | None = None
+    angle: str = ""
+    name: str = ""
 
 
-def parse_map(texts: Iterable[str], known: Iterable[str]) -> dict[str, Source]:
-    """What each role is made of. known : names of the columns. SweepError names the near ones."""
+def parse_map(
+    texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]] | None = None
+) -> dict[str, Source]:
+    """What each role is made of. known : names of the columns. beside : numbers outside the table, by name, with their units.
+    SweepError names the near ones."""
     columns = tuple(known)
     found: dict[str, Source] = {}
     for text in texts:
-        for item in re.findall(r'(?:"[^"]*"|\[[^\]]*\]|[^,])+', text):
+        for item in re.findall(r'(?:"[^"]*"|\[[^\]]*\]|[^,]|,(?!\s*\w+\s*=))+', text):
             role, mark, value = (part.strip() for part in item.partition("="))
             if not mark or not value:
                 raise SweepError(f"--map is written {_FORMS}; found {item.strip()[:60]!r}.")
             if role not in ROLES:
                 raise SweepError(f"--map: {role[:40]!r} cannot be mapped, {near(role, ROLES)}")
-            found[role] = _source(value, columns, role)
+            found[role] = _source(value, columns, beside or {}, role)
     return found
 
 
-def _source(value: str, columns: tuple[str, ...], role: str) -> Source:
+def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[float, str]], role: str) -> Source:
     if _column(value, columns):
         return Source((_column(value, columns),))
-    unit = ""
-    bracket = re.fullmatch(r"(.+?)\s*\[([^\]]*)\]", value)
-    if bracket and unit_of(bracket[2]):
-        value, unit = bracket[1], bracket[2]
     for joined in ("+j*", "+j", "+i", "@", "∠"):
         for split in re.finditer(re.escape(joined), value):
-            pair = _column(value[: split.start()], columns), _column(value[split.end() :], columns)
-            if all(pair):
-                return Source(pair, "@" if joined in "@∠" else "j", unit)
-    if _column(value, columns):
-        return Source((_column(value, columns),), "", unit)
+            (one, unit), (other, behind) = (
+                _united(part, columns) for part in (value[: split.start()], value[split.end() :])
+            )
+            if one and other:
+                angle = behind if (unit_of(behind) or "?")[0].startswith("angle") else ""
+                return Source(
+                    (one, other), "@" if joined in "@∠" else "j", unit or (not angle and behind) or "", angle=angle
+                )
+    name, unit = _united(value, columns)
+    if name:
+        return Source((name,), "", unit)
+    bare, unit = _unit_behind(value)
+    if bare in beside:
+        return Source((), "", unit or beside[bare][1], beside[bare][0], name=bare)
     try:
-        return Source((), "", unit, float(value))
+        return Source((), "", unit, float(bare))
     except ValueError:
         if role == "op":
             return Source((), "", value.strip('"'))
         raise SweepError(
-            f"--map {role}={value[:60]}: no such column, {near(value, columns)}; write {_FORMS}."
+            f"--map {role}={value[:60]}: no such column, {near(value, (*columns, *beside))}; write {_FORMS}."
         ) from None
+
+
+def _united(text: str, known: tuple[str, ...]) -> tuple[str, str]:
+    """The column that a text names, and the unit in brackets behind it."""
+    bare, unit = _unit_behind(text)
+    return (_column(text, known), "") if _column(text, known) else (_column(bare, known), unit)
+
+
+def _unit_behind(text: str) -> tuple[str, str]:
+    bracket = re.fullmatch(r"\s*(.+?)\s*\[([^\]]*)\]\s*", text)
+    return (bracket[1], bracket[2]) if bracket and unit_of(bracket[2]) else (text, "")
 
 
 def _column(text: str, columns: tuple[str, ...]) -> str:

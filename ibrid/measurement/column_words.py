@@ -4,6 +4,7 @@ Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `
 """
 
 import re
+import unicodedata
 from dataclasses import dataclass
 
 #: Unit in small letters -> what it measures and its size in the plain unit of that. Prefixes m and M are told apart below.
@@ -29,26 +30,28 @@ UNITS = {
 }
 _PREFIXED = {"m": 1e-3, "M": 1e6, "G": 1e9}
 _PARTS = {
-    "re": "real|re|realpart|realteil",
-    "im": "imaginary|imag|im|imagpart|imaginarypart|imagteil",
-    "mag": "magnitude|mag|abs|amplitude|amp|modulus|betrag|db|lin|gain",
-    "phase": "phase|ph|angle|ang|argument|arg|phi|deg|winkel|rad",
+    "re": "real|re|realpart|realteil|partiereelle|reelle?|partereal|实部",
+    "im": "imaginary|imag|im|imagpart|imaginarypart|imaginarteil|imagteil|partieimaginaire|imaginaire|parteimaginaria|虚部",
+    "mag": "magnitude|mag|abs|amplitude|amp|modulus|betrag|module|modulo|magnitud|amplitud|db|lin|gain|幅值|幅度|模值?",
+    "phase": "phase|ph|angle|ang|argument|arg|phi|deg|(?:phasen)?winkel|fase|angulo|argumento|rad|相角|相位角?|角度",
 }
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
-_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp)[a-z]{0,9}?"
+_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
-_BEFORE = rf"(?:{_PART.format('a')})?(?:of)?(?:{_QUANTITY})??"
+_BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
 _BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART.format('b')})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
-_ROLES = {
-    "freq": r"f|fr|fdq|finj|fscan|fp|hz|freq|freqs|frequenz|frequency|(dq|injection|scan|perturbation|test)(freq|frequency)",
+ROLE_NAMES = {
+    "freq": r"(f|freq|frequency|frequenz)(network)?|fr|fdq|finj|fscan|fp|hz|freqs|frequence|frecuencia|(扫描|扫频)?频率|"
+    r"(dq|injection|scan|perturbation|test|network|mess)(freq|frequency|frequenz)",
     "omega": r"w|omega|ω|radpersec|angularfrequency|circularfrequency|puls(e|ation)",
-    "op": r"op|case|name|point|operatingpoint|opoint|workingpoint|scenario|label|testcase|setpoint|arbeitspunkt",
-    "p": r"p|p0|pac|pref|pg|pout|ppcc|pel|pmeas|activepower|realpower|wirkleistung",
-    "q": r"q|q0|qac|qref|qg|qout|qpcc|qmeas|reactivepower|blindleistung",
-    "v": r"v|v0|u|u0|vac|uac|vpcc|upcc|vt|vterm|vg|ug|voltage|terminalvoltage|spannung",
+    "op": r"op|case|name|point|operatingpoint|opoint|workingpoint|scenario|label|testcase|setpoint|arbeitspunkt|"
+    r"betriebspunkt|pointdefonctionnement|puntodeoperacion|caso?|工况|工作点|运行点",
+    "p": r"p|p0|pac|pref|pg|pout|ppcc|pel|pmeas|activepower|realpower|wirkleistung|puissanceactive|potenciaactiva|有功(功率)?",
+    "q": r"q|q0|qac|qref|qg|qout|qpcc|qmeas|reactivepower|blindleistung|puissancereactive|potenciareactiva|无功(功率)?",
+    "v": r"v|v0|u|u0|vac|uac|vpcc|upcc|vt|vterm|vg|ug|voltage|terminalvoltage|spannung|tension|电压",
     "repeat": r"repeat|run|rep|trial|shot|repetition|measurement(no|number)",
     "amplitude": r"amplitude|vinj|ainj|injection(amplitude)?|perturbation(amplitude)?|excitation",
     "entry": r"entry|element|component|channel|elem",
@@ -89,8 +92,8 @@ def meaning_of(name: str) -> Meaning:
     bare, unit = without_unit(name)
     dimension, factor = unit_of(unit) or ("", 1.0)
     measured = {"unit": unit, "dimension": dimension, "factor": factor}
-    compact = re.sub(r"[^a-z0-9ω]", "", bare.lower().replace("+", "plus"))
-    for role, pattern in _ROLES.items():
+    compact = letters_of(re.sub(r" #\d+$", "", bare))
+    for role, pattern in ROLE_NAMES.items():
         if re.fullmatch(pattern, compact) and role in _DIMENSIONS:
             if role == "freq" and dimension == "angular frequency":
                 role = "omega"
@@ -101,7 +104,7 @@ def meaning_of(name: str) -> Meaning:
         return Meaning("sigma", entry=_entry(sigma["entry"] or "", compact), **measured)
     matched = _MATRIX.fullmatch(compact)
     if matched is None:
-        for role, pattern in _ROLES.items():
+        for role, pattern in ROLE_NAMES.items():
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
                 return Meaning(role, letter=_letter("", dimension), **measured)
         matched = _POSITIVE.fullmatch(compact)
@@ -109,7 +112,7 @@ def meaning_of(name: str) -> Meaning:
             return Meaning(**measured)
     groups = matched.groupdict()
     part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
-    letter = (groups["letter"] or (groups["word"] or "")[:1].replace("a", "y").replace("i", "z")).upper()
+    letter = (groups["letter"] or (groups["word"] or "")[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
     if letter in ("R", "X", "G", "B"):
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
     if not part:
@@ -125,6 +128,11 @@ def meaning_of(name: str) -> Meaning:
     if part == "phase" and not dimension and re.search("deg|rad", compact):
         measured |= {"unit": "deg", "dimension": "angle"} if "deg" in compact else {"dimension": "angle in radians"}
     return Meaning(role, _letter(letter, dimension), entry, part, **measured)
+
+
+def letters_of(name: str) -> str:
+    """Small letters, without accents, and digits alone; + as a word."""
+    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", name.lower().replace("+", "plus")))
 
 
 def without_unit(name: str) -> tuple[str, str]:

@@ -3,11 +3,13 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.files import first_of
 from ibrid.measurement.foreign_table import ForeignTable
 
 
@@ -42,7 +44,7 @@ def widened(table: ForeignTable) -> ForeignTable:
 def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
     """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as one table."""
     found: list[ForeignTable] = []
-    groups: dict[str, list[tuple[str, ForeignTable]]] = {}
+    groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
     for table in tables:
         entry = entry_named(table.stem)
         generic = [name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")]
@@ -50,8 +52,8 @@ def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
             found.append(table)
             continue
         key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
-        groups.setdefault(key, []).append((entry, table))
-    for key, members in groups.items():
+        groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
+    for (key, book, folder), members in groups.items():
         grids = {n: column for n, column in members[0][1].columns.items() if meaning_of(n).role in ("freq", "omega")}
         columns = dict(grids)
         for entry, table in members:
@@ -65,9 +67,14 @@ def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
             letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
             for name in (name for name in table.columns if name not in grids):
                 own = _entry_column(entry, name, meaning_of(name), letter[1].upper() if letter else "")
+                if own in columns:
+                    raise SweepError(
+                        f"{table.where} must not hold {own} again; found it before, name what belongs to one operating point "
+                        f"alike: OP1_{entry}, OP2_{entry}."
+                    )
                 columns[own] = table.columns[name]
-        where = ", ".join(table.where for _, table in members)
-        found.append(replace(members[0][1], where=where, stem=key or members[0][1].stem, columns=columns))
+        where = first_of([table.where for _, table in members])
+        found.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
     return found
 
 

@@ -1,6 +1,7 @@
 """What the guarded process makes of binary files of other programs: arrays by name, cells as text."""
 
 import io
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -57,6 +58,21 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
     from scipy.io import loadmat
 
     return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
+
+
+def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """Every array of an NPZ file, by its name."""
+    return dict(np.load(io.BytesIO(content), allow_pickle=False))
+
+
+def json_cells(content: bytes) -> dict[str, np.ndarray]:
+    """Records, or lists of one length by name with single numbers beside them, as a table with names, as text."""
+    value = json.loads(content)
+    if isinstance(value, dict):
+        rows = max(len(one) for one in value.values() if isinstance(one, list))
+        value = [{key: one[k] if isinstance(one, list) else one for key, one in value.items()} for k in range(rows)]
+    names = list(value[0])
+    return {"table": _as_text([names, *([row[name] for name in names] for row in value)])}
 
 
 #: A sample that is missing in COMTRADE text.
@@ -120,8 +136,13 @@ def _leaves(values: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, 
         array = np.asarray(value)
         if name.startswith("__"):
             continue
-        if array.dtype.names and array.size == 1:
-            yield from _leaves({key: array[key].ravel()[0] for key in array.dtype.names}, f"{within}{name}.")
+        if array.dtype.kind in "VO":
+            for k, one in enumerate(array.ravel(), 1):
+                place = f"{name}({k})" if array.size > 1 else name
+                if isinstance(one, np.void) and array.dtype.names:
+                    yield from _leaves({key: one[key] for key in array.dtype.names}, f"{within}{place}.")
+                elif isinstance(one, np.ndarray):
+                    yield from _leaves({place: one}, within)
         elif array.dtype.kind in "biufcU":
             yield f"{within}{name}", array
 

@@ -14,9 +14,14 @@ from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.foreign_table import ForeignTable
 from ibrid.measurement.import_account import Account, bases_of, known_number, number_said
 from ibrid.measurement.positive_sequence import WORDS, uncoupled
-from ibrid.measurement.told import base_of, told_in_name, told_in_notes
+from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
 _FRAMES = {"dq": ("dd", "dq", "qd", "qq"), "pn": ("pp", "pn", "np", "nn")}
+#: What to do with columns for several operating points.
+A_GROUP_EACH = (
+    "if each group of columns is an operating point, import one after the other, ibrid import FILE --map Ydd=#2+j#3,.. --op NAME "
+    "--p P --q Q .. --out ONE.csv, and join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
+)
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
 
@@ -24,12 +29,12 @@ _LARGEST_PU = 3.0
 @dataclass(frozen=True, eq=False)
 class Part:
     """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
-    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension)."""
+    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension, how --map names them)."""
 
     table: ForeignTable
     told: Mapping[str, Any]
     names: np.ndarray
-    power: Mapping[str, tuple[np.ndarray, str]]
+    power: Mapping[str, tuple[np.ndarray, str, str]]
     frequency: np.ndarray
     matrix: np.ndarray
     quantity: Quantity
@@ -41,23 +46,31 @@ class Part:
 
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
-    told: dict[str, Any] = {**told_in_name(table.stem), **told_in_notes(table.notes)}
-    told |= account.said
-    sources = _guessed(table) | parse_map(account.maps, table.columns)
+    stem = f"{table.stem} {table.book}"
+    told: dict[str, Any] = told_beside(stem, table.notes) | account.said
+    mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
+    sources = _guessed(table, mapped) | mapped
     length = len(table.line)
-    frequency, network = _frequency(table, sources, account)
+    frequency, grid = _frequency(table, sources, account)
+    if grid == "network" and "sequence_frequency" not in account.said:
+        told["sequence_frequency"] = grid
     quantity, frame, entries = _family(table, sources, told, account)
+    used = {column for source in sources.values() for column in source.columns}
+    unused = [name for name in table.columns if name not in used]
+    _require_both_parts(table, [sources[name] for name in entries], unused)
     values = [_complex(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     for name, (_, dimension) in zip(entries, values, strict=True):
-        account.read(name, _words(sources[name]), dimension or unit)
+        account.read(
+            name, _words(sources[name]), dimension or _written(sources[name]) or told.get("unit") or "unit unknown"
+        )
     if frame == "positive":
         account.remark(WORDS)
         frequency, matrix, rows = _uncoupled(table, frequency, matrix[:, 0], told, account)
         table = replace(table, line=table.line[rows], columns={name: one[rows] for name, one in table.columns.items()})
         length = len(table.line)
-    elif frame == "pn" and not network and told.get("sequence_frequency") not in ("dq", "network"):
+    elif frame == "pn" and not grid and told.get("sequence_frequency") not in ("dq", "network"):
         account.ask(
             "at which frequency the sequences are counted", "--sequence-frequency dq", "--sequence-frequency network"
         )
@@ -88,25 +101,31 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
         optional("repeat"), optional("amplitude"),
     )  # fmt: skip
-    used = {column for source in sources.values() for column in source.columns}
-    if unused := [name for name in table.columns if name not in used]:
-        account.remark(f"not used: {', '.join(unused[:8])}{' ..' if len(unused) > 8 else ''}")
+    if unused:
+        account.remark(f"not used: {_few(unused)}")
     return _without_gaps(part, account)
 
 
-def _guessed(table: ForeignTable) -> dict[str, Source]:
-    """What the names of the columns say; of several readings of an entry, real and imaginary part come first."""
+def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Source]:
+    """What the names of the columns say beside the map; of several readings of an entry, real and imaginary part come first."""
     found: dict[str, Source] = {}
-    parts: dict[str, dict[str, str]] = {}
+    parts: dict[str, dict[tuple[str, str], list[str]]] = {}
+    settled = {role[1:] for role in mapped if len(role) == 3} | (
+        {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
+    )
     for name in table.columns:
         meaning = meaning_of(name)
-        if meaning.role in ("matrix", "positive"):
-            parts.setdefault(meaning.letter + meaning.entry, {}).setdefault(meaning.part, name)
+        if meaning.role in ("matrix", "positive") and meaning.entry not in settled:
+            readings = parts.setdefault(meaning.letter + meaning.entry, {})
+            readings.setdefault((meaning.part, meaning.dimension), []).append(name)
         elif meaning.role == "sigma":
             found.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
-        elif meaning.role not in ("", "entry", "re", "im", "mag", "phase"):
+        elif meaning.role not in ("", "matrix", "positive", "entry", "re", "im", "mag", "phase", *settled):
             found.setdefault(meaning.role, Source((name,)))
-    for entry, named in parts.items():
+    if twice := [names for readings in parts.values() for names in readings.values() if len(names) > 1]:
+        raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {A_GROUP_EACH}.")
+    for entry, readings in parts.items():
+        named = {part: names[0] for (part, _), names in reversed(readings.items())}
         size = named.get("mag") or named.get("")
         if {"re", "im"} <= set(named):
             found[entry] = Source((named["re"], named["im"]), "j")
@@ -119,8 +138,29 @@ def _guessed(table: ForeignTable) -> dict[str, Source]:
     return found
 
 
-def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, bool]:
-    """Hz, and whether the name of the column says that it is the frequency in the dq frame."""
+def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]) -> None:
+    """Raise SweepError where an entry is a column of real numbers, and its other part may be one that nobody reads."""
+    columns = table.columns
+    real = [
+        one.columns[0]
+        for one in sources
+        if one.columns and not one.joined and columns[one.columns[0]].dtype.kind == "f"
+    ]
+    real = [name for name in real if np.nan_to_num(columns[name]).any()]
+    left = [name for name in unused if columns[name].dtype.kind == "f"]
+    if real and (left or len(real) == sum(bool(one.columns) for one in sources)):
+        raise SweepError(
+            f"{table.where}: {real[0]} must be complex; found real numbers{' beside ' + _few(left) if left else ''}, name both "
+            "parts of each entry, such as --map Ydd=RE+jIM,Ydq=MAG@PHASE[deg],.. (#3: the third column)."
+        )
+
+
+def _few(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:8])}{' ..' if len(names) > 8 else ''}"
+
+
+def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, str]:
+    """Hz, and the frame in which the name of the column says that it is the frequency: "dq", "network" or ""."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         known = ", ".join(list(table.columns)[:12])
@@ -128,7 +168,8 @@ def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Acco
     values, dimension, _ = _real(table, sources[role])
     angular = dimension == "angular frequency" or (role == "omega" and not dimension)
     account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
-    return values / (2 * np.pi) if angular else values, "dq" in sources[role].columns[0].lower()
+    grid = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
+    return values / (2 * np.pi) if angular else values, grid
 
 
 def _family(
@@ -156,7 +197,7 @@ def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[st
     if letter:
         return letter
     said = str(told.get("quantity") or "")[:1].upper()
-    dimension = (unit_of(source.unit or meaning_of(source.columns[0]).unit if source.columns else "") or ("",))[0]
+    dimension = (unit_of(_written(source)) or ("",))[0]
     words = " ".join((table.stem, *table.notes)).lower()
     for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
         if said == candidate or dimension == measured or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]:
@@ -174,7 +215,7 @@ def _unit(
     """pu, S or ohm, and the factor that leads there."""
     plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
     said = str(told.get("unit") or "")
-    written = {source.unit or meaning_of(source.columns[0]).unit for source in sources if source.columns}
+    written = {_written(source) for source in sources if source.columns}
     known = {one[:2] for one in map(unit_of, written) if one and one[0] in ("admittance", "impedance", "per unit")}
     if len(known) > 1:
         raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
@@ -201,26 +242,26 @@ def _unit(
 
 def _measured(
     table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
-) -> tuple[np.ndarray, str]:
-    """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
+) -> tuple[np.ndarray, str, str]:
+    """p, q or v of every row, with the dimension of its unit and its name; told ones where there is no column."""
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = _real(table, source)
-        account.read(role, _words(source), dimension)
-        return values, dimension
+        account.read(role, _words(source), _written(source))
+        return values, dimension, source.name or source.columns[0] if source.columns or source.name else ""
     value = told.get(role)
     if value is None:
         if role == "v":
-            return np.ones(length), "per unit"
+            return np.ones(length), "per unit", ""
         account.ask("the steady state p and q, delivered", "--p 0.8 --q 0 (per unit)", "--map p=P[kW],q=Q[kvar]")
-        return np.full(length, np.nan), "per unit"
-    dimension = value[1] if isinstance(value, tuple) else ""
-    account.read(role, "what is said beside the table" if role not in account.said else f"--{role}", dimension)
-    return np.full(length, number_said(value)), dimension
+        return np.full(length, np.nan), "per unit", ""
+    dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
+    account.read(role, f"{name}, beside the table" if role not in account.said else f"--{role}", unit)
+    return np.full(length, number_said(value)), dimension, name
 
 
 def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
-    values, dimension = part.power[role]
+    values, dimension, name = part.power[role]
     largest = np.nanmax(np.abs(values), initial=0.0)
     said = str(part.told.get("unit") or "")
     if role == "v":
@@ -231,7 +272,8 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
                 account.remark(f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?")
         return values
     if not dimension and largest > _LARGEST_PU:
-        account.ask(f"the unit of {role} (up to {largest:g})", f"--map {role}=COLUMN[kW]", f"--map {role}=COLUMN[W]")
+        place = name or "COLUMN"
+        account.ask(f"the unit of {role} (up to {largest:g})", f"--map {role}={place}[kW]", f"--map {role}={place}[W]")
         return values
     bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
     if bases and dimension == "power":
@@ -271,6 +313,7 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
     if source.joined == "j":
         return first + 1j * second, ""
     named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
+    named[1] = unit_of(source.angle) or named[1]
     decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
     largest = np.nanmax(np.abs(second))
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
@@ -307,7 +350,7 @@ def _without_gaps(part: Part, account: Account) -> Part:
     return replace(
         part,
         table=replace(part.table, line=part.table.line[kept]),
-        power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
+        power={role: (values[kept], *rest) for role, (values, *rest) in part.power.items()},
         **{
             name: getattr(part, name)[kept] for name in ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
         },
@@ -316,9 +359,14 @@ def _without_gaps(part: Part, account: Account) -> Part:
 
 def _words(source: Source) -> str:
     if source.constant is not None:
-        return f"{source.constant:g}"
+        return f"{source.name} {source.constant:g}".strip()
     joint = {"j": " + j ", "@": " at angle "}.get(source.joined, "")
     return joint.join(source.columns) or source.unit
+
+
+def _written(source: Source) -> str:
+    """The unit that stands there, "" for none."""
+    return source.unit or (meaning_of(source.columns[0]).unit if source.columns else "")
 
 
 def tidy_name(name: str) -> str:

@@ -13,9 +13,16 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.column_words import unit_of
+from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.files import read_bytes
-from ibrid.measurement.foreign_binary import hdf5_arrays, mat_arrays, parquet_cells, workbook_cells
+from ibrid.measurement.foreign_binary import (
+    hdf5_arrays,
+    json_cells,
+    mat_arrays,
+    npz_arrays,
+    parquet_cells,
+    workbook_cells,
+)
 from ibrid.measurement.guarded import guarded
 
 _SEPARATORS = (";", "\t", ",", "|", None)
@@ -30,7 +37,8 @@ MOST_COLUMNS = 400
 class ForeignTable:
     """Columns of one length: numbers (NaN: empty), complex numbers, or text.
 
-    where : file and sheet, for sentences. stem : the name of the file or sheet, which may tell the operating point.
+    where : file and sheet, for sentences. stem : the name of the file or sheet, which may tell the operating point. book : of
+    the file with several sheets.
     line : (n,) where each row stands. notes : what is written above the table. named : False where the columns are numbered.
     """
 
@@ -40,6 +48,7 @@ class ForeignTable:
     line: np.ndarray
     notes: tuple[str, ...] = ()
     named: bool = True
+    book: str = ""
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -47,11 +56,17 @@ def read_tables(path: Path) -> list[ForeignTable]:
     content = read_bytes(path)
     where, suffix = str(path), path.suffix.lower()
     if content[:8] == _HDF5 or content[512:520] == _HDF5:
-        return [_of_arrays(guarded(hdf5_arrays, content, f"{where} must be an HDF5 file"), where, path.stem)]
+        return _of_arrays(guarded(hdf5_arrays, content, f"{where} must be an HDF5 file"), where, path.stem)
     if suffix == ".mat":
-        return [_of_arrays(guarded(mat_arrays, content, f"{where} must be a MAT file"), where, path.stem)]
+        return _of_arrays(guarded(mat_arrays, content, f"{where} must be a MAT file"), where, path.stem)
+    if suffix == ".npz":
+        return _of_arrays(
+            guarded(npz_arrays, content, f"{where} must be an NPZ file of plain arrays"), where, path.stem
+        )
     if content[:4] == b"PAR1":
         sheets = guarded(parquet_cells, content, f"{where} must be a Parquet file")
+    elif suffix == ".json":
+        sheets = guarded(json_cells, content, f"{where} must be a list of records or lists of numbers by name")
     elif content[:2] == b"PK" or content[:4] == b"\xd0\xcf\x11\xe0":
         sheets = guarded(workbook_cells, content, f"{where} must be a workbook (xlsx, xls, ods)")
     else:
@@ -62,6 +77,7 @@ def read_tables(path: Path) -> list[ForeignTable]:
         rows = [(number, [str(cell) for cell in row]) for number, row in enumerate(cells.tolist(), 1)]
         tables.append((place, name if len(sheets) > 1 else path.stem, rows))
     found = [_of_rows(rows, [], place, stem, True) for place, stem, rows in tables if _data_rows(rows, False)]
+    found = [replace(table, book=path.stem) for table in found] if len(sheets) > 1 else found
     if not found:
         raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
     return found
@@ -75,14 +91,17 @@ def frame_table(frame: Any) -> ForeignTable:
 
 
 def number(text: str, comma: bool) -> complex | None:
-    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; None for text."""
+    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text."""
     text = text.strip().strip("'\"")
     if text.lower() in _EMPTY:
         return complex("nan")
-    if comma and "," in text:
+    if re.search(r",\d+[.,]\d", text):
+        text = text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
+    elif comma and "," in text:
         text = text.replace(".", "").replace(",", ".")
+    apart = re.search(r"\d[ \t]+[\d.]", text)  # blanks that do not break lines part thousands, others numbers
     text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
-    if "_" in text:
+    if apart or "_" in text:
         return None
     try:
         return complex(float(text))
@@ -98,7 +117,9 @@ def number(text: str, comma: bool) -> complex | None:
 
 
 def _decoded(content: bytes, where: str) -> list[str]:
-    for encoding in ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252", "latin-1"):
+    for encoding in (
+        ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "gb2312", "cp1252", "latin-1")
+    ):
         try:
             text = content.decode(encoding)
             break
@@ -114,16 +135,17 @@ def _decoded(content: bytes, where: str) -> list[str]:
 def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     """The separator and the decimal mark are those that make the most numbers in rows of one length."""
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    best: tuple[int, int] = (0, 0)
+    best: tuple[int, int, int] = (0, 0, 0)
     chosen: tuple[list[tuple[int, list[str]]], bool] | None = None
     for separator in _SEPARATORS:
         rows = [(number, _cells(line, separator)) for number, line in numbered]
         comma = separator != "," and any(re.search(r"\d,\d", line) for _, line in numbered)
-        for decimal in {comma, False}:
+        for decimal in {False, comma}:
             data = _data_rows([row for row in rows if not _MARKS.match(lines[row[0] - 1])], decimal)
             width = len(data[0][1]) if data else 0
-            if (len(data) * width, width) > best:
-                best, chosen = (len(data) * width, width), (rows, decimal)
+            numbers = sum(number(cell, decimal) is not None for cell in data[0][1]) if data else 0
+            if data and (score := (len(data) * numbers, -width, not decimal)) > best:
+                best, chosen = score, (rows, decimal)
     if chosen is None:
         raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
     rows, comma = chosen
@@ -138,6 +160,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
     line = line.strip() if separator is None else line.strip("\n\r ")
     if separator is None:
         line = re.sub(r"\(([^()]*)\)", lambda inner: re.sub(r"\s", "", inner[0]), line)
+        line = re.sub(r"\s([-+−])\s+(?=[ij]|[\d.,]+(?:[eE][-+]?\d+)?\s?\*?[ij]\b)", r"\1", line)
         return line.split()
     cells = [cell.strip() for cell in re.split(rf'{re.escape(separator)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)]
     return [cell.strip('"').strip() for cell in cells]
@@ -191,10 +214,17 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
-        if k and all(not cell or unit_of(cell) for cell in bare) and sum(map(bool, bare)) > 1:
+        parts = [not unit_of(cell) and meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        below = [not cell or part or unit_of(cell) for cell, part in zip(bare, parts, strict=True)]
+        if k and all(below) and sum(map(bool, bare)) > 1:
             upper = _names(above[:k], marked, width)
+            for at in range(1, len(upper)):  # a name that stands above several parts
+                upper[at] = upper[at] or upper[at - 1] * parts[at]
             if upper:
-                return [f"{name} [{unit}]" if unit else name for name, unit in zip(upper, bare, strict=True)]
+                behind = [cell if part else f"[{cell}]" for cell, part in zip(bare, parts, strict=True)]
+                return [
+                    f"{name} {more}" if cell else name for name, more, cell in zip(upper, behind, bare, strict=True)
+                ]
         return cells
     return []
 
@@ -242,7 +272,18 @@ def _plain(values: np.ndarray) -> np.ndarray:
     return np.array(text, dtype=object)
 
 
-def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
+def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
+    """A table for each element of a structure array, with what stands beside it; else one."""
+    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE))
+    common = {name: value for name, value in arrays.items() if not name.startswith(tuple(elements) or "\n")}
+    inside = [{name[len(one) + 1 :]: arrays[name] for name in arrays if name.startswith(f"{one}.")} for one in elements]
+    return [
+        _of_columns(common | own, f"{where} {one}".strip(), f"{stem}_{one}" if one else stem)
+        for one, own in zip(elements or [""], inside or [{}], strict=True)
+    ]
+
+
+def _of_columns(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
     """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes."""
     numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
     if not numeric:

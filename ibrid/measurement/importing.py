@@ -12,10 +12,12 @@ from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
 from ibrid.measurement.entry_tables import joined_entries, widened
+from ibrid.measurement.files import first_of
 from ibrid.measurement.foreign_part import Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import HEADER_KEYS, header_of
 from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
+from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import axis_of_tail
@@ -76,12 +78,19 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     if not tables:
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said))
+    files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
     _name_points(parts, account)
     known_number("f0_hz", parts[0].told, account)
-    where = ", ".join(dict.fromkeys(table.where for table in tables))
+    where = first_of(files)
     sweep = None if account.questions else _sweep(parts, account, where)
+    if sweep is not None:
+        notes = [
+            f"imported from {', '.join(files)}",
+            *(f"{what}: {source} {unit}".strip() for what, source, unit in account.readings),
+        ]
+        sweep = replace(sweep, notes=(*notes, *([NOTE] if WORDS in account.remarks else [])))
     return Imported(tuple(account.readings), tuple(account.remarks), tuple(account.questions.values()), sweep, where)
 
 
@@ -133,10 +142,7 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
         return sweep_of_table(table, header, parts[0].quantity, Path(where))
 
     current, q_axis = _directions(made, told, parts[0].quantity.sequence, account)
-    if account.questions:
-        return None
-    notes = [f"imported from {where}", *(f"{what}: {source} {unit}".strip() for what, source, unit in account.readings)]
-    return replace(made(current, q_axis), notes=tuple(notes))
+    return None if account.questions else made(current, q_axis)
 
 
 def _directions(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ibrid.measurement.conventions import Conventions
 from ibrid.measurement.linearity import linearity
 from ibrid.measurement.plausibility import implausible_numbers
+from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sequence_view import SequenceView
 from ibrid.measurement.sweep import Sweep
@@ -28,7 +29,7 @@ def warnings_of(
     seen: SequenceView,
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
-    found = [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
+    found = [*([WORDS] if NOTE in sweep.notes else []), *conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
     amplitudes = linearity(sweep)
     found += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
     found += seen.sentences

@@ -4,6 +4,8 @@ import numpy as np
 
 from ibrid.errors import SweepError
 
+#: What a sweep file says of itself where it was made of such a scan.
+NOTE = "matrix: positive sequence"
 #: What such a scan leaves open.
 WORDS = (
     "the positive sequence alone was measured: the coupling of the sequences is taken as zero and the negative one as the "

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 from ibrid.errors import SweepError
-from ibrid.measurement.column_words import unit_of
+from ibrid.measurement.column_words import ROLE_NAMES, letters_of, unit_of
 
 _NUMBER = r"[-+−]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
@@ -18,24 +18,34 @@ _BASE_KEYS = {
     "s_base_va": r"sbase(va)?|sb|sn|snom|srated|s|rated(apparent)?power|basepower|powerbase|nennleistung|rating",
     "v_base_v": r"vbase(v)?|vb|vn|vnom|vrated|un|unom|ratedvoltage|basevoltage|voltagebase|nennspannung|vll|ull",
     "sampling_hz": r"fs|fsamp|samplingfreq(uency)?|samplingrate|samplinghz|sampling",
-    "p": r"p|p0|pac|pout|pset|pref|activepower|wirkleistung",
-    "q": r"q|q0|qac|qout|qset|qref|reactivepower|blindleistung",
-    "v": r"v|v0|u|u0|vpcc|terminalvoltage|voltage|spannung",
+    **{role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"},
 }
 _WORD_KEYS = {"current": ("out", "in"), "qaxis": ("leads", "lags"), "powernode": ("capacitor", "pcc")}
 
-#: A number, with what its unit measures ("" without a unit) in the plain unit of that.
-Told = tuple[float, str]
+#: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
+Told = tuple[float, str, str, str]
 
 
-def told_in_notes(notes: Iterable[str]) -> dict[str, Told | str]:
-    """Numbers and words of `key: value` or `key = value` anywhere in comment lines; the first of a key counts."""
-    found: dict[str, Told | str] = {}
+def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, str]]:
+    """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name; P, Q and V as the name of a
+    file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them."""
+    found: dict[str, tuple[float, str]] = {}
     for note in notes:
         for name, bracket, value, behind in _PAIR.findall(note):
-            key = _key(name)
-            if key and key not in found:
-                found[key] = _told(value, bracket or behind)
+            found.setdefault(name.strip(), (_number(value), bracket or behind))
+    for letter, sign, value, unit in _IN_NAME.findall(stem):
+        size = _number(value.replace("p", "."))
+        found.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
+    return found
+
+
+def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
+    """The numbers of known names, and words of `key: value` or `key = value`; the first of a key counts."""
+    found: dict[str, Told | str] = {}
+    for name, (value, unit) in numbers_beside(stem, notes).items():
+        if key := _key(name):
+            found.setdefault(key, _told(value, unit, name))
+    for note in notes:
         for name, word in _WORD.findall(note):
             key = re.sub("[^a-z]", "", name.lower())
             if key == "unit" and unit_of(word):
@@ -45,19 +55,10 @@ def told_in_notes(notes: Iterable[str]) -> dict[str, Told | str]:
     return found
 
 
-def told_in_name(stem: str) -> dict[str, Told]:
-    """p, q and v as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them."""
-    found: dict[str, Told] = {}
-    for letter, sign, value, unit in _IN_NAME.findall(stem):
-        number, dimension = _told(value.replace("p", "."), unit)
-        found.setdefault(letter.lower().replace("u", "v"), (-number if sign else number, dimension))
-    return found
-
-
 def base_of(text: str, option: str) -> tuple[float, float]:
     """VA and V of a base such as 10kVA,400V or 10e3,400; SweepError otherwise."""
     parts = [re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", part.strip()) for part in text.split(",")]
-    sizes = [_told(part[1], part[2] or "") for part in parts if part]
+    sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
     wanted = ("power", "voltage")
     if (
         len(sizes) != 2
@@ -71,11 +72,13 @@ def base_of(text: str, option: str) -> tuple[float, float]:
 
 
 def _key(name: str) -> str:
-    compact = re.sub("[^a-z0-9]", "", name.lower())
-    return next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, compact)), "")
+    return next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters_of(name))), "")
 
 
-def _told(value: str, unit: str) -> Told:
-    number = float(value.replace("−", "-").replace(",", "."))
+def _told(number: float, unit: str, name: str = "") -> Told:
     dimension, factor = unit_of(unit) or ("", 1.0)
-    return number * factor, dimension
+    return number * factor, dimension, name, unit
+
+
+def _number(text: str) -> float:
+    return float(text.replace("−", "-").replace(",", "."))

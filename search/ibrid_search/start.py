@@ -19,6 +19,7 @@ from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.events import Events
 from ibrid.measurement.inspect import Inspection, inspect
 from ibrid.measurement.inspection_table import format_inspection
+from ibrid.measurement.positive_sequence import NOTE
 from ibrid.measurement.sweep import Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.page import record_facts
@@ -165,6 +166,7 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     others.sort(key=lambda one: one.nrmse if one.grade in ("", GRADES[-1]) else 0.0)  # those that fit, as they are
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
+    family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in sweep.notes else family
     return Start(sweep, inspection, (first, *others), family, events=events)
 
 
