@@ -4,37 +4,17 @@ Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `
 """
 
 import re
+import tomllib
 import unicodedata
 from dataclasses import dataclass
+from importlib.resources import files
 
-#: Unit in small letters -> what it measures and its size in the plain unit of that. Prefixes m and M are told apart below.
-UNITS = {
-    **dict.fromkeys(("hz", "1/s", "s^-1"), ("frequency", 1.0)),
-    "khz": ("frequency", 1e3),
-    **dict.fromkeys(("rad/s", "rads", "rad_s", "rad/sec", "rads-1", "1/rad"), ("angular frequency", 1.0)),
-    "krad/s": ("angular frequency", 1e3),
-    **dict.fromkeys(("s", "siemens", "a/v", "ka/kv", "mho", "1/ohm", "1/ohms", "1/Ω"), ("admittance", 1.0)),
-    "ks": ("admittance", 1e3),
-    **dict.fromkeys(("us", "µs", "μs"), ("admittance", 1e-6)),
-    **dict.fromkeys(("ohm", "ohms", "Ω", "ω", "v/a", "kv/ka"), ("impedance", 1.0)),
-    **dict.fromkeys(("kohm", "kΩ", "kω"), ("impedance", 1e3)),
-    **dict.fromkeys(("pu", "p.u.", "p.u", "per unit", "per-unit", "perunit"), ("per unit", 1.0)),
-    "%": ("per unit", 0.01),
-    **dict.fromkeys(("w", "va", "var", "vars"), ("power", 1.0)),
-    **dict.fromkeys(("kw", "kva", "kvar"), ("power", 1e3)),
-    **dict.fromkeys(("v", "vrms", "vll", "v_ll"), ("voltage", 1.0)),
-    **dict.fromkeys(("kv", "kvll"), ("voltage", 1e3)),
-    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), ("angle", 1.0)),
-    **dict.fromkeys(("rad", "radian", "radians"), ("angle in radians", 1.0)),
-    **dict.fromkeys(("db", "dbs", "dbohm", "dbΩ"), ("decibel", 1.0)),
-}
-_PREFIXED = {"m": 1e-3, "M": 1e6, "G": 1e9}
-_PARTS = {
-    "re": "real|re|realpart|realteil|partiereelle|reelle?|partereal|实部",
-    "im": "imaginary|imag|im|imagpart|imaginarypart|imaginarteil|imagteil|partieimaginaire|imaginaire|parteimaginaria|虚部",
-    "mag": "magnitude|mag|abs|amplitude|amp|modulus|betrag|module|modulo|magnitud|amplitud|db|lin|gain|幅值|幅度|模值?",
-    "phase": "phase|ph|angle|ang|argument|arg|phi|deg|(?:phasen)?winkel|fase|angulo|argumento|rad|相角|相位角?|角度",
-}
+_WORDS = tomllib.loads((files("ibrid.measurement") / "column_words.toml").read_text(encoding="utf-8"))
+#: Unit in small letters -> what it measures and its size in the plain unit of that.
+UNITS = {word: (dimension, 1.0) for dimension, words in _WORDS["units"].items() for word in words}
+UNITS |= {"%": ("per unit", 0.01)}
+_PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
+_PARTS: dict[str, str] = _WORDS["parts"]
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
 _QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
@@ -43,30 +23,9 @@ _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
 _BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART.format('b')})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
-ROLE_NAMES = {
-    "freq": r"(f|freq|frequency|frequenz)(network)?|fr|fdq|finj|fscan|fp|hz|freqs|frequence|frecuencia|(扫描|扫频)?频率|"
-    r"(dq|injection|scan|perturbation|test|network|mess)(freq|frequency|frequenz)",
-    "omega": r"w|omega|ω|radpersec|angularfrequency|circularfrequency|puls(e|ation)",
-    "op": r"op|case|name|point|operatingpoint|opoint|workingpoint|scenario|label|testcase|setpoint|arbeitspunkt|"
-    r"betriebspunkt|pointdefonctionnement|puntodeoperacion|caso?|工况|工作点|运行点",
-    "p": r"p|p0|pac|pref|pg|pout|ppcc|pel|pmeas|activepower|realpower|wirkleistung|puissanceactive|potenciaactiva|有功(功率)?",
-    "q": r"q|q0|qac|qref|qg|qout|qpcc|qmeas|reactivepower|blindleistung|puissancereactive|potenciareactiva|无功(功率)?",
-    "v": r"v|v0|u|u0|vac|uac|vpcc|upcc|vt|vterm|vg|ug|voltage|terminalvoltage|spannung|tension|电压",
-    "repeat": r"repeat|run|rep|trial|shot|repetition|measurement(no|number)",
-    "amplitude": r"amplitude|vinj|ainj|injection(amplitude)?|perturbation(amplitude)?|excitation",
-    "entry": r"entry|element|component|channel|elem",
-    "re": f"(value|y|z)?({_PARTS['re']})",
-    "im": f"(value|y|z)?({_PARTS['im']})",
-    "mag": "(value|y|z)?(magnitude|mag|abs|modulus|gain|db)",
-    "phase": f"(value|y|z)?({_PARTS['phase']})",
-}
-_DIMENSIONS = {
-    "freq": ("frequency",),
-    "omega": ("angular frequency",),
-    "p": ("power", "per unit"),
-    "q": ("power", "per unit"),
-    "v": ("voltage", "per unit"),
-}
+ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in _PARTS.items()} | _WORDS["roles"]
+_DIMENSIONS = {"freq": ("frequency",), "omega": ("angular frequency",), "v": ("voltage", "per unit")}
+_DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
 _NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
 _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 

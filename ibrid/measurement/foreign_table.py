@@ -29,6 +29,16 @@ _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+#: How a file begins and how its name ends, what reads it, and what it must be.
+_MAKES = (
+    (_HDF5, "", hdf5_arrays, "an HDF5 file"),
+    (b"", ".mat", mat_arrays, "a MAT file"),
+    (b"", ".npz", npz_arrays, "an NPZ file of plain arrays"),
+    (b"", ".json", json_cells, "a list of records or lists of numbers by name"),
+    (b"PAR1", "", parquet_cells, "a Parquet file"),
+    (b"PK", "", workbook_cells, "a workbook (xlsx, xls, ods)"),
+    (b"\xd0\xcf\x11\xe0", "", workbook_cells, "a workbook (xlsx, xls, ods)"),
+)
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
 
@@ -55,22 +65,21 @@ def read_tables(path: Path) -> list[ForeignTable]:
     """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
     content = read_bytes(path)
     where, suffix = str(path), path.suffix.lower()
-    if content[:8] == _HDF5 or content[512:520] == _HDF5:
-        return _of_arrays(guarded(hdf5_arrays, content, f"{where} must be an HDF5 file"), where, path.stem)
-    if suffix == ".mat":
-        return _of_arrays(guarded(mat_arrays, content, f"{where} must be a MAT file"), where, path.stem)
-    if suffix == ".npz":
-        return _of_arrays(
-            guarded(npz_arrays, content, f"{where} must be an NPZ file of plain arrays"), where, path.stem
-        )
-    if content[:4] == b"PAR1":
-        sheets = guarded(parquet_cells, content, f"{where} must be a Parquet file")
-    elif suffix == ".json":
-        sheets = guarded(json_cells, content, f"{where} must be a list of records or lists of numbers by name")
-    elif content[:2] == b"PK" or content[:4] == b"\xd0\xcf\x11\xe0":
-        sheets = guarded(workbook_cells, content, f"{where} must be a workbook (xlsx, xls, ods)")
-    else:
+    of_hdf5 = _HDF5 in (content[:8], content[512:520])
+    made = next(
+        (
+            one
+            for begin, end, *one in _MAKES
+            if (of_hdf5 if begin == _HDF5 else content.startswith(begin)) and suffix.endswith(end)
+        ),
+        None,
+    )
+    if made is None:
         return [_of_text(_decoded(content, where), where, path.stem)]
+    reader, words = made
+    sheets = guarded(reader, content, f"{where} must be {words}")
+    if reader not in (parquet_cells, json_cells, workbook_cells):
+        return _of_arrays(sheets, where, path.stem)
     tables = []
     for name, cells in sheets.items():
         place = f"{where} sheet {name}" if len(sheets) > 1 else where
@@ -117,9 +126,8 @@ def number(text: str, comma: bool) -> complex | None:
 
 
 def _decoded(content: bytes, where: str) -> list[str]:
-    for encoding in (
-        ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "gb2312", "cp1252", "latin-1")
-    ):
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "gb2312", "cp1252", "latin-1"):
         try:
             text = content.decode(encoding)
             break

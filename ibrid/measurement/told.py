@@ -59,12 +59,8 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     """VA and V of a base such as 10kVA,400V or 10e3,400; SweepError otherwise."""
     parts = [re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", part.strip()) for part in text.split(",")]
     sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
-    wanted = ("power", "voltage")
-    if (
-        len(sizes) != 2
-        or len(parts) != 2
-        or any(size[1] not in ("", kind) for size, kind in zip(sizes, wanted, strict=True))
-    ):
+    kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
+    if len(parts) != 2 or kinds != ["power", "voltage"]:
         raise SweepError(
             f"{option} is apparent power and line-to-line voltage, such as 10kVA,400V; found {text[:40]!r}."
         )
