@@ -37,3 +37,9 @@ def near(name: str, known: Iterable[str]) -> str:
     if len(names) <= 12:
         return f"known are: {', '.join(names)}" if names else "there is none"
     return f"there are {len(names)}, for instance {', '.join(names[:5])}"
+
+
+def some(names: Iterable[str], most: int = 4) -> str:
+    """The first few names as a list."""
+    listed = list(names)
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")

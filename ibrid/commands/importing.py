@@ -125,11 +125,11 @@ def _known_formats(files: list[str], said: dict[str, Any]) -> "Sweep | None":
 
     from ibrid.measurement.amplitudes import merge
     from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
-    from ibrid.measurement.read import is_known_format, is_sweep_file, read_sweep
+    from ibrid.measurement.read import is_known_format, read_sweep
     from ibrid.measurement.told import base_of
 
     plain = all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
-    if not all(is_known_format(Path(file)) or (plain and is_sweep_file(Path(file))) for file in files):
+    if not all(is_known_format(Path(file), ours=plain) for file in files):
         return None
     keys = {name: value for name, value in said.items() if value is not None and name in HEADER_KEYS + POINT_KEYS}
     if said["base"]:

@@ -50,21 +50,15 @@ def parse_map(
 
 
 def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[float, str]], role: str) -> Source:
-    if _column(value, columns):
-        return Source((_column(value, columns),))
-    for joined in ("+j*", "+j", "+i", "@", "∠"):
-        for split in re.finditer(re.escape(joined), value):
-            (one, unit), (other, behind) = (
-                _united(part, columns) for part in (value[: split.start()], value[split.end() :])
-            )
-            if one and other:
-                angle = behind if (unit_of(behind) or "?")[0].startswith("angle") else ""
-                return Source(
-                    (one, other), "@" if joined in "@∠" else "j", unit or (not angle and behind) or "", angle=angle
-                )
-    name, unit = _united(value, columns)
+    name, unit = _column(value, columns)
     if name:
         return Source((name,), "", unit)
+    for mark in re.finditer(r"\+j\*?|\+i|[@∠]", value):
+        (one, unit), (other, behind) = (_column(part, columns) for part in (value[: mark.start()], value[mark.end() :]))
+        if one and other:
+            turned = (unit_of(behind) or " ")[0].startswith("angle")
+            joined = "@" if mark[0] in "@∠" else "j"
+            return Source((one, other), joined, unit or ("" if turned else behind), angle=behind if turned else "")
     bare, unit = _unit_behind(value)
     if bare in beside:
         return Source((), "", unit or beside[bare][1], beside[bare][0], name=bare)
@@ -78,20 +72,17 @@ def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[flo
         ) from None
 
 
-def _united(text: str, known: tuple[str, ...]) -> tuple[str, str]:
-    """The column that a text names, and the unit in brackets behind it."""
-    bare, unit = _unit_behind(text)
-    return (_column(text, known), "") if _column(text, known) else (_column(bare, known), unit)
-
-
 def _unit_behind(text: str) -> tuple[str, str]:
-    bracket = re.fullmatch(r"\s*(.+?)\s*\[([^\]]*)\]\s*", text)
-    return (bracket[1], bracket[2]) if bracket and unit_of(bracket[2]) else (text, "")
+    bracket = re.fullmatch(r"(.+?)\s*\[([^\]]*)\]", text.strip())
+    return (bracket[1], bracket[2]) if bracket and unit_of(bracket[2]) else (text.strip(), "")
 
 
-def _column(text: str, columns: tuple[str, ...]) -> str:
-    """The column that a text names, by itself or as #3; "" for none."""
-    name = text.strip().strip('"')
-    if re.fullmatch(r"#\d+", name) and name not in columns and 0 < int(name[1:]) <= len(columns):
-        return columns[int(name[1:]) - 1]
-    return name if name in columns else ""
+def _column(text: str, columns: tuple[str, ...]) -> tuple[str, str]:
+    """The column that a text names, by itself or as #3, and the unit in brackets behind it; "" for none."""
+    for name, unit in ((text.strip(), ""), _unit_behind(text)):
+        name = name.strip('"')
+        if re.fullmatch(r"#\d+", name) and name not in columns and 0 < int(name[1:]) <= len(columns):
+            return columns[int(name[1:]) - 1], unit
+        if name in columns:
+            return name, unit
+    return "", ""

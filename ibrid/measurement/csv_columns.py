@@ -81,11 +81,7 @@ def _matches(names: list[str], quantity: Quantity, frame: str) -> int:
 def _separator_hint(text: str) -> str:
     if ";" in text:
         return "replace the semicolons, or let ibrid import read it."
-    return (
-        "replace the tabs, or let ibrid import read it."
-        if "\t" in text
-        else "if it is another table, let ibrid import read it."
-    )
+    return f"{'replace the tabs' if chr(9) in text else 'export it so'}, or let ibrid import read it."
 
 
 def _instead(missing: list[str], wrong: list[str]) -> str:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrid.errors import SweepError
+from ibrid.errors import SweepError, some
 from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
-from ibrid.measurement.files import first_of
 from ibrid.measurement.foreign_table import ForeignTable
 
 
@@ -68,12 +67,12 @@ def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
             for name in (name for name in table.columns if name not in grids):
                 own = _entry_column(entry, name, meaning_of(name), letter[1].upper() if letter else "")
                 if own in columns:
+                    words = f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
                     raise SweepError(
-                        f"{table.where} must not hold {own} again; found it before, name what belongs to one operating point "
-                        f"alike: OP1_{entry}, OP2_{entry}."
+                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; {words}."
                     )
                 columns[own] = table.columns[name]
-        where = first_of([table.where for _, table in members])
+        where = some((table.where for _, table in members), 1)
         found.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
     return found
 

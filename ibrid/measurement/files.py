@@ -1,6 +1,5 @@
 """Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from ibrid.errors import IbridError, SweepError
@@ -57,11 +56,6 @@ def text_lines(content: bytes, where: str) -> list[str]:
             "on a line."
         )
     return lines
-
-
-def first_of(places: Sequence[str]) -> str:
-    """Several files in a sentence: two by name, of more the first."""
-    return ", ".join(places) if len(places) < 3 else f"{places[0]} and {len(places) - 1} more"
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -66,13 +66,12 @@ def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Records, or lists of one length by name with single numbers beside them, as a table with names, as text."""
-    value = json.loads(content)
-    if isinstance(value, dict):
-        rows = max(len(one) for one in value.values() if isinstance(one, list))
-        value = [{key: one[k] if isinstance(one, list) else one for key, one in value.items()} for k in range(rows)]
-    names = list(value[0])
-    return {"table": _as_text([names, *([row[name] for name in names] for row in value)])}
+    """Records, or lists by name with single numbers beside them, as a table with names, as text."""
+    held = json.loads(content)
+    columns = held if isinstance(held, dict) else {name: [row[name] for row in held] for name in held[0]}
+    length = max(len(one) for one in columns.values() if isinstance(one, list))
+    rows = zip(*(one if isinstance(one, list) else [one] * length for one in columns.values()), strict=True)
+    return {"table": _as_text([list(columns), *rows])}
 
 
 #: A sample that is missing in COMTRADE text.
@@ -131,20 +130,16 @@ def _stamps(samples: str) -> np.ndarray:
     return np.array([float(cell[0]) for cell in cells]) if whole else np.zeros(0)
 
 
-def _leaves(values: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, np.ndarray]]:
+def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
     for name, value in values.items():
         array = np.asarray(value)
-        if name.startswith("__"):
-            continue
-        if array.dtype.kind in "VO":
+        if array.dtype.names or array.dtype.kind == "O":
             for k, one in enumerate(array.ravel(), 1):
                 place = f"{name}({k})" if array.size > 1 else name
-                if isinstance(one, np.void) and array.dtype.names:
-                    yield from _leaves({key: one[key] for key in array.dtype.names}, f"{within}{place}.")
-                elif isinstance(one, np.ndarray):
-                    yield from _leaves({place: one}, within)
-        elif array.dtype.kind in "biufcU":
-            yield f"{within}{name}", array
+                inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {place: one}
+                yield from _leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
+        elif not name.startswith("__") and array.dtype.kind in "biufcU":
+            yield name, array
 
 
 def _as_text(rows: list) -> np.ndarray:

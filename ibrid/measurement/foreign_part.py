@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.errors import SweepError
+from ibrid.errors import SweepError, some
 from ibrid.measurement.column_map import Source, parse_map
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.conversions import Quantity
@@ -18,9 +18,9 @@ from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
 _FRAMES = {"dq": ("dd", "dq", "qd", "qq"), "pn": ("pp", "pn", "np", "nn")}
 #: What to do with columns for several operating points.
-A_GROUP_EACH = (
-    "if each group of columns is an operating point, import one after the other, ibrid import FILE --map Ydd=#2+j#3,.. --op NAME "
-    "--p P --q Q .. --out ONE.csv, and join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
+_A_GROUP_EACH = (
+    "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME --p P --q Q --out ONE.csv, then "
+    "join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
 )
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
@@ -29,12 +29,12 @@ _LARGEST_PU = 3.0
 @dataclass(frozen=True, eq=False)
 class Part:
     """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
-    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension, how --map names them)."""
+    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension)."""
 
     table: ForeignTable
     told: Mapping[str, Any]
     names: np.ndarray
-    power: Mapping[str, tuple[np.ndarray, str, str]]
+    power: Mapping[str, tuple[np.ndarray, str]]
     frequency: np.ndarray
     matrix: np.ndarray
     quantity: Quantity
@@ -61,9 +61,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [_complex(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
-    for name, (_, dimension) in zip(entries, values, strict=True):
+    for name, (_, parts) in zip(entries, values, strict=True):
         account.read(
-            name, _words(sources[name]), dimension or _written(sources[name]) or told.get("unit") or "unit unknown"
+            name, _words(sources[name]), parts or _written(sources[name]) or told.get("unit") or "unit unknown"
         )
     if frame == "positive":
         account.remark(WORDS)
@@ -102,7 +102,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         optional("repeat"), optional("amplitude"),
     )  # fmt: skip
     if unused:
-        account.remark(f"not used: {_few(unused)}")
+        account.remark(f"not used: {some(unused, 8)}")
     return _without_gaps(part, account)
 
 
@@ -110,9 +110,8 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
     """What the names of the columns say beside the map; of several readings of an entry, real and imaginary part come first."""
     found: dict[str, Source] = {}
     parts: dict[str, dict[tuple[str, str], list[str]]] = {}
-    settled = {role[1:] for role in mapped if len(role) == 3} | (
-        {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
-    )
+    settled = {role[1:] for role in mapped if len(role) == 3}
+    settled |= {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
     for name in table.columns:
         meaning = meaning_of(name)
         if meaning.role in ("matrix", "positive") and meaning.entry not in settled:
@@ -123,7 +122,7 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
         elif meaning.role not in ("", "matrix", "positive", "entry", "re", "im", "mag", "phase", *settled):
             found.setdefault(meaning.role, Source((name,)))
     if twice := [names for readings in parts.values() for names in readings.values() if len(names) > 1]:
-        raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {A_GROUP_EACH}.")
+        raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}.")
     for entry, readings in parts.items():
         named = {part: names[0] for (part, _), names in reversed(readings.items())}
         size = named.get("mag") or named.get("")
@@ -140,23 +139,15 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
 
 def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]) -> None:
     """Raise SweepError where an entry is a column of real numbers, and its other part may be one that nobody reads."""
-    columns = table.columns
-    real = [
-        one.columns[0]
-        for one in sources
-        if one.columns and not one.joined and columns[one.columns[0]].dtype.kind == "f"
-    ]
-    real = [name for name in real if np.nan_to_num(columns[name]).any()]
-    left = [name for name in unused if columns[name].dtype.kind == "f"]
-    if real and (left or len(real) == sum(bool(one.columns) for one in sources)):
+    single = [one.columns[0] for one in sources if one.columns and not one.joined]
+    numbers = {name: column for name, column in table.columns.items() if column.dtype.kind == "f"}
+    real = [name for name in single if name in numbers and np.nan_to_num(numbers[name]).any()]
+    left = [name for name in unused if name in numbers]
+    if real and (left or len(real) == len(sources)):
         raise SweepError(
-            f"{table.where}: {real[0]} must be complex; found real numbers{' beside ' + _few(left) if left else ''}, name both "
-            "parts of each entry, such as --map Ydd=RE+jIM,Ydq=MAG@PHASE[deg],.. (#3: the third column)."
+            f"{table.where}: {real[0]} must be complex; found real numbers{' beside ' * bool(left)}{some(left)}, name both parts "
+            "of each entry, such as --map Ydd=RE+jIM,Ydq=MAG@PHASE[deg],.. (#3: the third column)."
         )
-
-
-def _few(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:8])}{' ..' if len(names) > 8 else ''}"
 
 
 def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, str]:
@@ -242,38 +233,42 @@ def _unit(
 
 def _measured(
     table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
-) -> tuple[np.ndarray, str, str]:
-    """p, q or v of every row, with the dimension of its unit and its name; told ones where there is no column."""
+) -> tuple[np.ndarray, str]:
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = _real(table, source)
         account.read(role, _words(source), _written(source))
-        return values, dimension, source.name or source.columns[0] if source.columns or source.name else ""
+        _ask_unit(role, values, dimension, source.name or "".join(source.columns), account)
+        return values, dimension
     value = told.get(role)
     if value is None:
         if role == "v":
-            return np.ones(length), "per unit", ""
+            return np.ones(length), "per unit"
         account.ask("the steady state p and q, delivered", "--p 0.8 --q 0 (per unit)", "--map p=P[kW],q=Q[kvar]")
-        return np.full(length, np.nan), "per unit", ""
+        return np.full(length, np.nan), "per unit"
     dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
     account.read(role, f"{name}, beside the table" if role not in account.said else f"--{role}", unit)
-    return np.full(length, number_said(value)), dimension, name
+    values = np.full(length, number_said(value))
+    _ask_unit(role, values, dimension, name, account)
+    return values, dimension
+
+
+def _ask_unit(role: str, values: np.ndarray, dimension: str, name: str, account: Account) -> None:
+    largest, place = np.nanmax(np.abs(values), initial=0.0), f"--map {role}={name or 'COLUMN'}"
+    if role != "v" and not dimension and largest > _LARGEST_PU:
+        account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
 
 
 def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
-    values, dimension, name = part.power[role]
-    largest = np.nanmax(np.abs(values), initial=0.0)
+    values, dimension = part.power[role]
     said = str(part.told.get("unit") or "")
     if role == "v":
-        if dimension == "voltage" or (not dimension and largest > _LARGEST_PU):
+        if dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU):
             bases = bases_of(part.told, account)
             values = values / (bases[1] if bases else 1.0)
             if bases and not 0.8 < np.nanmedian(values) < 1.25:
                 account.remark(f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?")
-        return values
-    if not dimension and largest > _LARGEST_PU:
-        place = name or "COLUMN"
-        account.ask(f"the unit of {role} (up to {largest:g})", f"--map {role}={place}[kW]", f"--map {role}={place}[W]")
         return values
     bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
     if bases and dimension == "power":
@@ -350,7 +345,7 @@ def _without_gaps(part: Part, account: Account) -> Part:
     return replace(
         part,
         table=replace(part.table, line=part.table.line[kept]),
-        power={role: (values[kept], *rest) for role, (values, *rest) in part.power.items()},
+        power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
         **{
             name: getattr(part, name)[kept] for name in ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
         },

@@ -13,32 +13,26 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.measurement import foreign_binary as binary
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.files import read_bytes
-from ibrid.measurement.foreign_binary import (
-    hdf5_arrays,
-    json_cells,
-    mat_arrays,
-    npz_arrays,
-    parquet_cells,
-    workbook_cells,
-)
 from ibrid.measurement.guarded import guarded
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-#: How a file begins and how its name ends, what reads it, and what it must be.
-_MAKES = (
-    (_HDF5, "", hdf5_arrays, "an HDF5 file"),
-    (b"", ".mat", mat_arrays, "a MAT file"),
-    (b"", ".npz", npz_arrays, "an NPZ file of plain arrays"),
-    (b"", ".json", json_cells, "a list of records or lists of numbers by name"),
-    (b"PAR1", "", parquet_cells, "a Parquet file"),
-    (b"PK", "", workbook_cells, "a workbook (xlsx, xls, ods)"),
-    (b"\xd0\xcf\x11\xe0", "", workbook_cells, "a workbook (xlsx, xls, ods)"),
-)
+_HDF5 = b"\x89HDF"
+_BOOK = (binary.workbook_cells, "a workbook (xlsx, xls, ods)")
+#: How a file begins, or how its name ends: what reads it, and what it must be.
+_MAKES = {
+    _HDF5: (binary.hdf5_arrays, "an HDF5 file"),
+    ".mat": (binary.mat_arrays, "a MAT file"),
+    ".npz": (binary.npz_arrays, "an NPZ file of plain arrays"),
+    ".json": (binary.json_cells, "a list of records or lists of numbers by name"),
+    b"PAR1": (binary.parquet_cells, "a Parquet file"),
+    b"PK\3\4": _BOOK,
+    b"\xd0\xcf\x11\xe0": _BOOK,
+}
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
 
@@ -64,29 +58,21 @@ class ForeignTable:
 def read_tables(path: Path) -> list[ForeignTable]:
     """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
     content = read_bytes(path)
-    where, suffix = str(path), path.suffix.lower()
-    of_hdf5 = _HDF5 in (content[:8], content[512:520])
-    made = next(
-        (
-            one
-            for begin, end, *one in _MAKES
-            if (of_hdf5 if begin == _HDF5 else content.startswith(begin)) and suffix.endswith(end)
-        ),
-        None,
-    )
+    begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
+    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else path.suffix.lower()) or _MAKES.get(begin)
     if made is None:
         return [_of_text(_decoded(content, where), where, path.stem)]
-    reader, words = made
-    sheets = guarded(reader, content, f"{where} must be {words}")
-    if reader not in (parquet_cells, json_cells, workbook_cells):
+    sheets = guarded(made[0], content, f"{where} must be {made[1]}")
+    if made[0].__name__.endswith("_arrays"):
         return _of_arrays(sheets, where, path.stem)
-    tables = []
+    found = []
     for name, cells in sheets.items():
-        place = f"{where} sheet {name}" if len(sheets) > 1 else where
         rows = [(number, [str(cell) for cell in row]) for number, row in enumerate(cells.tolist(), 1)]
-        tables.append((place, name if len(sheets) > 1 else path.stem, rows))
-    found = [_of_rows(rows, [], place, stem, True) for place, stem, rows in tables if _data_rows(rows, False)]
-    found = [replace(table, book=path.stem) for table in found] if len(sheets) > 1 else found
+        if _data_rows(rows, False):
+            place, stem, book = (
+                (f"{where} sheet {name}", name, path.stem) if len(sheets) > 1 else (where, path.stem, "")
+            )
+            found.append(replace(_of_rows(rows, [], place, stem, True), book=book))
     if not found:
         raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
     return found
@@ -222,17 +208,22 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
-        parts = [not unit_of(cell) and meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
-        below = [not cell or part or unit_of(cell) for cell, part in zip(bare, parts, strict=True)]
-        if k and all(below) and sum(map(bool, bare)) > 1:
+        parts = [
+            at
+            for at, cell in enumerate(bare)
+            if not unit_of(cell) and meaning_of(cell).role in ("re", "im", "mag", "phase")
+        ]
+        if (
+            k
+            and all(not cell or at in parts or unit_of(cell) for at, cell in enumerate(bare))
+            and sum(map(bool, bare)) > 1
+        ):
             upper = _names(above[:k], marked, width)
-            for at in range(1, len(upper)):  # a name that stands above several parts
-                upper[at] = upper[at] or upper[at - 1] * parts[at]
+            for at in parts if upper else ():  # a name that stands above several parts
+                upper[at] = upper[at] or upper[max(at - 1, 0)]
+            words = [cell if at in parts or not cell else f"[{cell}]" for at, cell in enumerate(bare)]
             if upper:
-                behind = [cell if part else f"[{cell}]" for cell, part in zip(bare, parts, strict=True)]
-                return [
-                    f"{name} {more}" if cell else name for name, more, cell in zip(upper, behind, bare, strict=True)
-                ]
+                return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
         return cells
     return []
 
@@ -282,13 +273,16 @@ def _plain(values: np.ndarray) -> np.ndarray:
 
 def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
     """A table for each element of a structure array, with what stands beside it; else one."""
-    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE))
-    common = {name: value for name, value in arrays.items() if not name.startswith(tuple(elements) or "\n")}
-    inside = [{name[len(one) + 1 :]: arrays[name] for name in arrays if name.startswith(f"{one}.")} for one in elements]
-    return [
-        _of_columns(common | own, f"{where} {one}".strip(), f"{stem}_{one}" if one else stem)
-        for one, own in zip(elements or [""], inside or [{}], strict=True)
-    ]
+    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
+    found = []
+    for one in elements:
+        own = {
+            name.removeprefix(f"{one}."): value
+            for name, value in arrays.items()
+            if name.startswith(one) or ")." not in name
+        }
+        found.append(_of_columns(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
+    return found
 
 
 def _of_columns(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.errors import SweepError, near
+from ibrid.errors import SweepError, near, some
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
 from ibrid.measurement.entry_tables import joined_entries, widened
-from ibrid.measurement.files import first_of
 from ibrid.measurement.foreign_part import Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import HEADER_KEYS, header_of
@@ -65,8 +64,10 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
     tables, beside = [], {}
     for path in map(Path, paths):
         keys, notes = sidecar_keys(path)
+        own = {key: keys.pop(key) for key in "pqv" if key in keys}
         beside |= keys
-        tables += [replace(table, notes=(*table.notes, *notes)) for table in read_tables(path)]
+        notes = (*(f"{key}: {value}" for key, value in own.items()), *notes)
+        tables += [replace(table, notes=(*notes, *table.notes)) for table in read_tables(path)]
     return import_tables(tables, maps, **{**beside, **{key: value for key, value in said.items() if value is not None}})
 
 
@@ -83,7 +84,7 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
     _name_points(parts, account)
     known_number("f0_hz", parts[0].told, account)
-    where = first_of(files)
+    where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
     if sweep is not None:
         notes = [

@@ -4,12 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_columns import columns_of
 from ibrid.measurement.csv_file import read_csv
-from ibrid.measurement.csv_table import comments_and_body, fields_of
-from ibrid.measurement.files import read_bytes, read_lines, text_lines
+from ibrid.measurement.files import read_bytes, text_lines
 from ibrid.measurement.frames import sweep_of_data
-from ibrid.measurement.header import read_keys
 from ibrid.measurement.matlab import read_mat
 from ibrid.measurement.pscad import read_imtb, read_ztool
 from ibrid.measurement.state_space_file import read_state_space_file
@@ -59,8 +56,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     return read_csv(path, **keys)
 
 
-def is_known_format(path: Path) -> bool:
-    """Whether a file is Touchstone, or text that Z-tool or IMTB writes."""
+def is_known_format(path: Path, *, ours: bool = True) -> bool:
+    """Whether a file is Touchstone, or text that Z-tool, IMTB or, where `ours`, ibrid import writes."""
     if path.suffix.lower() in _TOUCHSTONE:
         return True
     try:
@@ -68,21 +65,11 @@ def is_known_format(path: Path) -> bool:
     except SweepError:
         return False
     names = first.split()[1:]
+    if ours and first.startswith("op,p,q,") and path.read_bytes().startswith(b"# imported from "):
+        return True
     return _of_imtb(first) or (
         _of_ztool(first) and bool(names) and (names[0] in ("dd", "pp") or names[0].endswith("_d"))
     )
-
-
-def is_sweep_file(path: Path) -> bool:
-    """Whether a file has the columns of a sweep file and says by a key, or by who wrote it, that it is one."""
-    try:
-        lines = read_lines(path)
-        comments, body = comments_and_body(lines)
-        columns_of(fields_of(body[0], lines[body[0] - 1], path), str(path))
-        keys, notes = read_keys(comments, str(path))
-    except (SweepError, IndexError):
-        return False
-    return bool(keys) or any(note.startswith("imported from") for note in notes)
 
 
 def _of_ztool(first: str) -> bool:

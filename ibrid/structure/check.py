@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import cached_property
 
-from ibrid.errors import DiagramError, near
+from ibrid.errors import DiagramError, near, some
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, choose_vocabulary, usual_kind
@@ -15,7 +15,7 @@ from ibrid.structure.diagram import TERMINAL_CURRENT, Diagram
 from ibrid.structure.habits import check_habits
 from ibrid.structure.parameters import EQUILIBRIA, parameter_table
 from ibrid.structure.steady_state import lost_at, steady_order, unknown_equilibria
-from ibrid.structure.violation import Violation, Violations, some
+from ibrid.structure.violation import Violation, Violations
 from ibrid.structure.wiring import PLANT, Wiring, split_port, wire
 
 __all__ = ["HIGHEST_ORDER", "Violation", "require_legal", "violations", "warnings"]

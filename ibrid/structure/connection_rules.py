@@ -3,13 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from ibrid.errors import some
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY, usual_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
 from ibrid.structure.parameters import kind_parameters
-from ibrid.structure.violation import Violations, first_line, shown, some
+from ibrid.structure.violation import Violations, first_line, shown
 from ibrid.structure.wiring import PLANT, split_port
 
 Kinds = Mapping[str, ModuleKind | None]

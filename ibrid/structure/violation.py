@@ -54,9 +54,3 @@ def shown(name: str) -> str:
 def first_line(line: int | None) -> str:
     """Where the first of two was, as a clause."""
     return "" if line is None else f", first in line {line}"
-
-
-def some(names: Iterable[str], most: int = 4) -> str:
-    """The first few names as a list."""
-    listed = list(names)
-    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
