@@ -15,6 +15,7 @@ UNITS = {word: (dimension, 1.0) for dimension, words in _WORDS["units"].items() 
 UNITS |= {"%": ("per unit", 0.01)}
 _PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
 _PARTS: dict[str, str] = _WORDS["parts"]
+BESIDE: dict[str, str] = _WORDS["beside"]
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
 _QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"

@@ -57,11 +57,8 @@ def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
         columns = dict(grids)
         for entry, table in members:
             for name, grid in grids.items():
-                if (
-                    len(table.line) != len(grid)
-                    or name not in table.columns
-                    or not np.allclose(table.columns[name], grid)
-                ):
+                own = table.columns.get(name)
+                if own is None or own.shape != grid.shape or not np.allclose(own, grid):
                     raise SweepError(f"{table.where} must have the frequencies of {members[0][1].where}; found others.")
             letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
             for name in (name for name in table.columns if name not in grids):

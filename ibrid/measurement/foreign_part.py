@@ -52,8 +52,6 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
     frequency, grid = _frequency(table, sources, account)
-    if grid == "network" and "sequence_frequency" not in account.said:
-        told["sequence_frequency"] = grid
     quantity, frame, entries = _family(table, sources, told, account)
     used = {column for source in sources.values() for column in source.columns}
     unused = [name for name in table.columns if name not in used]
@@ -62,19 +60,17 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     for name, (_, parts) in zip(entries, values, strict=True):
-        account.read(
-            name, _words(sources[name]), parts or _written(sources[name]) or told.get("unit") or "unit unknown"
-        )
+        shown = parts or _written(sources[name]) or told.get("unit") or "unit unknown"
+        account.read(name, _words(sources[name]), shown)
     if frame == "positive":
         account.remark(WORDS)
         frequency, matrix, rows = _uncoupled(table, frequency, matrix[:, 0], told, account)
         table = replace(table, line=table.line[rows], columns={name: one[rows] for name, one in table.columns.items()})
         length = len(table.line)
-    elif frame == "pn" and not grid and told.get("sequence_frequency") not in ("dq", "network"):
-        account.ask(
-            "at which frequency the sequences are counted", "--sequence-frequency dq", "--sequence-frequency network"
-        )
-    if frame == "pn" and told.get("sequence_frequency") == "network":
+    elif frame == "pn" and grid not in ("dq", "network"):
+        option = "--sequence-frequency"
+        account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
+    if frame == "pn" and grid == "network":
         frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
     power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
     sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in _FRAMES.get(frame, ()))) if name in sources]
@@ -151,7 +147,7 @@ def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: 
 
 
 def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, str]:
-    """Hz, and the frame in which the name of the column says that it is the frequency: "dq", "network" or ""."""
+    """Hz, and in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         known = ", ".join(list(table.columns)[:12])
@@ -159,23 +155,20 @@ def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Acco
     values, dimension, _ = _real(table, sources[role])
     angular = dimension == "angular frequency" or (role == "omega" and not dimension)
     account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
-    grid = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
-    return values / (2 * np.pi) if angular else values, grid
+    named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
+    return values / (2 * np.pi) if angular else values, account.said.get("sequence_frequency") or named
 
 
 def _family(
     table: ForeignTable, sources: Mapping[str, Source], told: Mapping[str, Any], account: Account
 ) -> tuple[Quantity, str, tuple[str, ...]]:
     """Admittance or impedance, in which frame, and the names of the four sources, or of one."""
-    for frame, entries in _FRAMES.items():
+    for frame, entries in {**_FRAMES, "positive": ("pp",)}.items():
         for letter in ("Y", "Z", ""):
             names = tuple(letter + entry for entry in entries)
-            if all(name in sources for name in names):
-                return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame == "pn"), frame, names
-    for letter in ("Y", "Z", ""):
-        if f"{letter}pp" in sources and not any(f"{letter}{entry}" in sources for entry in ("pn", "np")):
-            quantity = _quantity(letter, table, sources[f"{letter}pp"], told, account)
-            return Quantity(quantity, True), "positive", (f"{letter}pp",)
+            coupled = frame == "positive" and {f"{letter}pn", f"{letter}np"} & sources.keys()
+            if all(name in sources for name in names) and not coupled:
+                return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame != "dq"), frame, names
     missing = [name for name in ("Ydd", "Ydq", "Yqd", "Yqq") if name not in sources and f"Z{name[1:]}" not in sources]
     columns = ", ".join(list(table.columns)[:14])
     raise SweepError(

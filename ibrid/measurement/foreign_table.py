@@ -22,7 +22,6 @@ _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF"
-_BOOK = (binary.workbook_cells, "a workbook (xlsx, xls, ods)")
 #: How a file begins, or how its name ends: what reads it, and what it must be.
 _MAKES = {
     _HDF5: (binary.hdf5_arrays, "an HDF5 file"),
@@ -30,8 +29,8 @@ _MAKES = {
     ".npz": (binary.npz_arrays, "an NPZ file of plain arrays"),
     ".json": (binary.json_cells, "a list of records or lists of numbers by name"),
     b"PAR1": (binary.parquet_cells, "a Parquet file"),
-    b"PK\3\4": _BOOK,
-    b"\xd0\xcf\x11\xe0": _BOOK,
+    b"PK\3\4": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
+    b"\xd0\xcf\x11\xe0": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
 }
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
@@ -43,7 +42,7 @@ class ForeignTable:
 
     where : file and sheet, for sentences. stem : the name of the file or sheet, which may tell the operating point. book : of
     the file with several sheets.
-    line : (n,) where each row stands. notes : what is written above the table. named : False where the columns are numbered.
+    line : (n,) where each row stands. notes : what is written above the table.
     """
 
     where: str
@@ -51,7 +50,6 @@ class ForeignTable:
     columns: dict[str, np.ndarray]
     line: np.ndarray
     notes: tuple[str, ...] = ()
-    named: bool = True
     book: str = ""
 
 
@@ -129,22 +127,20 @@ def _decoded(content: bytes, where: str) -> list[str]:
 def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     """The separator and the decimal mark are those that make the most numbers in rows of one length."""
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    best: tuple[int, int, int] = (0, 0, 0)
-    chosen: tuple[list[tuple[int, list[str]]], bool] | None = None
+    tried = []
     for separator in _SEPARATORS:
         rows = [(number, _cells(line, separator)) for number, line in numbered]
         comma = separator != "," and any(re.search(r"\d,\d", line) for _, line in numbered)
         for decimal in {False, comma}:
             data = _data_rows([row for row in rows if not _MARKS.match(lines[row[0] - 1])], decimal)
-            width = len(data[0][1]) if data else 0
-            numbers = sum(number(cell, decimal) is not None for cell in data[0][1]) if data else 0
-            if data and (score := (len(data) * numbers, -width, not decimal)) > best:
-                best, chosen = score, (rows, decimal)
-    if chosen is None:
+            if data:
+                numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
+                tried.append((len(data) * numbers, -len(data[0][1]), not decimal, rows))
+    if not tried:
         raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
-    rows, comma = chosen
+    *_, point, rows = max(tried, key=lambda one: one[:3])
     marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
-    table = _of_rows(rows, marked, where, stem, not comma)
+    table = _of_rows(rows, marked, where, stem, point)
     first = int(table.line[0])
     notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in marked]
     return replace(table, notes=tuple(notes))
@@ -195,7 +191,7 @@ def _of_rows(
         if name or any(cells):
             columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
     above = [" ".join(filter(None, cells)) for number, cells in rows if number < first]
-    return ForeignTable(where, stem, columns, np.array([number for number, _ in data]), tuple(above), bool(names))
+    return ForeignTable(where, stem, columns, np.array([number for number, _ in data]), tuple(above))
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 from ibrid.errors import SweepError
-from ibrid.measurement.column_words import ROLE_NAMES, letters_of, unit_of
+from ibrid.measurement.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
 
 _NUMBER = r"[-+−]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
@@ -13,13 +13,7 @@ _WORD = re.compile(r"([A-Za-z][\w ]*?)\s*[:=]\s*([A-Za-z]+)")
 _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
-_BASE_KEYS = {
-    "f0_hz": r"f0(hz)?|fn|fnom|f1|(nominal|grid|fundamental|rated|system|base)freq(uency)?(hz)?|netzfrequenz",
-    "s_base_va": r"sbase(va)?|sb|sn|snom|srated|s|rated(apparent)?power|basepower|powerbase|nennleistung|rating",
-    "v_base_v": r"vbase(v)?|vb|vn|vnom|vrated|un|unom|ratedvoltage|basevoltage|voltagebase|nennspannung|vll|ull",
-    "sampling_hz": r"fs|fsamp|samplingfreq(uency)?|samplingrate|samplinghz|sampling",
-    **{role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"},
-}
+_BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _WORD_KEYS = {"current": ("out", "in"), "qaxis": ("leads", "lags"), "powernode": ("capacitor", "pcc")}
 
 #: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
