@@ -31,9 +31,7 @@ class Source:
     name: str = ""
 
 
-def parse_map(
-    texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]] | None = None
-) -> dict[str, Source]:
+def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]]) -> dict[str, Source]:
     """What each role is made of. known : names of the columns. beside : numbers outside the table, by name, with their units.
     SweepError names the near ones."""
     columns = tuple(known)
@@ -45,7 +43,7 @@ def parse_map(
                 raise SweepError(f"--map is written {_FORMS}; found {item.strip()[:60]!r}.")
             if role not in ROLES:
                 raise SweepError(f"--map: {role[:40]!r} cannot be mapped, {near(role, ROLES)}")
-            found[role] = _source(value, columns, beside or {}, role)
+            found[role] = _source(value, columns, beside, role)
     return found
 
 
@@ -67,9 +65,8 @@ def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[flo
     except ValueError:
         if role == "op":
             return Source((), "", value.strip('"'))
-        raise SweepError(
-            f"--map {role}={value[:60]}: no such column, {near(value, (*columns, *beside))}; write {_FORMS}."
-        ) from None
+        close = near(value, (*columns, *beside))
+        raise SweepError(f"--map {role}={value[:60]}: no such column, {close}; write {_FORMS}.") from None
 
 
 def _unit_behind(text: str) -> tuple[str, str]:

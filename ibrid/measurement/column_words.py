@@ -77,10 +77,8 @@ def meaning_of(name: str) -> Meaning:
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
     if not part:
         part = "mag" if "|" in name else "phase" if re.search("[∠<]", name) else ""
-    if not part and dimension in ("decibel", "angle", "angle in radians"):
-        part = "mag" if dimension == "decibel" else "phase"
-    if not part and re.search("db|deg", compact):
-        part = "mag" if "db" in compact else "phase"
+    if not part and (found := re.search("decibel|angle|db|deg", f"{dimension} {compact}")):
+        part = "mag" if found[0] in ("decibel", "db") else "phase"
     role = "matrix" if matched.re is _MATRIX else "positive"
     entry = _entry(groups["entry"], compact) if role == "matrix" else "pp"
     if "db" in compact and not dimension:

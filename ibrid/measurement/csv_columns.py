@@ -29,9 +29,10 @@ class Columns:
 def columns_of(names: list[str], where: str) -> Columns:
     """Understand a line of column names; SweepError, beginning with `where`, names what is wrong and what is near."""
     if len(names) == 1:
+        others = "semicolons" if ";" in names[0] else "tabs" if "\t" in names[0] else "separators"
         raise SweepError(
             f"{where} must hold column names separated by commas, beginning with op,p,q,freq_hz; "
-            f"found {names[0][:60]!r}, {_separator_hint(names[0])}"
+            f"found {names[0][:60]!r}, replace the {others}, or let ibrid import read it."
         )
     require_once(names, where)
     families = [(Quantity(letter, frame == "pn"), frame) for frame in ENTRIES for letter in "YZ"]
@@ -76,12 +77,6 @@ def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ..
 
 def _matches(names: list[str], quantity: Quantity, frame: str) -> int:
     return sum(part in names for pair in _matrix_columns(quantity, frame) for part in pair)
-
-
-def _separator_hint(text: str) -> str:
-    if ";" in text:
-        return "replace the semicolons, or let ibrid import read it."
-    return f"{'replace the tabs' if chr(9) in text else 'export it so'}, or let ibrid import read it."
 
 
 def _instead(missing: list[str], wrong: list[str]) -> str:

@@ -150,8 +150,8 @@ def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Acco
     """Hz, and in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
-        known = ", ".join(list(table.columns)[:12])
-        raise SweepError(f"{table.where} must have a column of frequencies; found {known}, name it: --map freq=COLUMN.")
+        found = some(table.columns, 12)
+        raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
     values, dimension, _ = _real(table, sources[role])
     angular = dimension == "angular frequency" or (role == "omega" and not dimension)
     account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
@@ -170,10 +170,15 @@ def _family(
             if all(name in sources for name in names) and not coupled:
                 return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame != "dq"), frame, names
     missing = [name for name in ("Ydd", "Ydq", "Yqd", "Yqq") if name not in sources and f"Z{name[1:]}" not in sources]
-    columns = ", ".join(list(table.columns)[:14])
+    words = (
+        "name the columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column; "
+        "Zpp alone for a scan of the positive sequence)"
+    )
+    if sum(missing[0][1:] in name for name in table.columns) > 2:
+        words = _A_GROUP_EACH
+    found = some(table.columns, 9)
     raise SweepError(
-        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found among {columns}; name the "
-        "columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column)."
+        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found among {found}; {words}."
     )
 
 
@@ -296,8 +301,7 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
         return values.astype(complex), ""
     first, second = (table.columns[name] for name in source.columns)
     for name in source.columns:
-        if table.columns[name].dtype.kind != "f":
-            _real(table, Source((name,)))
+        _real(table, Source((name,)))
     if source.joined == "j":
         return first + 1j * second, ""
     named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]

@@ -204,20 +204,12 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
-        parts = [
-            at
-            for at, cell in enumerate(bare)
-            if not unit_of(cell) and meaning_of(cell).role in ("re", "im", "mag", "phase")
-        ]
-        if (
-            k
-            and all(not cell or at in parts or unit_of(cell) for at, cell in enumerate(bare))
-            and sum(map(bool, bare)) > 1
-        ):
+        known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        if k and all(known) and sum(map(bool, bare)) > 1:
             upper = _names(above[:k], marked, width)
-            for at in parts if upper else ():  # a name that stands above several parts
-                upper[at] = upper[at] or upper[max(at - 1, 0)]
-            words = [cell if at in parts or not cell else f"[{cell}]" for at, cell in enumerate(bare)]
+            for at in range(1, len(upper)):  # a name may stand above several parts
+                upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
+            words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
             if upper:
                 return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
         return cells
@@ -272,11 +264,7 @@ def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[For
     elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
     found = []
     for one in elements:
-        own = {
-            name.removeprefix(f"{one}."): value
-            for name, value in arrays.items()
-            if name.startswith(one) or ")." not in name
-        }
+        own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
         found.append(_of_columns(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
     return found
 

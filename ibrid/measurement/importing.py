@@ -87,11 +87,9 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
     if sweep is not None:
-        notes = [
-            f"imported from {', '.join(files)}",
-            *(f"{what}: {source} {unit}".strip() for what, source, unit in account.readings),
-        ]
-        sweep = replace(sweep, notes=(*notes, *([NOTE] if WORDS in account.remarks else [])))
+        notes = [f"{what}: {source} {unit}".strip() for what, source, unit in account.readings]
+        notes += [NOTE] if WORDS in account.remarks else []
+        sweep = replace(sweep, notes=(f"imported from {', '.join(files)}", *notes))
     return Imported(tuple(account.readings), tuple(account.remarks), tuple(account.questions.values()), sweep, where)
 
 
