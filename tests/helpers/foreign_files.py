@@ -339,6 +339,196 @@ def ztool(sweep: Sweep, folder: Path) -> list[Path]:
     return files
 
 
+def _records(sweep: Sweep, scale: float = 1.0):
+    """(number of the point, P kW, Q kvar, Hz, the four entries) of every row."""
+    for number, point in enumerate(sweep.points, 1):
+        for frequency, row in zip(point.frequency, _flat(point) * scale, strict=True):
+            yield number, point.op.p * 10, point.op.q * 10, frequency, row
+
+
+def _parts(row: np.ndarray) -> list[float]:
+    return [part for value in row for part in (value.real, value.imag)]
+
+
+def _polar(row: np.ndarray) -> list[float]:
+    return [part for value in row for part in (abs(value), np.degrees(np.angle(value)))]
+
+
+def chinese_columns(sweep: Sweep, folder: Path) -> list[Path]:
+    """Names of columns in Chinese, UTF-8 with its mark."""
+    lines = ["工况,有功功率(kW),无功功率(kvar),频率(Hz)," + ",".join(f"Y{e}实部(S),Y{e}虚部(S)" for e in NAMES)]
+    for number, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
+        lines.append(f"工况{number}," + ",".join(f"{value:.12g}" for value in (p, q, frequency, *_parts(row))))
+    return _text(folder, "扫频.csv", lines, "utf-8-sig")
+
+
+def gb2312_decibels(sweep: Sweep, folder: Path) -> list[Path]:
+    """The same language as a Chinese Windows writes it: magnitude in dB, phase, a file for each operating point."""
+    files = []
+    for point in sweep.points:
+        lines = ["频率/Hz\t" + "\t".join(f"Z{e}幅值/dB\tZ{e}相角/°" for e in NAMES)]
+        for frequency, row in zip(point.frequency, np.linalg.inv(-point.admittance).reshape(-1, 4), strict=True):
+            polar = [(20 * np.log10(abs(z) * Z_BASE), np.degrees(np.angle(z))) for z in row]
+            lines.append(
+                "\t".join(f"{value:.12g}" for value in (frequency, *(part for pair in polar for part in pair)))
+            )
+        files += _text(folder, f"P={point.op.p * 10:g}kW_Q={point.op.q * 10:g}kvar.txt", lines, "gb2312")
+    return files
+
+
+def french_columns(sweep: Sweep, folder: Path) -> list[Path]:
+    """Accents in Latin-1, decimal commas, tabs."""
+    parts = "\t".join(f"Partie réelle Y{e} [mS]\tPartie imaginaire Y{e} [mS]" for e in NAMES)
+    lines = ["Fréquence [Hz]\tPuissance active [kW]\tPuissance réactive [kvar]\t" + parts]
+    for _, p, q, frequency, row in _records(sweep, 1e3 / Z_BASE):
+        lines.append("\t".join(f"{value:.12g}" for value in (frequency, p, q, *_parts(row))).replace(".", ","))
+    return _text(folder, "essai.tsv", lines, "latin-1")
+
+
+def fixed_width_comments(sweep: Sweep, folder: Path) -> list[Path]:
+    """Columns of one width behind comments, several numbers in one of them."""
+    files = []
+    for k, point in enumerate(sweep.points):
+        lines = ["! Date: 2026-03-04 12:33:01", f"! Pmeas = {point.op.p * 10:g} kW   Qmeas = {point.op.q * 10:g} kvar"]
+        lines.append("!  Freq[Hz]  " + "  ".join(f"|Y{e}|[S]  arg(Y{e})[deg]" for e in NAMES))
+        for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
+            lines.append("".join(f"{value:22.12E}" for value in (frequency, *_polar(row))))
+        files += _text(folder, f"scan_{k}.out", lines)
+    return files
+
+
+def two_rows_of_names(sweep: Sweep, folder: Path) -> list[Path]:
+    """A workbook whose entries stand above Re and Im."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    sheet = book.worksheets[0]
+    sheet.append(["Load case", "P [kW]", "Q [kvar]", "f [Hz]", *(cell for e in NAMES for cell in (f"Y{e} [S]", None))])
+    sheet.append([None] * 4 + ["Re", "Im"] * 4)
+    for number, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
+        sheet.append([f"full, case {number}", p, q, float(frequency), *map(float, _parts(row))])
+    book.save(folder / "results.xlsx")
+    return [folder / "results.xlsx"]
+
+
+def sheet_per_entry(sweep: Sweep, folder: Path) -> list[Path]:
+    """A workbook for each operating point, its p and q in the name, with a sheet for each entry."""
+    import openpyxl
+
+    files = []
+    for point in sweep.points:
+        book = openpyxl.Workbook()
+        book.remove(book.worksheets[0])
+        for entry, column in zip(NAMES, _flat(point).T / Z_BASE, strict=True):
+            sheet = book.create_sheet(f"Y{entry}")
+            sheet.append(["Frequency [Hz]", "Magnitude [S]", "Phase [deg]"])
+            for frequency, value in zip(point.frequency, column, strict=True):
+                sheet.append([float(frequency), float(abs(value)), float(np.degrees(np.angle(value)))])
+        files.append(folder / f"P{point.op.p * 10:g}kW_Q{point.op.q * 10:g}kvar.xlsx")
+        book.save(files[-1])
+    return files
+
+
+def mat_with_watts(sweep: Sweep, folder: Path) -> list[Path]:
+    """Vectors in a MAT file, P and Q in watts beside them."""
+    from scipy.io import savemat
+
+    files = []
+    for k, point in enumerate(sweep.points):
+        entries = {f"Y{e}": column for e, column in zip(NAMES, _flat(point).T / Z_BASE, strict=True)}
+        files.append(folder / f"OP{k}.mat")
+        powers = {"P": point.op.p * S_BASE, "Q": point.op.q * S_BASE}
+        savemat(files[-1], {"f": point.frequency, **entries, **powers, "Sn": S_BASE, "Un": V_BASE, "fn": 60.0})
+    return files
+
+
+def mat_structure_array(sweep: Sweep, folder: Path) -> list[Path]:
+    """results(1), results(2): an operating point each; the base beside them."""
+    from scipy.io import savemat
+
+    results = np.zeros(len(sweep.points), dtype=[("freq", "O"), ("Y", "O"), ("P0", "O"), ("Q0", "O"), ("name", "O")])
+    for k, point in enumerate(sweep.points):
+        matrices = np.moveaxis(point.admittance, 0, -1)
+        results[k] = (point.frequency[:, None], matrices, point.op.p, point.op.q, f"case{k}")
+    savemat(folder / "results.mat", {"results": results, "fn": 60.0})
+    return [folder / "results.mat"]
+
+
+def network_sequences(sweep: Sweep, folder: Path) -> list[Path]:
+    """Sequences with coupling at the frequency of the network, as the name of the column says; dB."""
+    lines = ["f_network_Hz,P [kW],Q [kvar]," + ",".join(f"Y{e} [dB],Y{e} [deg]" for e in ("pp", "pn", "np", "nn"))]
+    for point in sweep.points:
+        sequence = (TO_SEQUENCE @ point.admittance @ TO_SEQUENCE.conj().T).reshape(-1, 4) / Z_BASE
+        for frequency, row in zip(point.frequency, sequence, strict=True):
+            polar = [part for z in row for part in (20 * np.log10(abs(z)), np.degrees(np.angle(z)))]
+            values = (frequency + 60, point.op.p * 10, point.op.q * 10, *polar)
+            lines.append(",".join(f"{value:.13g}" for value in values))
+    return _text(folder, "seq.csv", lines)
+
+
+def fixed_decimals(separator: str) -> Callable[[Sweep, Path], list[Path]]:
+    """Decimal commas in every cell, so that commas part as many numbers as semicolons do."""
+
+    def write(sweep: Sweep, folder: Path) -> list[Path]:
+        names = [f"{part} Y{e} [mS]" for e in NAMES for part in ("Re", "Im")]
+        lines = [separator.join(["P [kW]", "Q [kvar]", "Frequenz [Hz]", *names])]
+        for _, p, q, frequency, row in _records(sweep, 1e3 / Z_BASE):
+            cells = [f"{value:.9f}".replace(".", ",") for value in (p, q, frequency, *_parts(row))]
+            lines.append(separator.join(cells))
+        return _text(folder, "fest.csv", lines)
+
+    return write
+
+
+def spaced_complex(sweep: Sweep, folder: Path) -> list[Path]:
+    """Complex numbers with blanks around the sign, between tabs."""
+    lines = ["f (kHz)\tP (kW)\tQ (kvar)\t" + "\t".join(f"Y_{e} (S)" for e in NAMES)]
+    for _, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
+        entries = [f"{z.real:.12e} {'+-'[int(z.imag < 0)]} {abs(z.imag):.12e}i" for z in row]
+        lines.append("\t".join([f"{frequency / 1e3:.12g}", f"{p:g}", f"{q:g}", *entries]))
+    return _text(folder, "colleague.txt", lines)
+
+
+def thousands(sweep: Sweep, folder: Path) -> list[Path]:
+    """Quoted cells with commas between thousands."""
+    lines = ["Frequency (Hz),P (W),Q (var)," + ",".join(f"Re(Y{e}) (S),Im(Y{e}) (S)" for e in NAMES)]
+    for _, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
+        lines.append(",".join(f'"{value:,.14f}"' for value in (frequency, p * 1e3, q * 1e3, *_parts(row))))
+    return _text(folder, "excel.csv", lines)
+
+
+def npz_arrays(sweep: Sweep, folder: Path) -> list[Path]:
+    """Arrays that numpy saved."""
+    point = sweep.points[0]
+    np.savez(folder / "scan.npz", f=point.frequency, Y=point.admittance, P=point.op.p, Q=point.op.q)
+    return [folder / "scan.npz"]
+
+
+def json_records(sweep: Sweep, folder: Path) -> list[Path]:
+    """A list of records."""
+    import json
+
+    names = [f"Y{e}_{part}" for e in NAMES for part in ("re", "im")]
+    rows = [
+        {"freq": float(frequency), "p": p / 10, "q": q / 10, **dict(zip(names, map(float, _parts(row)), strict=True))}
+        for _, p, q, frequency, row in _records(sweep)
+    ]
+    (folder / "scan.json").write_text(json.dumps(rows))
+    return [folder / "scan.json"]
+
+
+def json_lists(sweep: Sweep, folder: Path) -> list[Path]:
+    """Lists by name, p and q beside them."""
+    import json
+
+    point = sweep.points[0]
+    held = {"f_hz": point.frequency.tolist(), "P": point.op.p, "Q": point.op.q}
+    for entry, column in zip(NAMES, _flat(point).T, strict=True):
+        held |= {f"Y{entry}_re": column.real.tolist(), f"Y{entry}_im": column.imag.tolist()}
+    (folder / "scan.json").write_text(json.dumps(held))
+    return [folder / "scan.json"]
+
+
 _SI = ("--base", "10kVA,400V", "--f0-hz", "60")
 _OUT, _IN = ("--current", "out", "--q-axis", "leads"), ("--current", "in", "--q-axis", "leads")
 _FOUR = ",".join(f"Y{entry}=ch{k}a+jch{k}b" for k, entry in enumerate(NAMES))
@@ -370,4 +560,21 @@ MAKES = (
     Foreign("Fortran numbers", quoted_fortran, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
     Foreign("Z-tool", ztool, (*_SI, "--p", "1", "--q", "0.3", "--op", "full")),
     Foreign("polar text", angles_in_text, (*_SI, *_IN)),
+    Foreign("Chinese columns", chinese_columns, (*_SI, *_OUT)),
+    Foreign("GB2312", gb2312_decibels, ("--unit", "ohm", *_SI, *_IN)),
+    Foreign("French columns", french_columns, (*_SI, *_OUT)),
+    Foreign("fixed width", fixed_width_comments, (*_SI, *_OUT)),
+    Foreign("fixed width, mapped", fixed_width_comments, (*_SI, *_OUT, "--map", "p=Pmeas[kW],q=Qmeas")),
+    Foreign("two rows of names", two_rows_of_names, (*_SI, *_OUT)),
+    Foreign("a sheet per entry", sheet_per_entry, (*_SI, *_OUT)),
+    Foreign("MAT with watts", mat_with_watts, ("--unit", "S", *_OUT, "--map", "p=P[W],q=Q[W]")),
+    Foreign("MAT structure array", mat_structure_array, ("--unit", "pu", *_OUT)),
+    Foreign("network sequences", network_sequences, ("--unit", "S", *_SI, "--current", "out")),
+    Foreign("fixed decimals", fixed_decimals(";"), (*_SI, *_OUT), 1e-6),
+    Foreign("fixed decimals, blanks", fixed_decimals(" ; "), (*_SI, *_OUT), 1e-6),
+    Foreign("spaced complex", spaced_complex, (*_SI, *_OUT)),
+    Foreign("thousands", thousands, (*_SI, *_OUT)),
+    Foreign("NPZ", npz_arrays, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("JSON records", json_records, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign("JSON lists", json_lists, ("--unit", "pu", "--f0-hz", "60", *_OUT)),
 )

@@ -1,13 +1,14 @@
-"""Anybody's table: twenty makes of file become the same sweep with one command and at most one --map."""
+"""Anybody's table: nearly forty makes of file become the same sweep with one command and at most one --map."""
 
 import numpy as np
 from foreign_files import MAKES
 
 import ibrid
 from ibrid import cli
+from ibrid.measurement.column_map import Source, parse_map
 
 
-def test_twenty_makes_of_file_become_the_sweep_that_they_were_written_from(tmp_path, capsys):
+def test_makes_of_file_become_the_sweep_that_they_were_written_from(tmp_path, capsys):
     """The matrices agree to the digits that the file has, and names need no quotes."""
     truth = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     wrong = []
@@ -98,3 +99,127 @@ def test_a_table_that_cannot_be_understood_is_one_sentence(tmp_path, capsys):
         assert any(expected in line for line in said), (text, said)
     assert imported(tmp_path, f"{TABLE}\n{ROWS}\n", *SAID, "--map", "freq=ff") == 2
     assert "no such column" in capsys.readouterr().err
+
+
+ALL = [
+    "--base",
+    "10kVA,400V",
+    "--unit",
+    "S",
+    "--f0-hz",
+    "50",
+    "--current",
+    "out",
+    "--q-axis",
+    "leads",
+    "--p",
+    "1",
+    "--q",
+    "0.3",
+]
+PAIRS = ",".join(f"Y{entry}=#{2 * k + 2}+j#{2 * k + 3}" for k, entry in enumerate(("dd", "dq", "qd", "qq")))
+NUMBERS = "\n".join(f"{f},-1,0.1,0.3,0.2,0.3,0.1,1,0.1" for f in (1, 2, 4, 8))
+
+
+def test_half_a_matrix_is_refused_with_the_columns_that_nobody_reads(tmp_path, capsys):
+    parts = ",".join(f"Y{entry} {part}" for entry in ("dd", "dq", "qd", "qq") for part in ("jitsu", "kyo"))
+    halves = ",".join(f"Y{entry}=#{2 * k + 2}" for k, entry in enumerate(("dd", "dq", "qd", "qq")))
+    assert imported(tmp_path, f"f,{parts}\n{NUMBERS}\n", *ALL, "--map", halves) == 2
+    said = capsys.readouterr().err
+    assert "Ydd jitsu must be complex; found real numbers beside Ydd kyo" in said
+    assert "--map Ydd=RE+jIM" in said
+    half = ",".join(f"Z{entry} [dB],Z{entry} [x]" for entry in ("dd", "dq", "qd", "qq"))
+    assert imported(tmp_path, f"f,{half}\n{NUMBERS}\n", *ALL) == 2
+    assert capsys.readouterr().err
+    assert imported(tmp_path, "f,Ydd,Ydq,Yqd,Yqq\n1,1,2,3,4\n2,1,2,3,4\n4,1,2,3,4\n", *ALL) == 2
+    assert "Ydd must be complex; found real numbers, name both parts" in capsys.readouterr().err
+    assert not (tmp_path / "sweep.csv").exists()
+
+
+def test_groups_of_columns_are_refused_with_the_commands_that_read_them(tmp_path, capsys):
+    """And these commands do read them."""
+    for behind in ("", " P=1MW"):
+        names = [
+            f"Y{entry} {part}{op}" for op in ("", behind) for entry in ("dd", "dq", "qd", "qq") for part in ("Re", "Im")
+        ]
+        names = names if not behind else [f"{name} Q={k // 8}kvar" for k, name in enumerate(names)]
+        rows = "\n".join(f"{line},{line.partition(',')[2]}" for line in NUMBERS.splitlines())
+        assert imported(tmp_path, f"f,{','.join(names)}\n{rows}\n", *ALL) == 2
+        assert "--op NAME --p P --q Q --out ONE.csv" in capsys.readouterr().err
+    files = []
+    for k in range(2):
+        files.append(str(tmp_path / f"{k}.csv"))
+        pairs = ",".join(
+            f"Y{e}=#{8 * k + 2 * m + 2}+j#{8 * k + 2 * m + 3}" for m, e in enumerate(("dd", "dq", "qd", "qq"))
+        )
+        options = [*ALL[:-2], "--q", str(0.3 - 0.6 * k), "--op", f"op{k}", "--map", f"freq=#1,{pairs}"]
+        assert cli.main(["import", str(tmp_path / "table.csv"), *options, "--out", files[-1]]) == 0
+    assert cli.main(["import", *files, "--out", str(tmp_path / "all.csv")]) == 0
+    sweep = ibrid.read_sweep(tmp_path / "all.csv")
+    assert [(point.op.name, point.op.q) for point in sweep.points] == [("op0", 0.3), ("op1", -0.3)]
+    np.testing.assert_allclose(
+        sweep.points[1].admittance[0], 16 * np.array([[-1 + 0.1j, 0.3 + 0.2j], [0.3 + 0.1j, 1 + 0.1j]])
+    )
+
+
+def test_entries_of_two_folders_are_two_points_and_one_that_comes_twice_is_refused(tmp_path, capsys):
+    files = []
+    for folder in ("P1_Q0.3", "P1_Q-0.3"):
+        (tmp_path / folder).mkdir()
+        for entry in ("dd", "dq", "qd", "qq"):
+            files.append(tmp_path / folder / f"Y{entry}.csv")
+            files[-1].write_text("f,Re,Im\n1,1,2\n2,1,2\n4,1,2\n")
+    options = [*ALL[:-4], "--out", str(tmp_path / "all.csv")]
+    assert cli.main(["import", *map(str, files), *options]) == 0
+    assert [point.op.q for point in ibrid.read_sweep(tmp_path / "all.csv").points] == [0.3, -0.3]
+    again = tmp_path / "P1_Q0.3" / "_Ydd.csv"
+    again.write_text(files[0].read_text())
+    assert cli.main(["import", *map(str, files[:4]), str(again), *options]) == 2
+    assert "must not hold Ydd_re again" in capsys.readouterr().err
+
+
+def test_notes_beside_two_files_belong_to_each(tmp_path):
+    for k, q in enumerate((0.3, -0.3)):
+        (tmp_path / f"s{k}.csv").write_text(f"f,{','.join(f'c{n}' for n in range(8))}\n{NUMBERS}\n")
+        (tmp_path / f"s{k}.csv.meta").write_text(f"p: 1\nq: {q}\n")
+    files = [str(tmp_path / f"s{k}.csv") for k in range(2)]
+    assert cli.main(["import", *files, *ALL[:-4], "--map", PAIRS, "--out", str(tmp_path / "all.csv")]) == 0
+    assert [point.op.q for point in ibrid.read_sweep(tmp_path / "all.csv").points] == [0.3, -0.3]
+
+
+def test_the_map_names_columns_with_commas_and_a_unit_for_each_part():
+    source = parse_map(["Zpp=#2[dB]@#3[deg],freq=f, Hz[kHz],p=P[W]"], ("f, Hz", "a", "b"), {"P": (5.0, "kW")})
+    assert source["Zpp"] == Source(("a", "b"), "@", "dB", angle="deg")
+    assert source["freq"] == Source(("f, Hz",), "", "kHz")
+    assert source["p"] == Source((), "", "W", 5.0, name="P")
+
+
+def test_what_is_shown_has_the_units_that_stand_there_and_files_are_counted(tmp_path, capsys):
+    files = []
+    for k in range(8):
+        files.append(str(tmp_path / f"P{k}kW_Q1kvar.csv"))
+        names = ",".join(f"Y{e} {part} [mS]" for e in ("dd", "dq", "qd", "qq") for part in ("Re", "Im"))
+        (tmp_path / f"P{k}kW_Q1kvar.csv").write_text(f"f,{names}\n{NUMBERS}\n")
+    assert cli.main(["import", *files, "--out", str(tmp_path / "all.csv")]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith(f"ibrid: {files[0]} and 7 more does not say the inverter's base")
+    assert [line.split()[-1] for line in said.out.splitlines()[1:3]] == ["mS", "mS"]
+    assert "kW" in said.out
+    unknown = ",".join(f"Y{e}_{part}" for e in ("dd", "dq", "qd", "qq") for part in ("re", "im"))
+    assert imported(tmp_path, f"f,{unknown}\n{NUMBERS}\n") == 2
+    assert "unit unknown" in capsys.readouterr().out
+
+
+def test_a_sweep_of_the_positive_sequence_alone_says_so_when_it_is_looked_at(tmp_path, capsys):
+    rows = "\n".join(f"{f:g},0.05,{0.002 * f:.15g}" for f in np.arange(10.0, 1000.0, 10.0))
+    options = ("--p", "0.5", "--q", "0", "--unit", "pu", "--f0-hz", "50", "--current", "in")
+    assert imported(tmp_path, f"Frequency (Hz),Zpos_re,Zpos_im\n{rows}\n", *options) == 0
+    sweep = ibrid.read_sweep(tmp_path / "sweep.csv")
+    assert "matrix: positive sequence" in sweep.notes
+    assert ibrid.inspect(sweep).warnings[0].startswith("the positive sequence alone was measured")
+
+
+def test_what_is_no_sweep_file_is_sent_to_import(tmp_path, capsys):
+    (tmp_path / "run.scan").write_text("[Header]\n1,2\n")
+    assert cli.main(["inspect", str(tmp_path / "run.scan")]) == 2
+    assert "let ibrid import read it" in capsys.readouterr().err
