@@ -28,12 +28,16 @@ def widened(table: ForeignTable) -> ForeignTable:
     others = [name for name in table.columns if name != labels and name not in value]
     keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
     rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
+    if len({*zip(places.tolist(), entries, strict=True)}) < len(keys):
+        raise SweepError(
+            f"{table.where} must hold each entry once in a row of its kind; number repeats in a column repeat."
+        )
     columns: dict[str, np.ndarray] = {}
     for entry in dict.fromkeys(entries):
         for name, meaning in value.items():
             column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
-            for k in (k for k, one in enumerate(entries) if one == entry):
-                column[rows[keys[k]]] = table.columns[name][k]
+            column[places[labelled == entry]] = table.columns[name][labelled == entry]
             columns[_entry_column(entry, name, meaning)] = column
     first = [keys.index(key) for key in rows]
     columns = {name: table.columns[name][first] for name in others} | columns

@@ -236,26 +236,21 @@ def _measured(
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = _real(table, source)
-        account.read(role, _words(source), _written(source))
-        _ask_unit(role, values, dimension, source.name or "".join(source.columns), account)
-        return values, dimension
-    value = told.get(role)
-    if value is None:
+        name, shown, unit = source.name or "".join(source.columns), _words(source), _written(source)
+    elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
         account.ask("the steady state p and q, delivered", "--p 0.8 --q 0 (per unit)", "--map p=P[kW],q=Q[kvar]")
         return np.full(length, np.nan), "per unit"
-    dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
-    account.read(role, f"{name}, beside the table" if role not in account.said else f"--{role}", unit)
-    values = np.full(length, number_said(value))
-    _ask_unit(role, values, dimension, name, account)
-    return values, dimension
-
-
-def _ask_unit(role: str, values: np.ndarray, dimension: str, name: str, account: Account) -> None:
+    else:
+        value = told[role]
+        dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
+        values, shown = np.full(length, number_said(value)), f"{name}, beside the table" if name else f"--{role}"
+    account.read(role, shown, unit)
     largest, place = np.nanmax(np.abs(values), initial=0.0), f"--map {role}={name or 'COLUMN'}"
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
+    return values, dimension
 
 
 def per_unit(role: str, part: Part, account: Account) -> np.ndarray:

@@ -40,8 +40,7 @@ MOST_COLUMNS = 400
 class ForeignTable:
     """Columns of one length: numbers (NaN: empty), complex numbers, or text.
 
-    where : file and sheet, for sentences. stem : the name of the file or sheet, which may tell the operating point. book : of
-    the file with several sheets.
+    where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
     line : (n,) where each row stands. notes : what is written above the table.
     """
 

@@ -219,6 +219,12 @@ def test_a_sweep_of_the_positive_sequence_alone_says_so_when_it_is_looked_at(tmp
     assert ibrid.inspect(sweep).warnings[0].startswith("the positive sequence alone was measured")
 
 
+def test_rows_of_one_entry_that_nothing_tells_apart_are_refused(tmp_path, capsys):
+    rows = [f"{f},{entry},1,2" for f in (1, 2, 4) for entry in ("dd", "dq", "qd", "qq")]
+    assert imported(tmp_path, "\n".join(["f,entry,re,im", *rows, *rows]), *ALL, "--quantity", "Y") == 2
+    assert "number repeats in a column repeat" in capsys.readouterr().err
+
+
 def test_what_is_no_sweep_file_is_sent_to_import(tmp_path, capsys):
     (tmp_path / "run.scan").write_text("[Header]\n1,2\n")
     assert cli.main(["inspect", str(tmp_path / "run.scan")]) == 2
