@@ -2,12 +2,14 @@
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import asked
 from foreign_files import MAKES
+from ibrid_search.start import Ranked, Start, write_start
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 
@@ -146,3 +148,13 @@ def test_records_in_place_of_a_sweep_are_refused_with_what_to_do(with_records, c
     assert "give a sweep and these as --events" in capsys.readouterr().err
     assert cli.main(["start", str(with_records.parent / "data.csv"), "--base", "1MVA,1kV"]) == 2
     assert "--channels and --base are of records of events" in capsys.readouterr().err
+
+
+def test_a_page_without_any_fit_says_what_is_odd_about_the_data(tmp_path):
+    """Of a scan of the positive sequence alone, whose note the sweep file carries; no time was left for a fit."""
+    sweep = replace(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), notes=("matrix: positive sequence",))
+    answer = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family")
+    written = write_start(answer, "data.csv", tmp_path)
+    assert "positive sequence alone was measured" in written.warnings[0]
+    assert "positive sequence alone was measured" in (tmp_path / "report.html").read_text()
+    assert json.loads((tmp_path / "start.json").read_text())["data"]["warnings"][0] == written.warnings[0]
