@@ -62,17 +62,14 @@ def read_tables(path: Path) -> list[ForeignTable]:
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         return _of_arrays(sheets, where, path.stem)
-    found = []
-    for name, cells in sheets.items():
-        rows = [(number, [str(cell) for cell in row]) for number, row in enumerate(cells.tolist(), 1)]
-        if _data_rows(rows, False):
-            place, stem, book = (
-                (f"{where} sheet {name}", name, path.stem) if len(sheets) > 1 else (where, path.stem, "")
-            )
-            found.append(replace(_of_rows(rows, [], place, stem, True), book=book))
-    if not found:
+    held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
+    held = {name: rows for name, rows in held.items() if _data_rows(rows, False)}
+    if not held:
         raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
-    return found
+    if len(held) == 1:
+        return [_of_rows(rows, [], where, path.stem, True) for rows in held.values()]
+    found = [_of_rows(rows, [], f"{where} sheet {name}", name, True) for name, rows in held.items()]
+    return [replace(table, book=path.stem) for table in found]
 
 
 def frame_table(frame: Any) -> ForeignTable:
@@ -126,7 +123,7 @@ def _decoded(content: bytes, where: str) -> list[str]:
 def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     """The separator and the decimal mark are those that make the most numbers in rows of one length."""
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    tried = []
+    tried: list[tuple[int, int, bool, list[tuple[int, list[str]]]]] = []
     for separator in _SEPARATORS:
         rows = [(number, _cells(line, separator)) for number, line in numbered]
         comma = separator != "," and any(re.search(r"\d,\d", line) for _, line in numbered)

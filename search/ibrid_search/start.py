@@ -188,7 +188,7 @@ def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = 
 def start_html(answer: Start) -> str:
     """The page as text."""
     record = answer.best.record
-    facts = record_facts(record, answer.sweep, "bode") if record is not None else {"events": None}
+    facts: dict[str, Any] = record_facts(record, answer.sweep, "bode") if record is not None else {"events": None}
     if answer.events is not None and record is not None and record.nrmse_by_record:
         facts["events"] = played_facts(play(model_of_record(record), answer.events))
     return page(
