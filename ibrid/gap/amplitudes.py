@@ -1,9 +1,9 @@
 """Sweeps at several injection amplitudes as a kind of data: an edit is a nonlinearity at a port of the linear model."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from ibrid.gap.data import Values
+from ibrid.gap.data import Data, Values
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
@@ -21,13 +21,12 @@ from ibrid.structure.diagram import Diagram
 DRAWS = 32
 
 
-class Amplitudes:
+class Amplitudes(Data):
     """All amplitudes together, as `Data`. The given model is fitted to their mean; what they differ by is added to its chi2.
 
-    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed.
+    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed. No
+    transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either.
     """
-
-    ahead = 1
 
     def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.data, self.kinds, self.prior = data, kinds, prior
@@ -44,10 +43,6 @@ class Amplitudes:
 
     def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
         """The linear model as it is: what a nonlinearity ends in is no start of it."""
-        return model
-
-    def again(self, model: Model, starts: Sequence[Values]) -> Model:
-        """The same."""
         return model
 
     def insertions(self, model: Model) -> tuple[NonlinearPlace, ...]:
@@ -68,22 +63,11 @@ class Amplitudes:
         """The fit itself: less says nothing."""
         return self.edited(model, insertion)
 
-    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
-        """Not asked of amplitudes."""
-        return iter(())
-
     def stable(self, model: Model) -> bool:
         """True for a nonlinearity that may be believed: adequate for errors that grow with the measured distortion, and its
         threshold held by the data."""
         fit = model.refit
         return isinstance(fit, NonlinearFit) and fit.p_value() > ADEQUATE and fit.seen
-
-    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
-        """() : no transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either."""
-        return ()
-
-    def held_out(self, model: Model) -> None:
-        """Not asked of amplitudes."""
 
     def at_each_amplitude(self, diagram: Diagram) -> tuple[PortFit, ...]:
         """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's

@@ -1,6 +1,6 @@
 """From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -12,6 +12,7 @@ from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Problem
+from ibrid.gap.data import Fitted
 from ibrid.gap.detectability import unseen
 from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
@@ -28,6 +29,10 @@ from ibrid.structure.program import program_text
 
 #: Verdicts that change the model.
 REPAIRED = ("named", "data-convention")
+
+#: Parameter -> 95 % interval, None for an open one; and a value with the ends of its own.
+Intervals = Mapping[str, Sequence[float] | None]
+Strength = tuple[float, float | None, float | None]
 
 
 def answer_of(
@@ -64,7 +69,7 @@ def answer_of(
         before=before,
         after=after,
         noise_floor=floor,
-        moved=_moved(model, repaired),
+        moved=moved(model.refit, _intervals(repaired)),
         could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, found.scale),
         candidates=tuple(candidate_of(one, found, shop.known_stable(one)) for one in found.trials),
         steps=found.steps,
@@ -115,7 +120,7 @@ def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) 
     if verdict not in REPAIRED:
         return ()
     evidence = evidence_of(found)
-    intervals = next(iter(record.intervals.values()), {})
+    intervals = _intervals(record)
     effects = []
     for place, edit in enumerate(found.best.edits):
         if isinstance(edit, Convention):
@@ -125,13 +130,13 @@ def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) 
                 shown = {name: (value, None, None) for name, value in numbers.items()}
                 effects.append(NamedEffect(label, change, where, shown, evidence, alike(found, place)))
             continue
-        parameters = {}
-        for name in edit.parameters:
-            if name in found.best.refit.values:
-                low, high = intervals.get(name) or (None, None)
-                parameters[name] = (found.best.refit.values[name], low, high)
+        parameters = strengths_of(edit, found.best.refit, intervals)
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, evidence, alike(found, place)))
     return tuple(effects)
+
+
+def _intervals(record: Record) -> Intervals:
+    return next(iter(record.intervals.values()), {})
 
 
 def evidence_of(found: Findings) -> dict[str, Any]:
@@ -188,12 +193,23 @@ def candidate_of(model: Model, found: Findings, stable: bool | None) -> Candidat
     )
 
 
-def _moved(model: Model, record: Record) -> tuple[Moved, ...]:
-    intervals, refit, rows = next(iter(record.intervals.values()), {}), model.refit, []
-    for name, sigmas in refit.moved.items():
-        low, high = intervals.get(name) or (None, None)
-        rows.append(Moved(name, refit.prior[name].nominal, refit.values[name], low, high, sigmas))
+def moved(refit: Any, intervals: Intervals) -> tuple[Moved, ...]:
+    """What the fit moved from its nominal value, the farthest first."""
+    rows = (
+        Moved(name, refit.prior[name].nominal, *_held(refit, name, intervals), sigmas)
+        for name, sigmas in refit.moved.items()
+    )
     return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
+
+
+def strengths_of(edit: Insertion, refit: Fitted, intervals: Intervals) -> dict[str, Strength]:
+    """Fitted parameters of an effect with their intervals."""
+    return {name: _held(refit, name, intervals) for name in edit.parameters if name in refit.values}
+
+
+def _held(refit: Fitted, name: str, intervals: Intervals) -> Strength:
+    low, high = intervals.get(name) or (None, None)
+    return refit.values[name], low, high
 
 
 def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:

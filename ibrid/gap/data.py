@@ -10,9 +10,10 @@ best. What it asks, a kind of data answers:
   edited program plays back; what is left lies at a record, window and component; no port map.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from scipy.stats import chi2 as chi2_law
 
@@ -50,60 +51,55 @@ class Fitted:
         return float(chi2_law.sf(self.chi2 / scale**2, self.dof))
 
 
-class Data(Protocol):
-    """One kind of data, weighed by a noise."""
+class Data(ABC):
+    """One kind of data. `noise` : what the data are weighed by. `ahead` : first edits, apart in cost, from which every second one
+    is looked at where no single one is enough."""
 
-    @property
-    def noise(self) -> Noise:
-        """What the data are weighed by."""
-        ...
+    noise: Noise
+    ahead = 1
 
-    @property
-    def ahead(self) -> int:
-        """First edits, apart in cost, from which every second one is looked at where no single one is enough."""
-        ...
-
+    @abstractmethod
     def given(self, diagram: Diagram) -> "Model | None":
         """The given model, fitted; None where it has no response."""
-        ...
 
+    @abstractmethod
     def refitted(
         self, model: "Model", starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
     ) -> "Model | None":
         """A model fitted from starts, as `Refitter.refit` takes them; None where it has no response."""
-        ...
 
     def again(self, model: "Model", starts: Sequence[Values]) -> "Model":
         """A model fitted from further starts; the better of both."""
-        ...
+        other = self.refitted(model, starts)
+        return model if other is None or other.refit.cost >= model.refit.cost else other
 
+    @abstractmethod
     def insertions(self, model: "Model") -> Sequence[Insertion]:
         """All edits of a model."""
-        ...
 
+    @abstractmethod
     def edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values] = ()) -> "Model | None":
         """A model with an edit, fitted; quick : from these values alone."""
-        ...
 
+    @abstractmethod
     def glanced(self, model: "Model", insertion: Insertion, *, nominal: bool = True) -> "Model | None":
         """A model with an edit after a few steps, at most as good as `edited`; nominal : from nominal values too."""
-        ...
 
     def read_otherwise(self, model: "Model", enough: float) -> "Iterator[Model]":
         """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches."""
-        ...
+        return iter(())
 
+    @abstractmethod
     def stable(self, model: "Model") -> bool:
         """True for a model that a device may be."""
-        ...
 
     def ports(self, given: "Model", steps: list[str], repaired: "Model | None" = None) -> "tuple[PortFit, ...]":
         """Where one unknown transfer would explain what is left; () and perhaps a step that says why not.
 
         repaired : a model that explains all: a look from its values is enough.
         """
-        ...
+        return ()
 
     def held_out(self, model: "Model") -> "HeldOut | None":
         """Its errors where it was not fitted; None where the data do not tell."""
-        ...
+        return None

@@ -3,14 +3,14 @@
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
-from ibrid.gap.answer import candidate_of, evidence_of
+from ibrid.gap.answer import candidate_of, evidence_of, moved, strengths_of
 from ibrid.gap.detectability import SEEN
 from ibrid.gap.event_places import LimitPlace, where
 from ibrid.gap.event_question import Asked
 from ibrid.gap.event_record import described, floor_of, mean_error, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
-from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Moved, NamedEffect, Unseen
+from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, NamedEffect, Unseen
 from ibrid.gap.trial import Model
 from ibrid.gap.verdict import Findings, alike, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
@@ -44,7 +44,7 @@ def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
         before=before,
         after=after,
         noise_floor=floor,
-        moved=_moved(model, data),
+        moved=moved(model.refit, seen(model.refit).intervals),
         could_not_have_seen=unseen(model, data),
         candidates=tuple(candidate_of(one, found, data.stable(one)) for one in found.trials),
         steps=found.steps,
@@ -108,20 +108,11 @@ def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
     for place, edit in enumerate(found.best.edits):
         if not isinstance(edit, Insertion):
             continue
-        ends = {name: spans.get(name) or (None, None) for name in edit.parameters if name in found.best.refit.values}
-        parameters = {name: (found.best.refit.values[name], low, high) for name, (low, high) in ends.items()}
+        parameters = strengths_of(edit, found.best.refit, spans)
         form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
         told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(found, place)))
     return tuple(effects)
-
-
-def _moved(model: Model, data: Records) -> tuple[Moved, ...]:
-    refit, spans, rows = model.refit, seen(model.refit).intervals, []
-    for name, sigmas in refit.moved.items():
-        low, high = spans.get(name) or (None, None)
-        rows.append(Moved(name, refit.prior[name].nominal, refit.values[name], low, high, sigmas))
-    return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
 
 
 def _nominal(given: Model, data: Records, asked: Asked) -> float | None:

@@ -41,10 +41,7 @@ class EventFit(Fitted):
     @property
     def moved(self) -> dict[str, float]:
         """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
-        beliefs = self.misfit.beliefs
-        sigmas = beliefs.sigmas(beliefs.coordinates.to_theta(self.x))
-        rows = zip(beliefs.names, sigmas, beliefs.known, strict=True)
-        return {name: float(away) for name, away, known in rows if known}
+        return self.misfit.beliefs.moved(self.x)
 
     @cached_property
     def residuals(self) -> list[np.ndarray]:

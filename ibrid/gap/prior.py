@@ -72,6 +72,11 @@ class Beliefs:
         bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / KNEE)
         return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
 
+    def moved(self, x: np.ndarray) -> dict[str, float]:
+        """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of its tolerance."""
+        rows = zip(self.names, self.sigmas(self.coordinates.to_theta(x)), self.known, strict=True)
+        return {name: float(away) for name, away, known in rows if known}
+
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """Their derivative by theta (..., P)."""
         away = np.where(self._ratio, 1.0 / np.where(self._ratio, theta, 1.0), 1.0)

@@ -1,18 +1,17 @@
 """Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a limit beside it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.gap.data import Values
+from ibrid.gap.data import Data, Values
 from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import race
-from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, strengths
@@ -37,13 +36,14 @@ _Edit = tuple[str, str, str]
 _Key = tuple[int, str, str, str]
 
 
-class Records:
-    """Records and perhaps a small-signal sweep, weighed by a noise.
+class Records(Data):
+    """Records and perhaps a small-signal sweep, weighed by a noise. Their rest says p, q, v: no convention is asked of them.
+    No transfer at a port stands for a limit.
 
     refitter : of the sweep, None without one. limits : beside the given model.
     """
 
-    ahead = 1  # a look in time costs seconds
+    noise: EventNoise  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(
         self,
@@ -209,17 +209,9 @@ class Records:
         pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)
         return max(pairs, key=lambda pair: float((np.abs(pair[1]) ** 2).mean()))[0]
 
-    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
-        """Not asked of records: their rest says p, q, v."""
-        return iter(())
-
     def stable(self, model: Model) -> bool:
         """True for a model whose simulation stays in every record."""
         return bool(np.isfinite(model.refit.chi2))
-
-    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
-        """() : no transfer stands for a limit."""
-        return ()
 
     def held_out(self, model: Model) -> HeldOut | None:
         """Each record predicted from the others, where there are enough."""

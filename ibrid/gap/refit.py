@@ -48,10 +48,7 @@ class Refit(Fitted):
     @cached_property
     def moved(self) -> dict[str, float]:
         """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
-        beliefs = beliefs_of(self.problem, self.prior)
-        sigmas = beliefs.sigmas(self.problem.coordinates.to_theta(self.x))
-        rows = zip(self.problem.numbers, sigmas, beliefs.known, strict=True)
-        return {one.name: float(away) for one, away, known in rows if known}
+        return beliefs_of(self.problem, self.prior).moved(self.x)
 
     @property
     def growth(self) -> list[float] | None:

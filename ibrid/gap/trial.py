@@ -13,7 +13,7 @@ from scipy.stats import chi2 as chi2_law
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
-from ibrid.gap.data import Fitted, Values
+from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.port_map import PortFit, port_map
@@ -81,7 +81,7 @@ class Model(Generic[Fit]):
         return self.refit.p_value(scale) > ADEQUATE
 
 
-class Workshop:
+class Workshop(Data):
     """A small-signal sweep as a kind of `Data`, read in any convention."""
 
     ahead = 6
@@ -132,11 +132,6 @@ class Workshop:
         """A model refitted from starts; None where it has no response."""
         refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws, spread=spread)
         return None if refit is None else replace(model, refit=refit)
-
-    def again(self, model: Model, starts: Sequence[Values]) -> Model:
-        """A model refitted from further starts; the better of both."""
-        other = self.refitted(model, starts)
-        return model if other is None or other.refit.cost >= model.refit.cost else other
 
     def stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""

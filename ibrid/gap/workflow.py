@@ -112,10 +112,7 @@ def find_gap(
         watch = Watch(tell, seconds, so_far)
         ask = _Question(diagram, study, values, prior, effects, suggest, watch)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    if watch.stopped:
-        short = f"Stopped after {seconds:g} s: not everything was tried."
-        gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
-    return replace(gap, seconds=watch.elapsed)
+    return _ended(gap, watch)
 
 
 def _of_events(
@@ -139,9 +136,12 @@ def _of_events(
         found = _tried(ask, question.diagram, data, ())
     if found is None:
         raise IbridError(NO_REST)
-    gap = event_answer(found, data, question)
+    return _ended(event_answer(found, data, question), watch)
+
+
+def _ended(gap: Gap, watch: Watch) -> Gap:
     if watch.stopped:
-        short = f"Stopped after {seconds:g} s: not everything was tried."
+        short = f"Stopped after {watch.seconds:g} s: not everything was tried."
         gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
     return replace(gap, seconds=watch.elapsed)
 
