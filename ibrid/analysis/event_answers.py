@@ -32,7 +32,7 @@ def event_answers(structures: Sequence[Structure], text: str, noise: float) -> l
     event, linear = event_of(text), structures[0][1]
     time = np.arange(round(max(LENGTH, event.over + AFTER) * RATE) + 1) / RATE
     shape = event.voltage(time, linear.v0[0])
-    v = np.stack([shape.real, shape.imag], axis=1)
+    v = np.stack([np.real(shape), np.imag(shape)], axis=1)
     rest = OperatingPoint(text, linear.p_pcc, linear.q_pcc, linear.v0[0])
     asked = EventRecord(rest, time, v, np.tile(linear.i0, (len(time), 1)), event.at - 1.0 / RATE)
     played = [_played(one, asked) for one in structures]

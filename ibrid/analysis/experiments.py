@@ -226,7 +226,12 @@ def _chosen(known: Sequence[_Known], count: int) -> np.ndarray:
 
 
 def _told(
-    known: Sequence[_Known], op: OperatingPoint, chosen: np.ndarray, frequency: Sequence[float] = (), *, event: str = ""
+    known: Sequence[_Known],
+    op: OperatingPoint,
+    chosen: np.ndarray,
+    frequency: Sequence[float] | np.ndarray = (),
+    *,
+    event: str = "",
 ) -> Experiment:
     """What is told by the chosen frequencies, or by the event."""
     pairs = list(combinations(range(len(known)), 2))

@@ -56,7 +56,7 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     table = parameter_table(wire(diagram, kinds), "exact")
     known = [*table.names, *(f"{one.id}.{name}" for one in limits for name in one.parameters)]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
-    given = {
+    given: dict[str, Any] = {
         members.get(name, name): one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()
     }
     fixed = {f"{module}.{key}" for (module, key), bound in table.bound.items() if not isinstance(bound, str)}
