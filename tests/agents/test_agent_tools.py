@@ -427,8 +427,12 @@ def test_an_unknown_option_is_refused_before_any_work(sweep: Sweep):
 
 @pytest.mark.parametrize(
     ("value", "schema"),
-    [(1.5, {"type": "integer"}), ("a", {"enum": ["b"]}), (None, {"type": "string"})]
-    + [(float("nan"), {"type": "number", "minimum": 0})],
+    [
+        (1.5, {"type": "integer"}),
+        ("a", {"enum": ["b"]}),
+        (None, {"type": "string"}),
+        (float("nan"), {"type": "number", "minimum": 0}),
+    ],
 )
 def test_what_a_schema_excludes_is_complained_of(value: object, schema: dict):
     assert complaint(value, schema, "it")
