@@ -1,7 +1,7 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
 import json
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.commands.outputs import complain
-from ibrid.commands.table import WORDS, add_argument
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 
 if TYPE_CHECKING:
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from ibrid.structure.outside import Outside
 
 Number = TypeVar("Number", int, float)
-
-DATA_HELP = WORDS["data"]
 
 
 def program(text: str) -> "Diagram":
@@ -56,12 +53,6 @@ def measured(text: str) -> "Sweep":
     for sentence in (*check_conventions(sweep).warnings, *implausible_numbers(sweep)):
         complain(f"of the data: {sentence}")
     return sweep
-
-
-def add_events_options(parser: ArgumentParser) -> None:
-    """`--channels` and `--base`: what a record of somebody else does not say."""
-    add_argument(parser, "--channels")
-    add_argument(parser, "--base")
 
 
 def holds_events(text: str) -> bool:
@@ -109,11 +100,6 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | No
             f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
         )
     return None, events(arguments.data, *options)
-
-
-def add_port_option(parser: ArgumentParser) -> None:
-    """`--port PORT`."""
-    add_argument(parser, "--port")
 
 
 def port(text: str | None, data: "Sweep | Events | None") -> "Outside":

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
+from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError, SweepError
 
 if TYPE_CHECKING:
@@ -16,20 +17,7 @@ if TYPE_CHECKING:
 
 def declare(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "start", help="first answer about a sweep: what is odd, which shipped diagram fits, what next"
-    )
-    parser.add_argument("data", metavar="DATA", help=inputs.DATA_HELP)
-    parser.add_argument(
-        "--events", metavar="EVENTS", help="records of events, to which the best diagrams are fitted too"
-    )
-    inputs.add_events_options(parser)
-    parser.add_argument("--seed", type=inputs.natural, default=0, metavar="N", help="of the random starts (0)")
-    inputs.add_port_option(parser)
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder for the page, the model and start.json (DATA's name and _start)"
-    )
-    parser.set_defaults(run=run)
+    declare_command(commands, "start", run)
 
 
 def run(arguments: Namespace) -> int:

@@ -1,17 +1,16 @@
 """The table `commands.toml`: every command and what it takes, told to argparse."""
 
 import tomllib
-from argparse import ArgumentParser
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
 
+from ibrid.commands import inputs
+
 _TABLES: dict[str, dict[str, Any]] = tomllib.loads(
     (files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8")
 )
-#: What several commands say of their inputs.
-WORDS: Mapping[str, str] = _TABLES["words"]
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -22,17 +21,10 @@ def declare_command(
     takes = dict(_TABLES[name])
     parser = commands.add_parser(name, help=takes.pop("help"))
     for argument, told in takes.items():
-        for one, keywords in instead.get(argument, {argument: told}).items():
-            add_argument(parser, one, keywords)
+        for one, own in instead.get(argument, {argument: told}).items():
+            keywords = dict(own or _TABLES["shared"][one])
+            if isinstance(kind := keywords.get("type"), str):
+                keywords["type"] = getattr(inputs, kind)
+            keywords["help"] = keywords["help"].format(**_TABLES["words"])
+            parser.add_argument(one, **keywords)
     parser.set_defaults(run=run)
-
-
-def add_argument(parser: ArgumentParser, argument: str, told: Mapping[str, Any] = _NOTHING) -> None:
-    """Let a command take an argument, as told or as it is shared."""
-    from ibrid.commands import inputs  # which takes words from here
-
-    keywords = dict(told or _TABLES["shared"][argument])
-    if isinstance(kind := keywords.get("type"), str):
-        keywords["type"] = getattr(inputs, kind)
-    keywords["help"] = keywords["help"].format(**WORDS)
-    parser.add_argument(argument, **keywords)
