@@ -8,6 +8,7 @@ themselves, as readers on a forge need it; while the site is built these links l
 
 import json
 import re
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import nbformat
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES, PAGES, OUTCOMES = ROOT / "notebooks", ROOT / "docs" / "notebooks", ROOT / "docs" / "measured" / "notebooks"
 _LINK = re.compile(r"\]\((?:\.\./)?notebooks/(\w+)\.ipynb\)")
+_FOLDERS = re.compile(rf"{re.escape(str(ROOT))}/|{re.escape(tempfile.gettempdir())}/tmp\w+/")
 _COLOURS = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
@@ -95,13 +97,13 @@ def run(path: Path) -> None:
 
 
 def keep(notebook: nbformat.NotebookNode, name: str) -> None:
-    """What was shown, without warnings and without the folder where it was run."""
+    """What was shown, without warnings and without the folders where it was run."""
     for cell in notebook.cells:
         cell.metadata.clear()
         if cell.cell_type == "code":
             cell.outputs = [one for one in cell.outputs if one.get("name") != "stderr"]
     OUTCOMES.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(notebook, ensure_ascii=False).replace(f"{ROOT}/", "")
+    text = _FOLDERS.sub("", json.dumps(notebook, ensure_ascii=False))
     (OUTCOMES / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 

@@ -8,17 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ibrid.analysis.freed_fits import EventFits
 from ibrid.analysis.linear_model import LinearModel
 from ibrid.analysis.parametric import ParametricModel, Uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.events import EventRecord
+from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.playback.compare import model_of_record
 from ibrid.playback.recording import AFTER, LENGTH, RATE, event_of
 
-#: Largest change of a search coordinate in a difference, and simulation steps times the fastest mode.
-STEP, FINE = 1e-4, 1.0
 #: A structure at an operating point: its record, matrices, response, and what is known of its parameters.
 Structure = tuple[Record, LinearModel, ParametricModel, Uncertainty]
 
@@ -32,13 +30,13 @@ def event_answers(structures: Sequence[Structure], text: str, noise: float) -> l
     event, linear = event_of(text), structures[0][1]
     time = np.arange(round(max(LENGTH, event.over + AFTER) * RATE) + 1) / RATE
     shape = event.voltage(time, linear.v0[0])
-    v = np.stack([np.real(shape), np.imag(shape)], axis=1)
+    v, i = np.stack([np.real(shape), np.imag(shape)], axis=1), np.tile(linear.i0, (len(time), 1))
     rest = OperatingPoint(text, linear.p_pcc, linear.q_pcc, linear.v0[0])
-    asked = EventRecord(rest, time, v, np.tile(linear.i0, (len(time), 1)), event.at - 1.0 / RATE)
-    played = [_played(one, asked) for one in structures]
+    asked = EventRecord(rest, time, v, i, event.at - 1.0 / RATE, sigma=np.ones(len(time)))
+    played = [_played(one, Events((asked,), f0_hz=linear.f0_hz)) for one in structures]
     first = played[0][0]
-    deviation = max(noise * float(np.sqrt(np.mean((first.reshape(-1, 2) - first[:2]) ** 2))), 1e-9)
-    differences = [(answer - first)[:, None] for answer, _ in played]
+    deviation = max(noise * float(np.sqrt(np.mean(first**2))), 1e-9)
+    differences = [(departure - first)[:, None] for departure, _ in played]
     basis, _ = np.linalg.qr(np.hstack([*differences, *(slopes for _, slopes in played)]))
     return [
         (basis.T @ difference[:, 0] / deviation, basis.T @ slopes / deviation)
@@ -46,14 +44,11 @@ def event_answers(structures: Sequence[Structure], text: str, noise: float) -> l
     ]
 
 
-def _played(structure: Structure, asked: EventRecord) -> tuple[np.ndarray, np.ndarray]:
-    """The current (2 N,), and its slopes (2 N, R)."""
-    record, linear, model, sure = structure
-    own = model_of_record(record)
-    size = STEP / np.maximum(np.abs(sure.directions).max(axis=0, initial=0.0), STEP)
-    thetas = model.coordinates.to_theta(model.x + np.vstack([np.zeros(len(model.x)), (sure.directions * size).T]))
-    values = [{**own.values, **dict(zip(model.names, map(float, theta), strict=True))} for theta in thetas]
-    answers = [one.current.ravel() for one in own.player(linear.f0_hz).play(asked, values, step=FINE)]
-    if not np.isfinite(answers).all():
-        raise IbridError(f"the model does not hold out in {asked.name}")
-    return answers[0], (np.array(answers[1:]) - answers[0]).T.reshape(-1, len(size)) / size
+def _played(structure: Structure, asked: Events) -> tuple[np.ndarray, np.ndarray]:
+    """The departure from rest (2 N,), and its slopes (2 N, R)."""
+    record, _, _, sure = structure
+    fits = EventFits(record, asked)
+    departure = fits.residuals(fits.x0[None])[0]
+    if not np.isfinite(departure).all():
+        raise IbridError(f"the model does not hold out in {asked.names[0]}")
+    return departure, fits.slopes(fits.x0)[:, [fits.names.index(name) for name in sure.names]] @ sure.directions

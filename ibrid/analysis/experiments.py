@@ -121,22 +121,26 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     noise = among.noise or _noise(answer)
     found, why = [], "none was asked"
     for op in among.points():
-        try:
-            structures = [_structure(record, op) for record in records]
-            known = _swept(structures, names, op, frequency, noise)
-            found.append(_told(known, op, _chosen(known, among.count), frequency))
-            for event in among.events:
-                known = _recorded(structures, names, event, among.record_noise)
-                found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
-        except IbridError as error:
-            why = str(error)
+        for event in ("", *among.events):
+            try:
+                with whole_record():
+                    structures = [_structure(record, op) for record in records]
+                    if event:
+                        known = _recorded(structures, names, event, among.record_noise)
+                        found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
+                    else:
+                        known = _swept(structures, names, op, frequency, noise)
+                        found.append(_told(known, op, _chosen(known, among.count), frequency))
+            except IbridError as error:
+                why = str(error)
     if not found:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
     return tuple(sorted(found, key=lambda one: (-min(one.decides, DECISIVE * 8), -one.information)))
 
 
-def sentences(found: Sequence[Experiment]) -> tuple[str, ...]:
-    """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing."""
+def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
+    """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing; and
+    events in which a model has no answer anywhere."""
     pairs = {tuple(pair[:2]): max(_bits(one, pair) for one in found) for pair in found[0].separates}
     said = [
         f"nothing you can do at the terminals will tell {one} from {other}, of all that was asked: at most {bits:.1g} bits; a "
@@ -144,6 +148,8 @@ def sentences(found: Sequence[Experiment]) -> tuple[str, ...]:
         for (one, other), bits in pairs.items()
         if bits < DECISIVE
     ]
+    if lost := [event for event in among.events if all(one.event != event for one in found)]:
+        said.append(f"{', '.join(lost)} could not be asked: a model leaves or has no answer at every operating point")
     blind = [name for name in found[0].gain if min(one.gain[name] for one in found) > NOTHING]
     if len(blind) == len(found[0].gain):
         said.append("nothing that was asked tells more of the parameters than is known")
@@ -173,13 +179,12 @@ def _noise(record: Record) -> float:
 
 def _structure(record: Record, op: OperatingPoint) -> Structure:
     """Raises IbridError where a record has no operating point, or is unstable on an ideal grid there."""
-    with whole_record():
-        whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
-        linear = linear_model(whole, point)
-        if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
-            raise IbridError(f"the model is unstable at {op.name}")
-        model = ParametricModel(whole, OperatingPoint(point, linear.p, linear.q, linear.v))
-        sure = uncertainty(whole, model)
+    whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
+    linear = linear_model(whole, point)
+    if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
+        raise IbridError(f"the model is unstable at {op.name}")
+    model = ParametricModel(whole, OperatingPoint(point, linear.p, linear.q, linear.v))
+    sure = uncertainty(whole, model)
     if sure is None:
         raise IbridError("the record holds no covariance; fit again with --parameters shared")
     return whole, linear, model, sure

@@ -41,7 +41,7 @@ def run_next(arguments: Namespace) -> int:
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
     found = experiments(records, names, among)
-    said = sentences(found)
+    said = sentences(found, among)
     content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
     if not give_json(content, arguments.json):
         print(format_experiments(found, said))

@@ -79,7 +79,7 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     one, other = (only_uncertain(evaluated("gfl_pll_filter_exact"), name, 10.0) for _ in range(2))
     found = experiments([one, with_value(other, name, 1.001)], ["a", "b"], HERE)
     assert found[0].decides < 0.01
-    assert sentences(found)[0].startswith("nothing you can do at the terminals will tell a from b")
+    assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
 
 
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
@@ -111,6 +111,13 @@ def test_a_record_gains_what_a_fit_to_it_gains():
     kept = {name: deviation(both, name) / deviation(record, name) for name in gains}  # others are those of a twin
     assert len(gains) > 4
     assert kept == pytest.approx(gains, rel=0.2)
+
+
+def test_an_event_in_which_the_model_leaves_is_told_and_the_others_are_asked():
+    asked = Among(p=(0.7,), q=(0.1,), count=1, events=("swell:9", "phase:20"))
+    found = experiments([noisy()], ["a"], asked)
+    assert {one.event for one in found} == {"", "phase:20"}
+    assert sentences(found, asked)[0].startswith("swell:9 could not be asked")
 
 
 def deviation(record: Record, name: str) -> float:
