@@ -137,14 +137,17 @@ def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_record
     assert "phase:10" in text
     events = with_records.parent / "dip.csv"
     moved = events.rename(events.with_name("moved.csv"))
-    assert cli.main(["report", str(with_records / "model.json")]) == 0
-    assert "Records of events are not shown" in capsys.readouterr().err
-    assert cli.main(["report", str(with_records / "model.json"), "--events", str(moved)]) == 0
-    assert capsys.readouterr().err == ""
+    try:
+        assert cli.main(["report", str(with_records / "model.json")]) == 0
+        assert "Records of events are not shown" in capsys.readouterr().err
+        assert cli.main(["report", str(with_records / "model.json"), "--events", str(moved)]) == 0
+        assert capsys.readouterr().err == ""
+    finally:
+        moved.rename(events)
 
 
 def test_records_in_place_of_a_sweep_are_refused_with_what_to_do(with_records, capsys):
-    assert cli.main(["start", str(with_records.parent / "moved.csv")]) == 2
+    assert cli.main(["start", str(with_records.parent / "dip.csv")]) == 2
     assert "give a sweep and these as --events" in capsys.readouterr().err
     assert cli.main(["start", str(with_records.parent / "data.csv"), "--base", "1MVA,1kV"]) == 2
     assert "--channels and --base are of records of events" in capsys.readouterr().err
