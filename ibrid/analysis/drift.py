@@ -8,29 +8,32 @@ their noise,
 is what is left when the parameters in A have changed freely. T() - T({j}) is chi2 with one degree of freedom where nothing
 changed; parameters enter one by one, the best first, while they lower T beyond what P of them would by chance in a part
 `FALSE_ALARM` of cases (likelihood ratio, Bonferroni), a pair where neither of it does alone; those without which the rest does as
-well leave again.
+well leave again. In a plant of several devices each parameter may change in one of them or in all; where that does not suffice,
+the gap is asked of the devices one by one, each as the others, unchanged, leave it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
-from ibrid.analysis.freed_fits import FreedFit, FreedFits, fits_of
+from ibrid.analysis.collector import Collector
+from ibrid.analysis.freed_fits import FreedFit, FreedFits, PlantFits, fits_of
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.result import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
+from ibrid.structure.outside import PORT
 
 #: Probability that an unchanged device is said to have changed, and the p-value below which a model does not fit the data.
 FALSE_ALARM, ADEQUATE = 0.01, 1e-3
-#: Most parameters that change together, and candidates of a pair.
-MOST, PAIRED = 3, 8
+#: Most parameters that change together, candidates of a pair, and devices of which the gap is asked.
+MOST, PAIRED, ASKED = 3, 8, 3
 #: Difference of T within which another parameter explains the change as well.
 ALIKE = 6.0
 #: What a gap says, whose tolerances are wide, of data that the record's own values do not answer.
@@ -61,7 +64,7 @@ class Change:
 @dataclass(frozen=True)
 class Drift:
     """`verdict` : same, parameters, structure or labels. `p_value` : of the model with the changes. `gap` : asked where they do
-    not suffice."""
+    not suffice. `device` : of a plant, the one that differs."""
 
     verdict: str
     sentence: str
@@ -69,6 +72,7 @@ class Drift:
     p_value: float
     noise: str
     gap: Gap | None = None
+    device: str | None = None
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
@@ -81,13 +85,15 @@ class Drift:
             "noise": self.noise,
             "false_alarm": FALSE_ALARM,
             "effects": [one.id for one in self.gap.effects] if self.gap else [],
+            "device": self.device,
         }
 
 
-def drift(record: Record, data: Sweep | Events) -> Drift:
+def drift(record: Record, data: Sweep | Events, collector: Collector | None = None) -> Drift:
     """What changed between the data of a record and new ones: a sweep, at the same operating points or others, or records of
     events.
 
+    collector : where the data are a sweep at the PCC of a plant, the network behind it, whose devices are as the record.
     Raises IbridError where the record has no covariance, another nominal frequency, or a model without an answer there.
     """
     if (record.settings.get("parameters"), record.settings.get("equilibrium")) != ("shared", "exact"):
@@ -96,17 +102,49 @@ def drift(record: Record, data: Sweep | Events) -> Drift:
         raise IbridError(
             f"the record is of {record.settings['f0_hz']:g} Hz, the data of {data.f0_hz:g} Hz; take data of one"
         )
-    found = fits_of(record, data)
+    found = _fits(record, data, collector)
     added, fit = _changed(found)
     p_value = found.p_value(fit.cost)
     if p_value <= ADEQUATE or len(added) >= MOST:
+        if isinstance(found, PlantFits):
+            return _in_one_device(found, record, p_value)
         swept, events = (data, None) if isinstance(data, Sweep) else (None, data)
         gap = find_gap(record, swept, events=events, progress="silent")
         verdict = _VERDICTS.get(gap.verdict, "structure")
         changed = _moved(gap) if verdict == "parameters" else ()
         return Drift(verdict, gap.sentence, changed, p_value, found.source, gap)
     changed = tuple(_change(found, k, added, fit) for k in range(len(added)))
-    return Drift("parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source)
+    named = {one.parameter.split(".")[0] for one in changed if f".{PORT}." not in one.parameter}
+    device = named.pop() if collector and len(named) == 1 and "all" not in named else None
+    return Drift(
+        "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, device=device
+    )
+
+
+def _fits(record: Record, data: Sweep | Events, collector: Collector | None) -> FreedFits:
+    if collector is None:
+        return fits_of(record, data)
+    if not isinstance(data, Sweep):
+        raise IbridError("a plant of several devices is compared with a sweep, found records of events; give a sweep")
+    return PlantFits(record, data, collector)
+
+
+def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:
+    """What the gap says of the first device that it explains, those first whose freest fits leave least."""
+    plant = found.plant
+    own = [range(*(plant.parameters * (k + side) for side in (1, 2))) for k in range(len(plant.collector.devices))]
+    nearest = sorted(range(len(own)), key=lambda device: found.fit(tuple(own[device])).cost)[:ASKED]
+    asked: list[tuple[Gap, int]] = []
+    for device in nearest:
+        asked.append((find_gap(record, found.behind(device), progress="silent"), device))
+        if explained := asked[-1][0].verdict in ("named", *_VERDICTS):
+            break
+    gap, device = asked[-1 if explained else 0]
+    name = plant.collector.devices[device].name
+    verdict = _VERDICTS.get(gap.verdict, "structure")
+    changed = _moved(gap) if verdict == "parameters" else ()
+    changed = tuple(replace(one, parameter=f"{name}.{one.parameter}") for one in changed)
+    return Drift(verdict, f"{name} differs: {gap.sentence}", changed, p_value, found.source, gap, name)
 
 
 def _changed(found: FreedFits) -> tuple[list[int], FreedFit]:
@@ -117,7 +155,7 @@ def _changed(found: FreedFits) -> tuple[list[int], FreedFit]:
     while len(added) < min(MOST, found.size):
         tried = {j: found.fit((*added, j), last) for j in found.likely(added, last)}
         least = min((one.cost for one in tried.values()), default=last.cost)
-        moved = {j: abs(float(one.w[-1])) for j, one in tried.items() if one.cost < least + ALIKE}
+        moved = {j: found.move(j, float(one.w[-1])) for j, one in tried.items() if one.cost < least + ALIKE}
         if last.cost - least > level:
             best = min(moved, key=moved.__getitem__)
             added, last = [*added, best], tried[best]

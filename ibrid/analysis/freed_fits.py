@@ -9,14 +9,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 from scipy.stats import f as f_law
 
+from ibrid.analysis.collector import Collector
+from ibrid.analysis.collector_model import CollectorCoordinates, CollectorModel
 from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.least_squares import Descent, Points
-from ibrid.fit.problem import Coordinates
+from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.event_question import rests
@@ -30,6 +33,8 @@ STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enoug
 #: Parameters of which a fit to records of events is tried; the linear gain in T below which none is; T of a number from which on
 #: nothing is linear.
 LIKELY, LEAST, FAR = 3, 4.0, 10.0
+#: Parameters of a plant of which a fit is tried.
+PLANT = 10
 #: Logarithms of factors at which a parameter is scanned.
 SCAN = np.log(np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)]))
 
@@ -52,7 +57,7 @@ class FreedFits(ABC):
     """
 
     names: Sequence[str]
-    coordinates: Coordinates
+    coordinates: Coordinates | CollectorCoordinates
     x0: np.ndarray
     root: np.ndarray
     numbers: int
@@ -78,6 +83,23 @@ class FreedFits(ABC):
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
         """Parameters, beside those that are free, whose change may be worth a fit."""
         return [j for j in range(self.size) if j not in free]
+
+    def move(self, j: int, d: float) -> float:
+        """How large a change of a parameter by d is, where others explain the data as well."""
+        return abs(d)
+
+    def gains(self, free: Sequence[int], last: FreedFit, others: Sequence[int]) -> dict[int, float]:
+        """By how much T would fall if each of the others were free beside, linearly; the largest first."""
+        slopes, model = self.slopes(last.x), Freed(self, free)
+        seen = slopes @ model.directions
+        inverse = np.linalg.pinv(seen.T @ seen + np.diag(model.pulled))
+        residual = self.residuals(last.x[None])[0]
+        gain = {}
+        for j in others:
+            beside = slopes[:, j] - seen @ (inverse @ (seen.T @ slopes[:, j]))
+            size = float(slopes[:, j] @ beside)
+            gain[j] = float(beside @ residual) ** 2 / size if size > 1e-9 else 0.0
+        return {j: gain[j] for j in sorted(gain, key=lambda j: -gain[j])}
 
     def fit(self, free: Sequence[int], near: FreedFit | None = None) -> FreedFit:
         """The least T with these parameters free, by damped least squares from some starts."""
@@ -135,21 +157,25 @@ class SweepFits(FreedFits):
     """Of a sweep."""
 
     def __init__(self, record: Record, sweep: Sweep) -> None:
-        settings = {**record.settings, "power_node": sweep.power_node}
-        model = ParametricModel(replace(record, settings=settings), _any_point(record))
         noise = noise_of(sweep)
         self.source = noise.source
-        self.names, self.x0 = model.names, model.x
-        self.coordinates = model.coordinates
-        self.root = _known(record)[1]
-        self._set(model, noise.sweep.points)
+        self._set(self._of(record, sweep), noise.sweep.points)
         if not noise.known:  # its level is that of what the freest model leaves
             everything = self.fit(tuple(range(self.size)))
             scale = np.sqrt(everything.cost / max(self.numbers - self.size, 1))
-            self._set(model, noise.times(float(scale)).sweep.points)
+            self._set(self._problem, noise.times(float(scale)).sweep.points)
 
-    def _set(self, model: ParametricModel, points: Sequence[PointSweep]) -> None:
-        self._problem = model.problem(points)
+    def _of(self, record: Record, sweep: Sweep) -> Problem | CollectorModel:
+        """What answers at the points of the sweep; the names, the coordinates and what the record knows."""
+        settings = {**record.settings, "power_node": sweep.power_node}
+        model = ParametricModel(replace(record, settings=settings), _any_point(record))
+        self.names, self.x0 = model.names, model.x
+        self.coordinates = model.coordinates
+        self.root = _known(record)[1]
+        return model.problem(sweep.points)
+
+    def _set(self, problem: Problem | CollectorModel, points: Sequence[PointSweep]) -> None:
+        self._problem, self._points = problem, tuple(points)
         self._measured = np.concatenate([_flat(one.admittance[..., None])[:, 0] for one in points])
         self._sigma = np.concatenate([np.tile(np.asarray(one.sigma).ravel(), 2) for one in points])
         self.numbers = len(self._measured)
@@ -162,6 +188,52 @@ class SweepFits(FreedFits):
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
         return np.concatenate([_flat(one) for one in self._problem.jacobians(x)]) / self._sigma[:, None]
+
+
+class PlantFits(SweepFits):
+    """Of a sweep at the PCC of a plant, whose devices are those of the record or differ from it."""
+
+    def __init__(self, record: Record, sweep: Sweep, collector: Collector) -> None:
+        self._collector, self._sweep = collector, sweep
+        super().__init__(record, sweep)
+
+    def _of(self, record: Record, sweep: Sweep) -> CollectorModel:
+        found = plant_model(record, self._collector, sweep.points)
+        self.names, self.x0, self.coordinates = found.names, found.x, found.coordinates
+        self.plant, self.root = found, known_of_plant(record, found)
+        return found
+
+    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
+        """Those with the largest linear gains."""
+        return list(self.gains(free, last, super().likely(free, last)))[:PLANT]
+
+    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
+        """The two with the least T."""
+        starts = super().starts(free, near)
+        return starts[np.argsort(Freed(self, free).at(starts).cost)[:2]]
+
+    def move(self, j: int, d: float) -> float:
+        """A change of one device is likelier than the same of all, which looks alike where their places do."""
+        return abs(d) * (2 * len(self._collector.devices) if j < self.plant.parameters else 1)
+
+    def behind(self, device: int) -> Sweep:
+        """What one device has to be where the others are as the record has them."""
+        points = [self.plant.behind(device, one, m) for m, one in enumerate(self._points)]
+        return replace(self._sweep, points=tuple(points), power_node="pcc")
+
+
+def plant_model(record: Record, collector: Collector, points: Sequence[PointSweep]) -> CollectorModel:
+    """The plant of a record's devices at points of its PCC, where p, q and v are."""
+    settings = {**record.settings, "power_node": "pcc"}
+    return CollectorModel(
+        record, ParametricModel(replace(record, settings=settings), _any_point(record)), collector, points
+    )
+
+
+def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
+    """(X, R) one standard deviation each of a plant's numbers: what the record knows of every device alike, and tolerances."""
+    known = _known(record)[1]
+    return block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
 
 
 class EventFits(FreedFits):
@@ -208,16 +280,8 @@ class EventFits(FreedFits):
             middles = self._middles(len(free) + 1, last)
             costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
             return sorted(sorted(costs, key=costs.__getitem__)[:LIKELY])
-        slopes, model = self.slopes(last.x), Freed(self, free)
-        seen = slopes @ model.directions
-        inverse = np.linalg.pinv(seen.T @ seen + np.diag(model.pulled))
-        residual = self.residuals(last.x[None])[0]
-        gain = {}
-        for j in others:
-            beside = slopes[:, j] - seen @ (inverse @ (seen.T @ slopes[:, j]))
-            size = float(slopes[:, j] @ beside)
-            gain[j] = float(beside @ residual) ** 2 / size if size > 1e-9 else 0.0
-        return sorted(j for j in sorted(gain, key=lambda j: -gain[j])[:LIKELY] if gain[j] > LEAST)
+        gain = self.gains(free, last, others)
+        return sorted(j for j in list(gain)[:LIKELY] if gain[j] > LEAST)
 
     def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
         """Where scans are about: the record's values, and another fit with fewer parameters free."""

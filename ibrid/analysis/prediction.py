@@ -127,7 +127,7 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
 
     Raises IbridError for a record that cannot predict, OperatingPointError for a point that does not exist.
     """
-    _require_able(record)
+    require_able(record)
     text = op if isinstance(op, str) else f"p={op.p!r},q={op.q!r},v={op.v!r}"
     with whole_record():
         whole, name = with_point(record, text)
@@ -162,7 +162,8 @@ def predicted_sweep(record: Record, predictions: Sequence[Prediction]) -> Sweep:
     )
 
 
-def _require_able(record: Record) -> None:
+def require_able(record: Record) -> None:
+    """IbridError for a record whose parameters are not those of every operating point."""
     if record.outcome != "ok":
         return  # linear_model says why
     found = record.settings.get("parameters"), record.settings.get("equilibrium")

@@ -57,9 +57,11 @@ def run_drift(arguments: Namespace) -> int:
 
     record = inputs.record(arguments.record, arguments.kinds)
     if inputs.holds_events(arguments.data):
+        inputs.require_no_plant(arguments)
         found = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
     else:
-        found = drift(record, inputs.measured(arguments.data))
+        sweep = inputs.measured(arguments.data)
+        found = drift(record, sweep, inputs.collector(arguments.port, sweep))
     if not give_json(found.plain(), arguments.json):
         print(f"{found.verdict}: {found.sentence}")
     return 0

@@ -27,11 +27,16 @@ def declare(commands: Any) -> None:
 
 def run_predict(arguments: Namespace) -> int:
     """Write the sweep and print what is predicted; or the current in time."""
-    _require_places(arguments, {"--out": arguments.out})
+    _require_places(arguments, {"--out": arguments.out, "--equivalent": arguments.equivalent})
     if bool(arguments.op) == (arguments.events is not None):
         raise IbridError("predict takes --op p=..,q=.. or --events EVENTS, one of them; found neither or both")
+    if arguments.equivalent and arguments.port is None:
+        raise IbridError("--equivalent stands for the devices of a plant; give its network with --port PORT.toml")
     if arguments.events is not None:
+        inputs.require_no_plant(arguments)
         return _predict_events(arguments)
+    if arguments.port is not None:
+        return _predict_plant(arguments)
 
     from ibrid.analysis.prediction import predict, predicted_sweep
     from ibrid.measurement.csv_file import write_sweep
@@ -67,6 +72,26 @@ def run_nfp(arguments: Namespace) -> int:
         write_whole(arguments.out, jacobian_csv(found))
     if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in found]}, arguments.json):
         print("\n".join(map(format_jacobian, found)))
+    return 0
+
+
+def _predict_plant(arguments: Namespace) -> int:
+    """The sweep of a plant, and the port of one device in place of all."""
+    from ibrid.analysis.collector_file import Given, read_collector
+    from ibrid.analysis.plant import predict_plant
+    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.plants.sweeping import frequency_grid
+    from ibrid.report.plant_text import equivalent_file, format_plant
+
+    record = inputs.record(arguments.record, arguments.kinds)
+    network = read_collector(arguments.port, Given.of(record))
+    found = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
+    write_sweep(found.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
+    if arguments.equivalent is not None:
+        write_whole(arguments.equivalent, equivalent_file(found.equivalent))
+    if not give_json(found.plain(), arguments.json):
+        print(format_plant(found))
+        print(f"{arguments.out}: {len(found.sweep.points[0].frequency)} frequencies at {'; '.join(found.sweep.names)}")
     return 0
 
 
@@ -146,4 +171,5 @@ def _require_places(arguments: Namespace, outputs: dict[str, str | None]) -> Non
 def _command(arguments: Namespace) -> str:
     """The command line that makes the same numbers again."""
     words = ["ibrid", "predict", arguments.record, *(word for op in arguments.op for word in ("--op", op))]
-    return shlex.join([*words, "--freq", arguments.freq])
+    port = [] if arguments.port is None else ["--port", arguments.port]
+    return shlex.join([*words, *port, "--freq", arguments.freq])

@@ -4,11 +4,9 @@ import tomllib
 from collections.abc import Mapping
 from math import isfinite, pi
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from ibrid.errors import SweepError, near
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import Sweep
 from ibrid.structure.outside import ELEMENTS, Outside, PortElement
 
 _USUAL = {"R": 0.0, "ratio": 1.0}
@@ -17,7 +15,18 @@ _KEYS = ("kind", "unit", "tolerance", "v_base_v", "shift_deg")
 PLAUSIBLE = (1e-7, 2.0)
 
 
-def read_port(path: str | Path, data: Sweep | Events) -> Outside:
+class Bases(Protocol):
+    """What has bases of power (VA) and voltage (V), None where unknown, and a nominal frequency: a sweep, records."""
+
+    @property
+    def s_base_va(self) -> float | None: ...
+    @property
+    def v_base_v(self) -> float | None: ...
+    @property
+    def f0_hz(self) -> float: ...
+
+
+def read_port(path: str | Path, data: Bases) -> Outside:
     """The port of a sweep or of records of events, from the PCC inwards.
 
     `power_node = "outside" | "inside"`, where p and q were measured; `[[element]]` with `kind` (series R, L | shunt R, C |
@@ -26,37 +35,52 @@ def read_port(path: str | Path, data: Sweep | Events) -> Outside:
 
     Raises SweepError, one sentence that says what to change, for anything else.
     """
+    where = f"the port {path}"
+    content = port_content(path)
+    if "branch" in content:
+        raise SweepError(
+            f"{where} has branches, so several devices; `ibrid predict` and `ibrid drift` take it, and write with --equivalent "
+            "the port of one device in their place"
+        )
+    require_known(content, ("power_node", "element"), where)
+    node = content.get("power_node", "outside")
+    if node not in ("outside", "inside"):
+        raise SweepError(f'power_node of {where} must be "outside" or "inside", found {node!r:.40}')
+    return Outside(port_elements(content.get("element", []), where, data), node == "inside")
+
+
+def port_content(path: str | Path) -> dict[str, Any]:
+    """What a port file holds, unchecked; SweepError where it is no TOML."""
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise SweepError(f"the port {path} cannot be read ({error.strerror}); give the path of a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SweepError(f"the port {path} is no TOML: {error}") from None
-    _require_known(content, ("power_node", "element"), f"the port {path}")
-    node = content.get("power_node", "outside")
-    if node not in ("outside", "inside"):
-        raise SweepError(f'power_node of the port {path} must be "outside" or "inside", found {node!r:.40}')
-    elements = content.get("element", [])
+
+
+def port_elements(elements: Any, where: str, data: Bases) -> tuple[PortElement, ...]:
+    """The elements of a port or of a branch, per unit."""
     if not isinstance(elements, list) or not elements or not all(isinstance(one, dict) for one in elements):
-        raise SweepError(f"the port {path} must have elements; write [[element]] with kind, values and unit")
-    named = [(f"element {number} of the port {path}", one) for number, one in enumerate(elements, start=1)]
-    return Outside(tuple(_element(one, where, data) for where, one in named), node == "inside")
+        raise SweepError(f"{where} must have elements; write [[element]] with kind, values and unit")
+    named = [(f"element {number} of {where}", one) for number, one in enumerate(elements, start=1)]
+    return tuple(_element(one, name, data) for name, one in named)
 
 
-def _element(entry: Mapping[str, Any], where: str, data: Sweep | Events) -> PortElement:
+def _element(entry: Mapping[str, Any], where: str, data: Bases) -> PortElement:
     kind = str(entry.get("kind"))
     if kind not in ELEMENTS:
         raise SweepError(f"{where} must be one of {', '.join(ELEMENTS)}, found {kind!r:.40}; {near(kind, ELEMENTS)}")
-    _require_known(entry, (*_KEYS, *ELEMENTS[kind]), where)
-    tolerance = _number(entry, "tolerance", where, 0.0)
+    require_known(entry, (*_KEYS, *ELEMENTS[kind]), where)
+    tolerance = number_of(entry, "tolerance", where, 0.0)
     unit = entry.get("unit")
     if unit not in ("si", "pu"):
         raise SweepError(f'{where} must have unit = "si" or "pu", found {unit!r:.40}; ohm, H and F are "si"')
     if not 0 <= tolerance <= 1:
         raise SweepError(f"the tolerance of {where} must lie between 0 and 1, found {tolerance:g}; 0.05 is 5 %")
     scale = _per_unit(entry, where, data, unit)
-    values = {name: _number(entry, name, where, _USUAL.get(name)) * scale.get(name, 1.0) for name in ELEMENTS[kind]}
-    _number(entry, "shift_deg", where, 0.0)
+    values = {name: number_of(entry, name, where, _USUAL.get(name)) * scale.get(name, 1.0) for name in ELEMENTS[kind]}
+    number_of(entry, "shift_deg", where, 0.0)
     for name, value in values.items():
         least, most = PLAUSIBLE
         if value < 0 or value > 1e4 or (name in "LC" and not least <= value <= most):
@@ -68,20 +92,22 @@ def _element(entry: Mapping[str, Any], where: str, data: Sweep | Events) -> Port
     return PortElement(kind, values, tolerance)
 
 
-def _per_unit(entry: Mapping[str, Any], where: str, data: Sweep | Events, unit: str) -> dict[str, float]:
+def _per_unit(entry: Mapping[str, Any], where: str, data: Bases, unit: str) -> dict[str, float]:
     """Factors from the element's unit to per unit of the sweep's base, name by name."""
-    voltage = _number(entry, "v_base_v", where, data.v_base_v if data.v_base_v is not None else 0.0)
+    voltage = number_of(entry, "v_base_v", where, data.v_base_v if data.v_base_v is not None else 0.0)
     if unit == "pu":
         return {}
     if not voltage > 0 or data.s_base_va is None:
         raise SweepError(
-            f'{where} is in SI units, which need s_base_va and v_base_v; write them at the top of the data, or use unit = "pu"'
+            f"{where} is in SI units, which need s_base_va and v_base_v; write them at the top of the data, or of a port file "
+            'with branches, or use unit = "pu"'
         )
     base = voltage**2 / data.s_base_va
     return {"R": 1 / base, "L": 2 * pi * data.f0_hz / base, "C": 2 * pi * data.f0_hz * base}
 
 
-def _number(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:
+def number_of(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:
+    """A finite number of an entry; SweepError for anything else."""
     value = entry.get(name, usual)
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise SweepError(
@@ -90,6 +116,7 @@ def _number(entry: Mapping[str, Any], name: str, where: str, usual: float | None
     return float(value)
 
 
-def _require_known(entry: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+def require_known(entry: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    """SweepError for the first key that is not known."""
     if unknown := [key for key in entry if key not in known]:
         raise SweepError(f"{where} has {unknown[0]!r:.40}; {near(unknown[0], known)}")

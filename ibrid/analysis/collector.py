@@ -1,0 +1,199 @@
+"""Several devices behind one PCC: a tree of known passive elements, from the PCC inwards, with a device at each end.
+
+Per unit of the plant, current out. A branch takes a share of the power that enters at the node before it, so that the operating
+point of every device follows in closed form; each is a device of rating r at p/r, q/r whose admittance r R(a) Y R(-a) is turned
+by the angle a of its terminals. From there outwards, with Z = R + (s/omega_0 + J) L and i = Y v,
+
+    shunt Y - Y_s    series (1 - Y Z)^-1 Y    transformer Y / ratio^2, then its series    node: the sum over its branches.
+
+`laws`: dY = left dY_device right along a whole path, a chain of (1 - Y Z)^-1 and (1 - Z Y)^-1.
+"""
+
+import cmath
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ibrid.assembly.terminals import inwards, resistance_of
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.structure.outside import ELEMENTS, PORT, PortElement
+
+_ONE, _J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Elements from the outer side inwards, then a device, or a node with further branches.
+
+    `rating` : of the device, or of all devices behind it, over the base of power of the plant. `share` : of the power that
+    enters at the node before it. `values` : of the device's parameters that are known to differ.
+    """
+
+    name: str
+    elements: tuple[PortElement, ...] = ()
+    branches: tuple["Branch", ...] = ()
+    rating: float = 1.0
+    share: float = 1.0
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def leaves(self) -> Iterator["Branch"]:
+        """The branches that end at a device, in the order of the file."""
+        for branch in self.branches:
+            yield from branch.leaves()
+        if not self.branches:
+            yield self
+
+    def all(self) -> Iterator["Branch"]:
+        """It and all behind it."""
+        yield self
+        for branch in self.branches:
+            yield from branch.all()
+
+    def label(self, k: int, number: str) -> str:
+        """Name of a number of the k-th element, from 1."""
+        return ".".join([*([self.name] if self.name else []), PORT, str(k), number])
+
+
+class Rest(NamedTuple):
+    """Of a device, per unit of its own rating; `angle` : of its terminals before the PCC, rad."""
+
+    p: float
+    q: float
+    v: float
+    angle: float
+
+
+class Answer(NamedTuple):
+    """`admittance` (K, 2, 2) seen at a node; `laws` : of each device behind it, (left, right), each (K, 2, 2)."""
+
+    admittance: np.ndarray
+    laws: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+
+@dataclass(frozen=True)
+class Collector:
+    """The network of a plant. `root` : what lies behind the PCC; its name is empty."""
+
+    root: Branch
+
+    @cached_property
+    def devices(self) -> tuple[Branch, ...]:
+        """One for each device."""
+        return tuple(self.root.leaves())
+
+    @cached_property
+    def numbers(self) -> Mapping[str, tuple[float, float]]:
+        """Name -> value per unit and its tolerance, of every number of every element; a ratio is known."""
+        found = {}
+        for branch in self.root.all():
+            for k, element in enumerate(branch.elements, start=1):
+                for name in ELEMENTS[element.kind]:
+                    value = element.values[name]
+                    known = name == "ratio" or not value
+                    found[branch.label(k, name)] = value, 0.0 if known else element.tolerance
+        return found
+
+    def at(self, op: OperatingPoint, s: np.ndarray, numbers: Mapping[str, float]) -> "Flow":
+        """The network when the plant feeds p, q at v into the grid. s : (K,) over omega_0. numbers : name -> value."""
+        elements = {}
+        for branch in self.root.all():
+            for k, element in enumerate(branch.elements, start=1):
+                values = {name: numbers[branch.label(k, name)] for name in ELEMENTS[element.kind]}
+                elements[branch.name, k] = _Element.of(element.kind, values, s)
+        rests = _rests(self.root, complex(op.v), complex(op.p, -op.q) / op.v, elements)
+        return Flow(self.root, elements, tuple(rests))
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A network at one operating point of the plant. `rests` : of every device."""
+
+    root: Branch
+    elements: Mapping[tuple[str, int], "_Element"]
+    rests: tuple[Rest, ...]
+
+    def seen(self, devices: Sequence[np.ndarray]) -> Answer:
+        """At the PCC. devices : admittance (K, 2, 2) of each, in the frame of the PCC and per unit of the plant."""
+        return self._seen(self.root, iter(devices))
+
+    def needed(self, measured: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
+        """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are as given."""
+        return self._needed(self.root, measured, device, devices)
+
+    def _seen(self, branch: Branch, devices: Iterator[np.ndarray]) -> Answer:
+        if branch.branches:
+            parts = [self._seen(behind, devices) for behind in branch.branches]
+            whole, laws = sum(one.admittance for one in parts), [law for one in parts for law in one.laws]
+        else:
+            whole, laws = next(devices), [(_ONE, _ONE)]
+        for k in range(len(branch.elements), 0, -1):
+            element = self.elements[branch.name, k]
+            whole = whole / element.ratio**2
+            left = np.linalg.inv(_ONE - whole @ element.series)
+            whole = left @ whole
+            right = (_ONE + element.series @ whole) / element.ratio
+            left = left / element.ratio
+            whole = whole - element.shunt
+            laws = [(left @ one, other @ right) for one, other in laws]
+        return Answer(np.asarray(whole), tuple(laws))
+
+    def _needed(self, branch: Branch, outer: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
+        for k in range(1, len(branch.elements) + 1):
+            element = self.elements[branch.name, k]
+            outer = outer + element.shunt
+            outer = np.linalg.inv(_ONE + outer @ element.series) @ outer * element.ratio**2
+        if not branch.branches:
+            return outer
+        begin, way = 0, None
+        for behind in branch.branches:
+            own = devices[begin : begin + len(list(behind.leaves()))]
+            if begin <= device < begin + len(own):
+                way = behind, device - begin, own
+            else:
+                outer = outer - self._seen(behind, iter(own)).admittance
+            begin += len(own)
+        if way is None:
+            raise IndexError(f"the network has {begin} devices, asked for number {device}")
+        return self._needed(way[0], outer, *way[1:])
+
+
+def turning(angle: float) -> np.ndarray:
+    """R(a), which takes a vector from a frame that is ahead by a."""
+    return np.cos(angle) * _ONE + np.sin(angle) * _J
+
+
+def _rests(branch: Branch, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]) -> Iterator[Rest]:
+    for k in range(1, len(branch.elements) + 1):
+        v, i = elements[branch.name, k].inwards(v, i)
+    for behind in branch.branches:
+        yield from _rests(behind, v, behind.share * i, elements)
+    if not branch.branches:
+        power = v * i.conjugate() / branch.rating
+        yield Rest(power.real, power.imag, abs(v), cmath.phase(v))
+
+
+@dataclass(frozen=True)
+class _Element:
+    """`series` (K, 2, 2) impedance on the outer side of an ideal transformer; `shunt` (K, 2, 2) admittance."""
+
+    kind: str
+    values: Mapping[str, float]
+    series: np.ndarray
+    shunt: np.ndarray
+    ratio: float = 1.0
+
+    @classmethod
+    def of(cls, kind: str, values: Mapping[str, float], s: np.ndarray) -> "_Element":
+        nothing, turned = np.zeros((len(s), 2, 2)), s[:, None, None] * _ONE + _J
+        if kind == "shunt":
+            impedance = resistance_of(values) * _ONE + np.linalg.inv(values["C"] * turned)
+            return cls(kind, values, nothing, np.linalg.inv(impedance))
+        return cls(kind, values, values["R"] * _ONE + values["L"] * turned, nothing, values.get("ratio", 1.0))
+
+    def inwards(self, v: complex, i: complex) -> tuple[complex, complex]:
+        """Voltage and current at rest on the inner side."""
+        inner = inwards(self.kind, self.values, (v.real, v.imag), (i.real, i.imag))
+        return complex(*inner[0]), complex(*inner[1])

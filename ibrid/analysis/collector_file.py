@@ -1,0 +1,110 @@
+"""A port file with branches, TOML: the collector network of a plant, the elements of each branch as those of a port.
+
+s_base_va = 10e6                    # of the plant, where elements are in SI units; also v_base_v, f0_hz
+[[element]]                         # from the PCC to the collector bus
+kind = "transformer" ...
+[[branch]]
+name = "inverter_1"                 # default: device_1, device_2, .., with further branches node_1, ..
+rating = 0.25                       # over the base of power; default: equal ones that make 1
+share = 0.25                        # of the power entering at the node; default: by ratings
+values = {"pll.kP_pll" = 30.0}      # of parameters that are known to differ from the record's
+[[branch.element]]
+kind = "series" ...
+[[branch.branch]]                   # further branches, in place of a device
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ibrid.analysis.collector import Branch, Collector
+from ibrid.errors import SweepError
+from ibrid.evaluation.record import Record
+from ibrid.structure.port_file import Bases, number_of, port_content, port_elements, require_known
+
+_PLANT = ("element", "branch", "s_base_va", "v_base_v", "f0_hz")
+_BRANCH = ("name", "rating", "share", "values", "element", "branch")
+#: Most devices of a plant.
+MOST = 100
+
+
+@dataclass(frozen=True)
+class Given:
+    """Bases that are known before a plant's file tells others."""
+
+    s_base_va: float | None
+    v_base_v: float | None
+    f0_hz: float
+
+    @classmethod
+    def of(cls, record: Record) -> "Given":
+        """Of a plant of a record's devices: their base of power is not that of the plant."""
+        return cls(None, record.settings.get("bases", {}).get("v_base_v"), float(record.settings["f0_hz"]))
+
+
+def read_collector(path: str | Path, data: Bases) -> Collector:
+    """The network of a plant, in a file as above; one without branches has one device behind its elements.
+
+    data : what has the bases that the file does not tell. Raises SweepError, one sentence that says what to change.
+    """
+    where = f"the port {path}"
+    content = port_content(path)
+    require_known(content, _PLANT, where)
+    bases = Given(
+        *(
+            number_of(content, name, where, None) if name in content else getattr(data, name)
+            for name in ("s_base_va", "v_base_v", "f0_hz")
+        )
+    )
+    names: list[str] = ["all"]
+    root = _branch(content, "", where, bases, names)
+    devices = list(root.leaves())
+    if len(devices) > MOST:
+        raise SweepError(f"{where} has {len(devices)} devices; give at most {MOST}, one equivalent for each feeder")
+    rated = [one.rating > 0 for one in devices]
+    if any(rated) != all(rated):
+        raise SweepError(f"{where} gives a rating of some devices only; give it of all, or of none")
+    return Collector(_finished(root, 1.0 / len(devices)))
+
+
+def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names: list[str]) -> Branch:
+    """As written: a rating or a share of 0 stands for one that is not given. names : of the branches before it."""
+    inner = entry.get("branch", [])
+    if not isinstance(inner, list) or not all(isinstance(one, dict) for one in inner):
+        raise SweepError(f"the branches of {where} must be tables; write [[branch]]")
+    elements = port_elements(entry["element"], where, bases) if "element" in entry else ()
+    found = []
+    for one in inner:
+        own = one.get("name", f"{'node' if one.get('branch') else 'device'}_{len(names)}")
+        there = f"branch {own!r:.40} of {where}"
+        require_known(one, _BRANCH, there)
+        if not isinstance(own, str) or not own.replace("-", "_").isidentifier():
+            raise SweepError(f"the name of {there} must be of letters, digits, _ and -")
+        if own in names:
+            raise SweepError(f"{there} has a name that means another, or all devices; change it")
+        names.append(own)
+        rating, share = (number_of(one, key, there, 0.0) for key in ("rating", "share"))
+        values = one.get("values", {})
+        if not isinstance(values, dict):
+            raise SweepError(f'the values of {there} must be a table such as {{"pll.kP_pll" = 30.0}}')
+        values = {key: number_of(values, key, f"the values of {there}", None) for key in values}
+        if min(rating, share) < 0 or (one.get("branch") and (rating or values)):
+            raise SweepError(f"rating, share and values of {there} must be of a device, and positive")
+        found.append(replace(_branch(one, own, there, bases, names), rating=rating, share=share, values=values))
+    return Branch(name, elements, tuple(found), 0.0)
+
+
+def _finished(branch: Branch, usual: float) -> Branch:
+    """With ratings and shares."""
+    if not branch.branches:
+        return replace(branch, name=branch.name or "device_1", rating=branch.rating or usual)
+    inner = [_finished(one, usual) for one in branch.branches]
+    rating = sum(one.rating for one in inner)
+    told = [one.share for one in inner]
+    if not all(told):
+        if any(told):
+            raise SweepError("the port gives a share of some branches of a node only; give it of all, or of none")
+        told = [one.rating / rating for one in inner]
+    inner = [replace(one, share=share / sum(told)) for one, share in zip(inner, told, strict=True)]
+    return replace(branch, branches=tuple(inner), rating=rating)

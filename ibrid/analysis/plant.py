@@ -1,0 +1,156 @@
+"""What a plant of several devices shows at its PCC, with bands, and the one device that stands for them, with its error.
+
+The equivalent follows Muljadi et al. (IEEE PES General Meeting 2006): a device of all ratings behind the series impedance with
+the same losses, the sum of share^2 Z over the branches of a node, and the sum of their shunt capacitances. How far it is from
+the plant itself is said, frequency by frequency: devices at different voltages and distances are no single device.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.analysis.collector import Branch, Collector, Rest
+from ibrid.analysis.freed_fits import known_of_plant, plant_model
+from ibrid.analysis.linear_model import with_point
+from ibrid.analysis.prediction import require_able
+from ibrid.evaluation.record import Record
+from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.measurement.quantities import hertz
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.structure.outside import PortElement
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """One device in place of a plant's. `elements` : from the PCC inwards, per unit of the plant. `rating` : of the device.
+
+    `nrmse` : ||Y_equivalent - Y|| / ||Y|| over all points; `by_point` : at each. `worst` : (Hz, error there), the largest of one
+    frequency.
+    """
+
+    elements: tuple[PortElement, ...]
+    rating: float
+    nrmse: float
+    by_point: dict[str, float]
+    worst: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        return (
+            f"One device of rating {self.rating:.3g} behind the equivalent network is {self.nrmse:.2g} away (NRMSE) from the "
+            f"plant; most at {hertz(self.worst[0])}, {self.worst[1]:.2g}."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PlantPrediction:
+    """`sweep` : at the PCC, sigma one standard deviation. `devices` : name -> where each works at each point."""
+
+    sweep: Sweep
+    devices: dict[str, dict[str, Rest]]
+    equivalent: Equivalent
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        one = self.equivalent
+        devices = {name: {op: rest._asdict() for op, rest in rests.items()} for name, rests in self.devices.items()}
+        elements = [{"kind": element.kind, **element.values, "unit": "pu"} for element in one.elements]
+        numbers = {"rating": one.rating, "nrmse": one.nrmse, "nrmse_by_point": one.by_point}
+        worst = {"frequency_hz": one.worst[0], "error": one.worst[1]}
+        return {
+            "schema": "ibrid.plant/1",
+            "devices": devices,
+            "equivalent": {"element": elements, **numbers, "worst": worst, "sentence": one.sentence},
+        }
+
+
+def predict_plant(record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray) -> PlantPrediction:
+    """The admittance at the PCC when every device is the record's, but for values that are known to differ.
+
+    ops : "p=0.5,q=0[,v=1]" of the plant at the PCC, or names of points of the record. frequency : (K,) Hz. The bands have what
+    the record knows of its parameters, alike in all devices, and the tolerances of the network. Raises IbridError for a record
+    that cannot predict.
+    """
+    require_able(record)
+    points = []
+    for op in ops:
+        whole, name = with_point(record, op)
+        numbers = whole.settings["operating_points"][name]
+        point = OperatingPoint(name, *(float(numbers[key]) for key in "pqv"))
+        points.append(PointSweep(point, frequency, np.ones((len(frequency), 2, 2), dtype=complex)))
+    plant = plant_model(record, collector, points)
+    seen, root = plant.responses(plant.x), known_of_plant(record, plant)
+    found = []
+    for point, admittance, slopes in zip(points, seen, plant.jacobians(plant.x), strict=True):
+        floor = MODEL_FLOOR * np.linalg.norm(admittance, axis=(1, 2))[:, None, None]
+        spread = np.sqrt((np.abs(slopes @ root) ** 2).sum(axis=-1) / 2)
+        found.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor)))
+    bases = record.settings.get("bases", {})
+    sweep = Sweep(
+        tuple(found), float(record.settings["f0_hz"]), "pcc", v_base_v=bases.get("v_base_v"), source="prediction"
+    )
+    devices = {one.name: plant.rests(k) for k, one in enumerate(collector.devices)}
+    return PlantPrediction(sweep, devices, _compared(record, collector, sweep))
+
+
+def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
+    single = equivalent_of(collector.root)
+    plant = plant_model(record, Collector(single), sweep.points)
+    errors = [seen - one.admittance for seen, one in zip(plant.responses(plant.x), sweep.points, strict=True)]
+    sizes = [np.linalg.norm(one.admittance, axis=(1, 2)) for one in sweep.points]
+    away = [np.linalg.norm(one, axis=(1, 2)) for one in errors]
+    by_point = {
+        name: float(np.linalg.norm(a) / np.linalg.norm(b)) for name, a, b in zip(sweep.names, away, sizes, strict=True)
+    }
+    relative = np.concatenate([a / b for a, b in zip(away, sizes, strict=True)])
+    worst = int(relative.argmax())
+    frequency = np.concatenate([one.frequency for one in sweep.points])
+    whole = float(np.linalg.norm(np.concatenate(away)) / np.linalg.norm(np.concatenate(sizes)))
+    return Equivalent(
+        single.elements, single.rating, whole, by_point, (float(frequency[worst]), float(relative[worst]))
+    )
+
+
+def equivalent_of(root: Branch) -> Branch:
+    """One device behind the elements of the root and, where it has branches, one transformer and one shunt for all of them."""
+    if not root.branches:
+        return root
+    r, x, ratio, c, rc = _joined(root)
+    line = PortElement("transformer", {"R": r, "L": x, "ratio": ratio}) if ratio != 1 else None
+    line = line or PortElement("series", {"R": r, "L": x})
+    shunts = (PortElement("shunt", {"R": rc / c**2, "C": c}),) if c else ()
+    inner = (line,) if r or x or ratio != 1 else ()
+    values = _common(root)
+    return Branch("device_1", (*root.elements, *inner, *shunts), (), root.rating, 1.0, values)
+
+
+def _joined(node: Branch) -> tuple[float, float, float, float, float]:
+    """R, L and ratio in front of all devices, the sum of C and of C^2 R behind, seen from the node."""
+    total = np.zeros(5)
+    for branch in node.branches:
+        r, x, ratio, c, rc = _joined(branch) if branch.branches else (0.0, 0.0, 1.0, 0.0, 0.0)
+        for element in reversed(branch.elements):
+            values = element.values
+            if element.kind == "shunt":
+                c, rc = c + values["C"], rc + values["C"] ** 2 * values["R"]
+                continue
+            turns = values.get("ratio", 1.0)
+            r, x = values["R"] + turns**2 * r, values["L"] + turns**2 * x
+            ratio, c, rc = turns * ratio, c / turns**2, rc / turns**2
+        total += [branch.share**2 * r, branch.share**2 * x, branch.share * ratio, c, rc]
+    r, x, ratio, c, rc = (float(one) for one in total)
+    return r, x, ratio, c, rc
+
+
+def _common(root: Branch) -> dict[str, float]:
+    """Values that all devices have in place of the record's; where they differ, the record's stand for all."""
+    leaves = list(root.leaves())
+    names = {name for leaf in leaves for name in leaf.values}
+    return {
+        name: leaves[0].values[name]
+        for name in names
+        if all(leaf.values.get(name) == leaves[0].values.get(name) for leaf in leaves)
+    }
