@@ -22,11 +22,11 @@ STEP, WIDE = 1e-6, 4.0
 
 
 class CollectorCoordinates:
-    """theta <-> x of a plant; a device's parameter stands for its whole value."""
+    """theta <-> x of a plant; a device's parameter stands for its whole value. `whole` : of one device."""
 
     def __init__(self, model: ParametricModel, beside: np.ndarray, logs: np.ndarray, spread: np.ndarray) -> None:
         own = model.coordinates
-        self._own, self._beside, size = own, beside, beside.size
+        self.whole, self._beside, size = own, beside, beside.size
         self._parts = [beside.shape[1], beside.shape[1] + size]
         width = own.x_high - own.x_low
         ends = np.tile(width, len(beside)), WIDE * spread
@@ -36,12 +36,12 @@ class CollectorCoordinates:
     def devices(self, x: np.ndarray) -> np.ndarray:
         """(N, P) coordinates of each device, inside the boxes."""
         every, differs, _ = np.split(x, self._parts)
-        return np.clip(every + self._beside + differs.reshape(self._beside.shape), self._own.x_low, self._own.x_high)
+        return np.clip(every + self._beside + differs.reshape(self._beside.shape), self.whole.x_low, self.whole.x_high)
 
     def to_theta(self, x: np.ndarray) -> np.ndarray:
         """Values, those of the devices whole."""
         every, _, logs = np.split(x, self._parts)
-        return np.concatenate([self._own.to_theta(every), self._own.to_theta(self.devices(x)).ravel(), np.exp(logs)])
+        return np.concatenate([self.whole.to_theta(every), self.whole.to_theta(self.devices(x)).ravel(), np.exp(logs)])
 
 
 class CollectorModel:

@@ -1,7 +1,7 @@
 """`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn plants; one JSON line each.
 
-The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of them, of drawn ratings behind drawn
-lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20 frequencies at 50 dB. In every third
+The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of it, with its true values, of
+drawn ratings behind drawn lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20 frequencies at 50 dB. In every third
 nothing has changed; else one parameter of one device, by a fifth or by half.
 """
 
@@ -64,7 +64,11 @@ def case(record: Record, seed: int) -> dict:
     size = plant.parameters
     j = None if seed % 3 == 0 else int(rng.integers(size, size * (1 + len(collector.devices))))
     factor = 1.0 if j is None else float(rng.choice(FACTORS))
-    x = plant.x + (0.0 if j is None else np.log(factor)) * (np.arange(len(plant.x)) == j)
+    truth = plant_named("paper_like").diagram_values
+    values = np.array([truth[name.removeprefix("all.")] for name in plant.names[:size]])
+    x = plant.x.copy()
+    x[:size] = plant.coordinates.whole.to_x(values)
+    x = x + (0.0 if j is None else np.log(factor)) * (np.arange(len(plant.x)) == j)
     answers = [replace(one, admittance=seen) for one, seen in zip(points, plant.responses(x), strict=True)]
     data = ibrid.add_noise(Sweep(tuple(answers), 60.0, "pcc"), 50, rng=rng)
     begun = time.perf_counter()
