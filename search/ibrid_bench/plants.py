@@ -1,8 +1,8 @@
 """`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn plants; one JSON line each.
 
 The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of it, with its true values, of
-drawn ratings behind drawn lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20 frequencies at 50 dB. In every third
-nothing has changed; else one parameter of one device, by a fifth or by half.
+drawn ratings behind drawn lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20
+frequencies at 50 dB. In every third nothing has changed; else one parameter of one device, by a fifth or by half.
 """
 
 import argparse
