@@ -1,8 +1,10 @@
 """`ibrid fleet`: every device has its answer, whatever a file does to its worker and whenever the fleet is killed."""
 
 import csv
+import importlib.util
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 import toy_fleet
 from ibrid_search.evaluation.processes import ProcessEvaluator
+from ibrid_search.evaluation.ray_session import open_session
 from ibrid_search.fleet.devices import content_of, enlist
 from ibrid_search.fleet.examining import DeviceJob, Examiner
 from ibrid_search.fleet.prior import (
@@ -29,6 +32,7 @@ from ibrid_search.fleet.prior import (
     learned_from,
 )
 from ibrid_search.fleet.running import Earlier, fleet
+from ibrid_search.settings import Workers
 from ibrid_search.step import Status
 from ibrid_search.store import Store
 from jsonschema import Draft202012Validator
@@ -73,6 +77,28 @@ def test_two_equal_fleets_are_equal_whatever_the_number_of_workers(folder: Path,
     examined(folder, tmp_path / "out", workers=3)
     assert (tmp_path / "out/devices.csv").read_text() == (whole / "devices.csv").read_text()
     assert records(tmp_path / "out") == records(whole)
+
+
+def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(folder: Path, tmp_path: Path):
+    """Two devices, whose workers import the real examiner."""
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
+    few = tmp_path / "few"
+    few.mkdir()
+    for number in range(2):
+        shutil.copy(folder / f"device_{number:02d}.csv", few)
+    cluster = open_session(2)
+    try:
+        address = cluster.ray.get_runtime_context().gcs_address
+        asked = {"job": "search", "budget": 6}
+        found = fleet(few, tmp_path / "there", workers=Workers(2, address), **asked)
+        assert cluster.ray.is_initialized()  # what was there before stays
+    finally:
+        cluster.close()
+    assert [row["grade"] for row in table(tmp_path / "there")] == ["explains"] * 2
+    assert not found.summary.failed
+    fleet(few, tmp_path / "here", workers=Workers(1), **asked)
+    assert (tmp_path / "there/devices.csv").read_text() == (tmp_path / "here/devices.csv").read_text()
 
 
 def test_a_fleet_that_is_killed_twice_goes_on_and_loses_nothing(folder: Path, whole: Path, tmp_path: Path):
