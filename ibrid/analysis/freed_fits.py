@@ -30,11 +30,8 @@ from ibrid.playback.compare import model_of_record
 
 #: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows sets the scale of w.
 STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enough=1e-6, small=1e-6)
-#: Parameters of which a fit to records of events is tried; the linear gain in T below which none is; T of a number from which on
-#: nothing is linear.
-LIKELY, LEAST, FAR = 3, 4.0, 10.0
-#: Parameters of a plant of which a fit is tried.
-PLANT = 10
+#: The linear gain in T below which no parameter is tried; T of a number from which on nothing is linear.
+LEAST, FAR = 4.0, 10.0
 #: Logarithms of factors at which a parameter is scanned.
 SCAN = np.log(np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)]))
 
@@ -153,6 +150,50 @@ class Freed:
         return self._known[key]
 
 
+class ScannedFits(FreedFits):
+    """Fits of what has valleys of its own: a limit or a resonance that is off by some per cent. Starts are the best of a scan.
+
+    `most` : parameters of which a fit is tried.
+    """
+
+    most: int
+
+    def candidate(self, j: int) -> bool:
+        """Whether a parameter may have changed."""
+        return True
+
+    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
+        """The best of a scan of the last parameter."""
+        middles = self._middles(len(free), near)
+        if not free:
+            return middles
+        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
+
+    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
+        """Near the noise those with the largest linear gain, far from it those with the best scan."""
+        others = [j for j in super().likely(free, last) if self.candidate(j)]
+        if last.cost > FAR * self.numbers:
+            middles = self._middles(len(free) + 1, last)
+            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
+            return sorted(sorted(costs, key=costs.__getitem__)[: self.most])
+        gain = self.gains(free, last, others)
+        return sorted(j for j in list(gain)[: self.most] if gain[j] > LEAST)
+
+    def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
+        """Where scans are about: the record's values, and another fit with fewer parameters free."""
+        size = self.root.shape[1] + free
+        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
+        return np.array([np.zeros(size), *other])
+
+    def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
+        """T, and the coordinates, of the best of a scan of the last parameter."""
+        w = np.repeat(middle[None], len(SCAN), axis=0)
+        w[:, -1] += SCAN
+        cost = Freed(self, free).at(w).cost
+        best = int(np.argmin(cost))
+        return float(cost[best]), w[best]
+
+
 class SweepFits(FreedFits):
     """Of a sweep."""
 
@@ -190,8 +231,10 @@ class SweepFits(FreedFits):
         return np.concatenate([_flat(one) for one in self._problem.jacobians(x)]) / self._sigma[:, None]
 
 
-class PlantFits(SweepFits):
+class PlantFits(ScannedFits, SweepFits):
     """Of a sweep at the PCC of a plant, whose devices are those of the record or differ from it."""
+
+    most = 10
 
     def __init__(self, record: Record, sweep: Sweep, collector: Collector) -> None:
         self._collector, self._sweep = collector, sweep
@@ -202,15 +245,6 @@ class PlantFits(SweepFits):
         self.names, self.x0, self.coordinates = found.names, found.x, found.coordinates
         self.plant, self.root = found, known_of_plant(record, found)
         return found
-
-    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """Those with the largest linear gains."""
-        return list(self.gains(free, last, super().likely(free, last)))[:PLANT]
-
-    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The two with the least T."""
-        starts = super().starts(free, near)
-        return starts[np.argsort(Freed(self, free).at(starts).cost)[:2]]
 
     def move(self, j: int, d: float) -> float:
         """A change of one device is likelier than the same of all, which looks alike where their places do."""
@@ -236,8 +270,14 @@ def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
     return block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
 
 
-class EventFits(FreedFits):
+class EventFits(ScannedFits):
     """Of records of events."""
+
+    most = 3
+
+    def candidate(self, j: int) -> bool:
+        """What the record says nothing of stays."""
+        return bool(self.root[j].any())
 
     def __init__(self, record: Record, events: Events) -> None:
         model = model_of_record(record)
@@ -265,38 +305,6 @@ class EventFits(FreedFits):
         if not np.isfinite(self._told_by):
             return super().p_value(cost)
         return float(f_law.sf(cost / self.numbers, self.numbers, self._told_by))
-
-    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The best of a scan of the last parameter."""
-        middles = self._middles(len(free), near)
-        if not free:
-            return middles
-        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
-
-    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """Near the noise those with the largest linear gain, far from it those with the best scan."""
-        others = [j for j in super().likely(free, last) if self.root[j].any()]
-        if last.cost > FAR * self.numbers:
-            middles = self._middles(len(free) + 1, last)
-            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
-            return sorted(sorted(costs, key=costs.__getitem__)[:LIKELY])
-        gain = self.gains(free, last, others)
-        return sorted(j for j in list(gain)[:LIKELY] if gain[j] > LEAST)
-
-    def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
-        """Where scans are about: the record's values, and another fit with fewer parameters free."""
-        size = self.root.shape[1] + free
-        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
-        return np.array([np.zeros(size), *other])
-
-    def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
-        """T, and the coordinates, of the best of a scan of the last parameter: a limit or a resonance that is off by some per
-        cent has valleys of its own."""
-        w = np.repeat(middle[None], len(SCAN), axis=0)
-        w[:, -1] += SCAN
-        cost = Freed(self, free).at(w).cost
-        best = int(np.argmin(cost))
-        return float(cost[best]), w[best]
 
 
 def fits_of(record: Record, data: Sweep | Events) -> FreedFits:
