@@ -64,7 +64,7 @@ class Change:
 @dataclass(frozen=True)
 class Drift:
     """`verdict` : same, parameters, structure or labels. `p_value` : of the model with the changes. `gap` : asked where they do
-    not suffice. `device` : of a plant, the one that differs."""
+    not suffice. `device` : of a plant, the one that differs, None where it is left open."""
 
     verdict: str
     sentence: str
@@ -114,7 +114,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         changed = _moved(gap) if verdict == "parameters" else ()
         return Drift(verdict, gap.sentence, changed, p_value, found.source, gap)
     changed = tuple(_change(found, k, added, fit) for k in range(len(added)))
-    named = {one.parameter.split(".")[0] for one in changed if f".{PORT}." not in one.parameter}
+    named = {name.split(".")[0] for one in changed for name in (one.parameter, *one.alike) if f".{PORT}." not in name}
     device = named.pop() if collector and len(named) == 1 and "all" not in named else None
     return Drift(
         "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, device=device
