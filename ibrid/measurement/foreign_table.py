@@ -20,6 +20,8 @@ from ibrid.measurement.guarded import guarded
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
+#: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
+_CHINESE = re.compile("[\u4e00-\u9fff]{2}")
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
@@ -110,7 +112,8 @@ def _decoded(content: bytes, where: str) -> list[str]:
     for encoding in ("utf-16",) if wide else ("utf-8-sig", "gb2312", "cp1252", "latin-1"):
         try:
             text = content.decode(encoding)
-            break
+            if encoding != "gb2312" or _CHINESE.search(text):
+                break
         except UnicodeDecodeError:
             continue
     else:

@@ -187,6 +187,15 @@ def test_notes_beside_two_files_belong_to_each(tmp_path):
     assert [point.op.q for point in ibrid.read_sweep(tmp_path / "all.csv").points] == [0.3, -0.3]
 
 
+def test_two_letters_with_accents_beside_each_other_are_no_chinese_character(tmp_path, capsys):
+    """Größe in CP1252 is GB2312 too, with a rare character in its middle; a name in Chinese has two or more in a row."""
+    for said, encoding in (("Größe", "cp1252"), ("频率", "gb2312")):
+        table = TABLE.replace("f,", f"f,{said},", 1) + "\n" + ROWS.replace(",1,0.3", ",7,1,0.3")
+        (tmp_path / "table.csv").write_bytes(table.encode(encoding))
+        assert cli.main(["import", str(tmp_path / "table.csv"), *SAID, "--out", str(tmp_path / "sweep.csv")]) == 0
+        assert said in capsys.readouterr().err
+
+
 def test_the_map_names_columns_with_commas_and_a_unit_for_each_part():
     source = parse_map(["Zpp=#2[dB]@#3[deg],freq=f, Hz[kHz],p=P[W]"], ("f, Hz", "a", "b"), {"P": (5.0, "kW")})
     assert source["Zpp"] == Source(("a", "b"), "@", "dB", angle="deg")
