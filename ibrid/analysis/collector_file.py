@@ -25,8 +25,8 @@ from ibrid.structure.port_file import Bases, number_of, port_content, port_eleme
 
 _PLANT = ("element", "branch", "s_base_va", "v_base_v", "f0_hz")
 _BRANCH = ("name", "rating", "share", "values", "element", "branch")
-#: Most devices of a plant.
-MOST = 100
+#: Most devices of a plant, and the largest rating of one over the base of power.
+MOST, LARGEST = 100, 100.0
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,10 @@ def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names
         values = {key: number_of(values, key, f"the values of {there}", None) for key in values}
         if min(rating, share) < 0 or (one.get("branch") and (rating or values)):
             raise SweepError(f"rating, share and values of {there} must be of a device, and positive")
+        if rating > LARGEST:
+            raise SweepError(
+                f"the rating of {there} is {rating:g} times the base of power; give it over that, not in VA"
+            )
         found.append(replace(_branch(one, own, there, bases, names), rating=rating, share=share, values=values))
     return Branch(name, elements, tuple(found), 0.0)
 

@@ -7,6 +7,7 @@ the plant itself is said, frequency by frequency: devices at different voltages 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,9 @@ from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.structure.outside import PortElement
+
+#: Apparent power over the rating, and voltages per unit, beyond which a device is not expected to work.
+LOADED, VOLTAGE = 1.3, (0.8, 1.2)
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,19 @@ class PlantPrediction:
     devices: dict[str, dict[str, Rest]]
     equivalent: Equivalent
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of devices that work where none is built to."""
+        found = []
+        for name, rests in self.devices.items():
+            for op, rest in rests.items():
+                if hypot(rest.p, rest.q) > LOADED or not VOLTAGE[0] < rest.v < VOLTAGE[1]:
+                    found.append(
+                        f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} of its voltage: "
+                        "see p, q, the ratings and the units of the elements"
+                    )
+        return tuple(found)
+
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         one = self.equivalent
@@ -63,6 +80,7 @@ class PlantPrediction:
         return {
             "schema": "ibrid.plant/1",
             "devices": devices,
+            "warnings": list(self.warnings),
             "equivalent": {"element": elements, **numbers, "worst": worst, "sentence": one.sentence},
         }
 

@@ -2,7 +2,7 @@
 
 from ibrid.analysis.plant import Equivalent, PlantPrediction
 from ibrid.report.numbers import number
-from ibrid.report.text import table
+from ibrid.report.text import listed, table
 
 
 def format_plant(found: PlantPrediction) -> str:
@@ -12,7 +12,8 @@ def format_plant(found: PlantPrediction) -> str:
         for op, rest in rests.items():
             rows.append([name, op, *(number(one, 3) for one in (rest.p, rest.q, rest.v))])
     head = ["device", "at the plant's", "own p", "own q", "own v"]
-    return "\n".join([*table(head, rows, right=(2, 3, 4)), "", found.equivalent.sentence])
+    warned = ["", *listed("warnings", found.warnings)] if found.warnings else []
+    return "\n".join([*table(head, rows, right=(2, 3, 4)), *warned, "", found.equivalent.sentence])
 
 
 def equivalent_file(found: Equivalent) -> str:

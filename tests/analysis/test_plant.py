@@ -244,6 +244,8 @@ def test_the_equivalent_of_equal_devices_is_exact_and_of_others_says_how_far_it_
     assert unequal.equivalent.nrmse == pytest.approx(np.linalg.norm(error) / np.linalg.norm(whole))
     assert unequal.equivalent.nrmse > 1e-3
     own = {name: rests["a"].p for name, rests in unequal.devices.items()}  # as the record calls p=1,q=0.3
+    assert unequal.warnings == ()
+    assert "far works at" in predict_plant(record, collector, ["p=5,q=0"], FREQUENCY).warnings[-1]
     assert 1.0 < own["near"] < own["far"] < 1.1  # each with the losses on its way
 
 
@@ -265,6 +267,7 @@ WRONG = {
     "a name": ("[[branch]]\nname='a.b'\n", "letters, digits"),
     "some ratings": ("[[branch]]\nrating=0.5\n[[branch]]\n", "of all, or of none"),
     "some shares": ("[[branch]]\nshare=0.5\n[[branch]]\n", "of all, or of none"),
+    "VA": ("[[branch]]\nrating=2.5e6\n", "not in VA"),
     "negative": ("[[branch]]\nrating=-1\n", "positive"),
     "key": ("[[branch]]\nratng=1\n", "ratng"),
     "inside": ("power_node='inside'\n[[branch]]\n", "power_node"),
