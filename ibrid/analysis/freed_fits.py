@@ -1,7 +1,7 @@
 """A record's model fitted to new data with some parameters free and the others as the record knows them: x = x_0 + B z + E d.
 
-The data are a sweep or records of events; both are whitened residuals and their slopes. Limits that stand beside the program are
-held where the record has them.
+The data are a sweep or records of events; both are whitened residuals and their slopes. The values of limits that stand beside
+the program are known as well as the record's own fit to records of events knew them.
 """
 
 from abc import ABC, abstractmethod
@@ -279,6 +279,11 @@ class EventFits(ScannedFits):
         """What the record says nothing of stays."""
         return bool(self.root[j].any())
 
+    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
+        """The values of limits always: there are few, and where one acts is narrower than a scan."""
+        limits = {j for j, name in enumerate(self.names) if name in self._limits and j not in free}
+        return sorted({*super().likely(free, last), *limits})
+
     def __init__(self, record: Record, events: Events) -> None:
         model = model_of_record(record)
         noise = event_noise(events, rests(events))
@@ -288,9 +293,15 @@ class EventFits(ScannedFits):
         self.x0 = self._misfit.beliefs.start(model.values)
         self.numbers = self._misfit.count
         known, root = _known(record)
-        self.root = np.zeros((self.size, root.shape[1]))
+        self._limits = {
+            f"{one['id']}.{name}": float(one.get("deviations", {}).get(name, 0.0))
+            for one in record.settings.get("large_signal", ())
+            for name in one["parameters"]
+        }
+        spread = np.array([self._limits.get(name, 0.0) for name in self.names])
+        self.root = np.hstack([np.zeros((self.size, root.shape[1])), np.diag(spread)[:, spread > 0]])
         for name, row in zip(known, root, strict=True):
-            self.root[self.names.index(name)] = row
+            self.root[self.names.index(name), : root.shape[1]] = row
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the currents."""

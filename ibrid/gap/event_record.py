@@ -70,12 +70,15 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     """A record that predict and export accept, its errors and intervals those of all data together."""
     swept = asked.study or described(model, data, asked.events)
     record = record_at(model.diagram, swept, model.refit.values, **({} if asked.study else {"vocabulary": data.kinds}))
-    limits = [
-        {**one.plain(), "parameters": {name: model.refit.values[f"{one.id}.{name}"] for name in one.parameters}}
-        for one in data.beside(model)
-    ]
-    by_record = {one.record.name: one.nrmse for one in playback.records if one.nrmse is not None}
     told = seen(model.refit)
+    spread = dict(zip(model.refit.misfit.beliefs.names, np.sqrt(np.diag(told.covariance)).tolist(), strict=True))
+    limits = []
+    for one in data.beside(model):
+        own = {name: f"{one.id}.{name}" for name in one.parameters}
+        values = {name: model.refit.values[full] for name, full in own.items()}
+        deviations = {name: spread[full] for name, full in own.items() if full in spread}
+        limits.append({**one.plain(), "parameters": values, "deviations": deviations})
+    by_record = {one.record.name: one.nrmse for one in playback.records if one.nrmse is not None}
     record = replace(
         record,
         settings={**record.settings, "large_signal": limits, "events": asked.events.source},
