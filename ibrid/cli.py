@@ -16,24 +16,8 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from ibrid import __version__
-from ibrid.commands import (
-    diagrams,
-    events,
-    fitting,
-    fleets,
-    follow_up,
-    gap,
-    importing,
-    policy,
-    predicting,
-    results,
-    searching,
-    starting,
-    sweeps,
-    vocabulary,
-    watching,
-)
 from ibrid.commands.outputs import complain
+from ibrid.commands.table import declare_commands
 from ibrid.errors import IbridError, near
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
@@ -76,24 +60,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_CommandParser)
-    for family in (
-        starting,
-        vocabulary,
-        diagrams,
-        importing,
-        sweeps,
-        events,
-        fitting,
-        gap,
-        searching,
-        watching,
-        policy,
-        predicting,
-        follow_up,
-        fleets,
-        results,
-    ):
-        family.declare(commands)
+    declare_commands(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole
 

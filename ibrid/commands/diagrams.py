@@ -1,21 +1,14 @@
 """`ibrid check PROGRAM` and `ibrid compare PROGRAM PROGRAM`: diagrams without data."""
 
 from argparse import Namespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
-from ibrid.commands.table import declare_command
 
 if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "check", run_check)
-    declare_command(commands, "compare", run_compare)
 
 
 def run_check(arguments: Namespace) -> int:

@@ -5,11 +5,10 @@ import shlex
 from argparse import Namespace
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
 
@@ -18,12 +17,6 @@ if TYPE_CHECKING:
     from ibrid.structure.outside import Outside
 
 JSON, PAGE = "playback.json", "report.html"
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "record", run_record)
-    declare_command(commands, "playback", run_playback)
 
 
 def run_record(arguments: Namespace) -> int:

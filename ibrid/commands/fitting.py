@@ -2,11 +2,10 @@
 
 from argparse import Namespace
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
@@ -15,11 +14,6 @@ if TYPE_CHECKING:
     from ibrid.fit.settings import FitSettings
     from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "evaluate", run)
 
 
 def run(arguments: Namespace) -> int:

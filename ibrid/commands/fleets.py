@@ -2,15 +2,8 @@
 
 import os
 from argparse import Namespace
-from typing import Any
 
 from ibrid.commands.outputs import complain, give_json, require_json_place
-from ibrid.commands.table import declare_command
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "fleet", run)
 
 
 def run(arguments: Namespace) -> int:

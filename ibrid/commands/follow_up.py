@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_distinct, require_json_place
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
     from ibrid.analysis.experiments import Among
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "next", run_next)
-    declare_command(commands, "drift", run_drift)
 
 
 def run_next(arguments: Namespace) -> int:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
 
@@ -21,11 +20,6 @@ if TYPE_CHECKING:
 
 #: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
 PROGRAM_ENDINGS = (".py", ".txt")
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "gap", run)
 
 
 def run(arguments: Namespace) -> int:

@@ -11,52 +11,9 @@ from ibrid.writing import aligned, require_place
 if TYPE_CHECKING:
     from ibrid.measurement.sweep import Sweep
 
-#: Options that say what a table does not, and their help.
-_SAID = {
-    "unit": ("UNIT", "of the matrices: pu, S, ohm (mS, kohm, ..), or pu:100MVA,33kV for per unit on another base"),
-    "base": ("VA,V", "the inverter's: apparent power and line-to-line voltage, such as 10kVA,400V"),
-    "current": ("out|in", "which way the current of the matrices counts, seen from the inverter"),
-    "q_axis": ("leads|lags", "on which side of d the q axis lies"),
-    "power_node": ("pcc|capacitor", "where p and q were measured (pcc)"),
-    "f0_hz": ("HZ", "nominal frequency"),
-    "quantity": ("Y|Z", "admittances or impedances, where the names of the columns do not say it"),
-    "sequence_frequency": ("dq|network", "of sequence matrices: at the dq frequency f, or at f + f0"),
-    "sampling_hz": ("HZ", "sampling rate of the controller"),
-    "op": ("NAME", "name of the operating point"),
-    "p": ("P", "active power that the inverter delivers, per unit; q and v likewise"),
-    "q": ("Q", ""),
-    "v": ("V", ""),
-}
+#: Options that say what a table does not.
+_OF_TABLES = ("quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
 _OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
-_NUMBERS = ("f0_hz", "sampling_hz", "p", "q", "v")
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "import", help="anybody's table of matrices to a sweep file, a recorder's to an events file"
-    )
-    parser.add_argument(
-        "files",
-        nargs="+",
-        metavar="FILE",
-        help="text with any separator, xlsx, Parquet, .mat, HDF5; several are joined",
-    )
-    parser.add_argument(
-        "--map",
-        action="append",
-        default=[],
-        metavar="ROLE=COLUMN,..",
-        help="where names do not say it: freq=f,Ydd=ReYdd+jImYdd,Ydq=Mag@Phase,p=P[kW],q=0,op=Case; #3 is the third column",
-    )
-    parser.add_argument(
-        "--channels", metavar="va=1,..", help="of records in time: which channels are va,vb,vc,ia,ib,ic"
-    )
-    for name, (metavar, words) in _SAID.items():
-        kind = inputs.finite if name in _NUMBERS else str
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=metavar, help=words)
-    parser.add_argument("--out", required=True, metavar="DATA.csv", help="the sweep or events file to write")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: Namespace) -> int:
@@ -68,7 +25,7 @@ def run(arguments: Namespace) -> int:
 
     require_place(arguments.out)
     require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
-    said = {name: getattr(arguments, name) for name in _SAID}
+    said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
     if arguments.channels or any(map(inputs.holds_events, arguments.files)):
         return _import_events(arguments, said)
     known = None if arguments.map else _known_formats(arguments.files, said)
@@ -97,7 +54,7 @@ def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
     from ibrid.measurement.event_csv import write_events
     from ibrid.measurement.read_events import read_events
 
-    unfit = [name for name in _SAID if said[name] is not None and name not in _OF_EVENTS]
+    unfit = [name for name in _OF_TABLES if said[name] is not None]
     if unfit or arguments.map:
         raise IbridError(
             f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; --channels, --"

@@ -1,14 +1,6 @@
 """`ibrid policy train --out DIR`: makes the small learned proposer anew."""
 
 from argparse import Namespace
-from typing import Any
-
-from ibrid.commands.table import declare_command
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "policy", run_train)
 
 
 def run_train(arguments: Namespace) -> int:

@@ -4,11 +4,10 @@ import shlex
 from argparse import Namespace
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_distinct, require_json_place
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
@@ -16,13 +15,6 @@ if TYPE_CHECKING:
     from ibrid.analysis.grid import MeasuredGrid, SeriesRL
     from ibrid.analysis.stability import Stability
     from ibrid.evaluation.record import Record
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "predict", run_predict)
-    declare_command(commands, "nfp", run_nfp)
-    declare_command(commands, "stability", run_stability)
 
 
 def run_predict(arguments: Namespace) -> int:

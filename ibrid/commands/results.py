@@ -2,11 +2,9 @@
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_place
 
@@ -15,12 +13,6 @@ RECORD_NAMES = ("best.json", "model.json", "record.json")
 
 #: In the folder of a search.
 ARCHIVE = "archive.sqlite"
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "export", run_export)
-    declare_command(commands, "report", run_report)
 
 
 def run_export(arguments: Namespace) -> int:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -20,12 +19,6 @@ if TYPE_CHECKING:
 
 #: Options that say how servers are asked.
 SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "search", run_search, {"--learn-...": _learning_arguments()})
-    declare_command(commands, "mcp", run_mcp)
 
 
 def run_search(arguments: Namespace) -> int:
@@ -94,7 +87,8 @@ def _learning_options() -> Mapping[str, tuple[str, Callable[[str], Any], str]]:
     return policy_part("learning.options").LEARNING
 
 
-def _learning_arguments() -> dict[str, dict[str, Any]]:
+def learning_arguments() -> dict[str, dict[str, Any]]:
+    """Options of `ibrid search` that say how a proposer learns."""
     return {
         f"--learn-{name.replace('_', '-')}": {"type": kind, "metavar": metavar, "help": words}
         for name, (metavar, kind, words) in _learning_options().items()

@@ -1,11 +1,10 @@
 """`ibrid start DATA`: from a file to a first answer, with a page and the commands that go on from there."""
 
 from argparse import Namespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError, SweepError
 
 if TYPE_CHECKING:
@@ -13,11 +12,6 @@ if TYPE_CHECKING:
 
     from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "start", run)
 
 
 def run(arguments: Namespace) -> int:

@@ -2,19 +2,11 @@
 
 import shlex
 from argparse import Namespace
-from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_distinct, require_json_place
-from ibrid.commands.table import declare_command
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
-
-
-def declare(commands: Any) -> None:
-    """Add the commands to the parser."""
-    declare_command(commands, "sweep", run_sweep)
-    declare_command(commands, "inspect", run_inspect)
 
 
 def run_sweep(arguments: Namespace) -> int:

@@ -1,9 +1,10 @@
-"""The table `commands.toml`: every command and what it takes, told to argparse."""
+"""The table `commands.toml`: every command, what it takes and what runs it, told to argparse."""
 
 import tomllib
-from collections.abc import Callable, Mapping
+from argparse import Namespace
+from functools import partial
+from importlib import import_module
 from importlib.resources import files
-from types import MappingProxyType
 from typing import Any
 
 from ibrid.commands import inputs
@@ -11,20 +12,25 @@ from ibrid.commands import inputs
 _TABLES: dict[str, dict[str, Any]] = tomllib.loads(
     (files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8")
 )
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
+_WORDS, _SHARED = _TABLES.pop("words"), _TABLES.pop("shared")
 
 
-def declare_command(
-    commands: Any, name: str, run: Callable[..., int], instead: Mapping[str, Mapping[str, Any]] = _NOTHING
-) -> None:
-    """Add a command of the table to the parser. instead : arguments in the place of one in the table."""
-    takes = dict(_TABLES[name])
-    parser = commands.add_parser(name, help=takes.pop("help"))
-    for argument, told in takes.items():
-        for one, own in instead.get(argument, {argument: told}).items():
-            keywords = dict(own or _TABLES["shared"][one])
-            if isinstance(kind := keywords.get("type"), str):
-                keywords["type"] = getattr(inputs, kind)
-            keywords["help"] = keywords["help"].format(**_TABLES["words"])
-            parser.add_argument(one, **keywords)
-    parser.set_defaults(run=run)
+def declare_commands(commands: Any) -> None:
+    """Add every command to the parser; the file that runs it is imported when it is called."""
+    for name, table in _TABLES.items():
+        takes = dict(table)
+        parser = commands.add_parser(name, help=takes.pop("help"))
+        parser.set_defaults(run=partial(_called, takes.pop("run")))
+        for argument, told in takes.items():
+            for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
+                keywords = dict(own or _SHARED[option])
+                if isinstance(kind := keywords.get("type"), str):
+                    keywords["type"] = getattr(inputs, kind)
+                keywords["help"] = keywords["help"].format(**_WORDS)
+                parser.add_argument(option, **keywords)
+
+
+def _called(place: str, *arguments: Namespace) -> Any:
+    """What a function of this folder answers."""
+    file, _, function = place.partition(".")
+    return getattr(import_module(f"ibrid.commands.{file}"), function)(*arguments)

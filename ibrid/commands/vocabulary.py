@@ -3,21 +3,14 @@
 from argparse import Namespace
 from collections.abc import Mapping
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ibrid.commands.outputs import complain, give_json, require_json_place
-from ibrid.commands.table import declare_command
 from ibrid.writing import aligned
 
 if TYPE_CHECKING:
     from ibrid.modules.kind import ModuleKind, Range
     from ibrid.signals import Signal
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "modules", run)
-    declare_command(commands, "list", run_list)
 
 
 def run_list(arguments: Namespace) -> int:

@@ -2,15 +2,8 @@
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.table import declare_command
-
-
-def declare(commands: Any) -> None:
-    """Add the command to the parser."""
-    declare_command(commands, "watch", run)
 
 
 def run(arguments: Namespace) -> int:

@@ -4,6 +4,9 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
+from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +58,13 @@ def test_help_names_every_command(capsys: pytest.CaptureFixture[str]):
 def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]):
     assert cli.main([command, "--help"]) == 0
     assert f"usage: ibrid {command}" in capsys.readouterr().out
+
+
+def test_every_command_has_a_function_that_runs_it():
+    tables = tomllib.loads((files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8"))
+    places = [table["run"].split(".") for name, table in tables.items() if name not in ("words", "shared")]
+    assert len(places) == 24
+    assert all(callable(getattr(import_module(f"ibrid.commands.{file}"), function)) for file, function in places)
 
 
 def test_help_loads_nothing_heavy():
