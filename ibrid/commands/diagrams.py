@@ -1,28 +1,23 @@
 """`ibrid check PROGRAM` and `ibrid compare PROGRAM PROGRAM`: diagrams without data."""
 
 from argparse import Namespace
-from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
-
-if TYPE_CHECKING:
-    from ibrid.modules.vocabulary import Vocabulary
-    from ibrid.structure.diagram import Diagram
+from ibrid.measurement.quantities import counted
+from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
+from ibrid.structure.check import violations, warnings
+from ibrid.structure.compare import compare, format_comparison
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.wiring import wire
 
 
 def run_check(arguments: Namespace) -> int:
     """Say what is wrong, or how large a legal diagram is and what looks like a mistake in it."""
-    from ibrid.measurement.quantities import counted
-    from ibrid.structure.check import warnings
-    from ibrid.structure.parameters import parameter_table
-    from ibrid.structure.wiring import wire
-
     diagram, vocabulary = inputs.program(arguments.program), inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     if _complain_of_violations(diagram, arguments.program, vocabulary, arguments.equilibrium):
         return 2
-    from ibrid.modules.vocabulary import choose_vocabulary
-
     wiring = wire(diagram, choose_vocabulary(vocabulary))
     order = sum(kind.order for kind in wiring.kinds.values())
     sums = sum(len(sources) > 1 for sources in wiring.sources.values())
@@ -42,8 +37,6 @@ def run_check(arguments: Namespace) -> int:
 
 def run_compare(arguments: Namespace) -> int:
     """Print how far two diagrams agree; exit status 0 whatever the answer."""
-    from ibrid.structure.compare import compare, format_comparison
-
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"the first PROGRAM": arguments.first, "the second": arguments.second})
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
@@ -57,9 +50,7 @@ def run_compare(arguments: Namespace) -> int:
     return 0
 
 
-def _complain_of_violations(diagram: "Diagram", source: str, vocabulary: "str | Vocabulary", equilibrium: str) -> bool:
-    from ibrid.structure.check import violations
-
+def _complain_of_violations(diagram: Diagram, source: str, vocabulary: str | Vocabulary, equilibrium: str) -> bool:
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
     for violation in found:
         complain(f"{source}: {violation}" if violation.line is None else f"{source}, {violation}")

@@ -2,18 +2,19 @@
 
 from argparse import Namespace
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import FitSettings
+from ibrid.gap.joint_fit import evaluate_events
+from ibrid.gap.prior import read_values
+from ibrid.measurement.events import Events
+from ibrid.measurement.sweep import Sweep
+from ibrid.report.text import format_record
 from ibrid.writing import require_place
-
-if TYPE_CHECKING:
-    from ibrid.evaluation.record import Record
-    from ibrid.fit.settings import FitSettings
-    from ibrid.measurement.events import Events
-    from ibrid.measurement.sweep import Sweep
 
 
 def run(arguments: Namespace) -> int:
@@ -34,28 +35,22 @@ def run(arguments: Namespace) -> int:
     record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
     printed = give_json(record.to_json(), arguments.json)
     if arguments.report is not None:
-        from ibrid.report.page import write_report
+        from ibrid.report.page import write_report  # pictures are slow to import
 
         write_report(record, arguments.report, sweep=sweep, events=events)
     if record.outcome != "ok":
         return _say_why(record, arguments.program)
     if not printed:
-        from ibrid.report.text import format_record
-
         print(format_record(record).rstrip("\n"))
     return 0
 
 
-def _settings(arguments: Namespace) -> "FitSettings":
-    from ibrid.fit.settings import FitSettings
-
+def _settings(arguments: Namespace) -> FitSettings:
     settings = FitSettings(seeds=arguments.seeds)
     return settings if arguments.seconds is None else replace(settings, seconds=arguments.seconds)
 
 
-def _fitted(arguments: Namespace, sweep: "Sweep | None") -> "Record":
-    from ibrid.evaluation.evaluate import evaluate
-
+def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
     if sweep is None or arguments.values is not None:
         raise IbridError("--values is for records of events; give them with --events, or leave it out")
     return evaluate(
@@ -74,10 +69,7 @@ def _fitted(arguments: Namespace, sweep: "Sweep | None") -> "Record":
     )
 
 
-def _fitted_to_events(arguments: Namespace, sweep: "Sweep | None", events: "Events") -> "Record":
-    from ibrid.gap.joint_fit import evaluate_events
-    from ibrid.gap.prior import read_values
-
+def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events) -> Record:
     usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None, "restarts": None}
     if odd := [f"--{name}" for name, value in usual.items() if getattr(arguments, name) != value]:
         raise IbridError(f"a fit to records of events knows no {odd[0]} but the usual; leave it out")
@@ -98,7 +90,7 @@ def _fitted_to_events(arguments: Namespace, sweep: "Sweep | None", events: "Even
     )
 
 
-def _say_why(record: "Record", program: str) -> int:
+def _say_why(record: Record, program: str) -> int:
     for reason in record.reasons:
         complain(f"{program}{', ' if reason.startswith('line ') else ': '}{reason}")
     return 2 if record.outcome == "invalid" else 1

@@ -2,19 +2,17 @@
 
 import os
 from argparse import Namespace
+from pathlib import Path
+
+from ibrid_search.fleet.running import Earlier, fleet
+from ibrid_search.settings import Workers
 
 from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.telling import telling
 
 
 def run(arguments: Namespace) -> int:
     """Examine, and say what the fleet is like; 0 also where devices have no answer, 1 when it was stopped."""
-    from pathlib import Path
-
-    from ibrid_search.fleet.running import Earlier, fleet
-    from ibrid_search.settings import Workers
-
-    from ibrid.telling import telling
-
     require_json_place(arguments.json)
     if arguments.device is not None:
         with Earlier(Path(arguments.out)) as known:

@@ -1,15 +1,24 @@
 """`ibrid import FILE...`: anybody's table as a sweep file, a recorder's as an events file; what was read as what is shown."""
 
 from argparse import Namespace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
+from ibrid.measurement.amplitudes import merge
+from ibrid.measurement.csv_file import write_sweep
+from ibrid.measurement.event_contradictions import contradictions
+from ibrid.measurement.event_csv import write_events
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
+from ibrid.measurement.importing import import_files
+from ibrid.measurement.read import is_known_format, read_sweep
+from ibrid.measurement.read_events import read_events
+from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.told import base_of
 from ibrid.writing import aligned, require_place
-
-if TYPE_CHECKING:
-    from ibrid.measurement.sweep import Sweep
 
 #: Options that say what a table does not.
 _OF_TABLES = ("quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
@@ -18,11 +27,6 @@ _OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 
 def run(arguments: Namespace) -> int:
     """Show what each column was read as, then write the sweep or say what must be told first."""
-    from pathlib import Path
-
-    from ibrid.measurement.csv_file import write_sweep
-    from ibrid.measurement.importing import import_files
-
     require_place(arguments.out)
     require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
     said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
@@ -48,12 +52,6 @@ def run(arguments: Namespace) -> int:
 
 def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
     """All records of the files in one events file."""
-    from dataclasses import replace
-
-    from ibrid.measurement.event_contradictions import contradictions
-    from ibrid.measurement.event_csv import write_events
-    from ibrid.measurement.read_events import read_events
-
     unfit = [name for name in _OF_TABLES if said[name] is not None]
     if unfit or arguments.map:
         raise IbridError(
@@ -76,15 +74,8 @@ def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
     return 0
 
 
-def _known_formats(files: list[str], said: dict[str, Any]) -> "Sweep | None":
+def _known_formats(files: list[str], said: dict[str, Any]) -> Sweep | None:
     """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), and of sweep files; None for others."""
-    from pathlib import Path
-
-    from ibrid.measurement.amplitudes import merge
-    from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
-    from ibrid.measurement.read import is_known_format, read_sweep
-    from ibrid.measurement.told import base_of
-
     plain = all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
     if not all(is_known_format(Path(file), ours=plain) for file in files):
         return None

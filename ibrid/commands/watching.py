@@ -3,15 +3,14 @@
 from argparse import Namespace
 from pathlib import Path
 
+from ibrid_search.watching import watch
+
 from ibrid.commands import inputs
+from ibrid.modules.vocabulary import choose_vocabulary
 
 
 def run(arguments: Namespace) -> int:
     """Serve until Ctrl-C."""
-    from ibrid_search.watching import watch
-
-    from ibrid.modules.vocabulary import choose_vocabulary
-
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
     watch(Path(arguments.folder), arguments.port, kinds, lambda url: print(f"{url} (Ctrl-C ends it)", flush=True))
     return 0
