@@ -50,7 +50,7 @@ def run_inspect(arguments: Namespace) -> int:
 
 def _inspect_events(arguments: Namespace) -> int:
     from ibrid.measurement.event_inspection import inspect_events
-    from ibrid.measurement.event_inspection_table import format_events_inspection
+    from ibrid.measurement.inspection_table import format_events_inspection
 
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})

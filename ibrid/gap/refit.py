@@ -13,11 +13,12 @@ import numpy as np
 from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
+from ibrid.fit.settings import FitSettings
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
-from ibrid.gap.whole_fit import whole_fit
 from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.sweep import measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
@@ -34,6 +35,9 @@ KEPT = 6
 #: Frequencies of all operating points together beyond which descents begin on a few; the points and frequencies of each that
 #: these are at most; ends that go on with all data, and their steps after a glance.
 MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
+#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise; its limit is far beyond
+#: what it takes on a machine that is free.
+WHOLE = FitSettings(objective="sigma", solved=1e-2, seconds=300.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +155,16 @@ class Refitter:
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))]) if np.isfinite(ends.cost).any() else None
 
     def whole_fit(self, diagram: Diagram) -> Refit | None:
-        """A refit from where a fit without any prior ends, which takes seconds; None where there is none."""
-        wiring = wire(diagram, self.kinds)
-        starts = whole_fit((self._few or self).problem(diagram), wiring, self._rng(diagram), self.sweep.omega_0)
-        return self.refit(diagram, starts) if starts else None
+        """A refit from where a fit without any prior ends, and from its twins, which takes seconds; None where there is none.
+
+        Draws around typical values find the right valley of a grid-following inverter. Of a cascade of voltage and current
+        control, or of two devices, they mostly do not.
+        """
+        problem = (self._few or self).problem(diagram)
+        whole = fit(problem, wire(diagram, self.kinds), self._rng(diagram), WHOLE, omega_0=self.sweep.omega_0)
+        if whole is None:
+            return None
+        return self.refit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
 
     def glance(self, diagram: Diagram, starts: Sequence[Values]) -> Refit | None:
         """A diagram after a few steps from the starts: an upper end of what a refit finds, at a tenth of its cost.

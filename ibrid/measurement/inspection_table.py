@@ -1,9 +1,12 @@
-"""An inspection as plain text: one column per operating point, then the verdicts."""
+"""Inspections as plain text: of a sweep a column for each operating point, of events a block for each record; then verdicts."""
 
 import textwrap
+from collections.abc import Iterator, Sequence
 
+from ibrid.measurement.event_inspection import EventsInspection, RecordInspection
 from ibrid.measurement.inspect import Inspection, PointInspection
-from ibrid.measurement.quantities import band, hertz, percent
+from ibrid.measurement.quantities import band, counted, hertz, percent
+from ibrid.writing import aligned
 
 _WIDTH = 100
 _PER_BLOCK = 3
@@ -16,22 +19,28 @@ def format_inspection(inspection: Inspection) -> str:
     for start in range(0, len(points), _PER_BLOCK):
         lines += ["", *_table(points[start : start + _PER_BLOCK], inspection.f0_hz)]
     lines += ["", *paragraph("conventions: ", inspection.conventions.sentence)]
-    if inspection.warnings:
-        lines += ["", "mind:"]
-        for warning in inspection.warnings:
-            lines += paragraph("  - ", warning)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_mind(inspection.warnings)]) + "\n"
+
+
+def _mind(warnings: Sequence[str]) -> list[str]:
+    lines = ["", "mind:"] if warnings else []
+    for warning in warnings:
+        lines += paragraph("  - ", warning)
+    return lines
+
+
+def _base(inspection: Inspection | EventsInspection) -> list[str]:
+    known = inspection.s_base_va and inspection.v_base_v
+    return [f"base {inspection.s_base_va:g} VA, {inspection.v_base_v:g} V"] if known else []
 
 
 def _system(inspection: Inspection) -> str:
-    count = len(inspection.points)
     words = [
         f"{inspection.f0_hz:g} Hz",
-        f"{count} operating point{'' if count == 1 else 's'}",
+        counted(len(inspection.points), "operating point"),
         f"p and q at the {'PCC' if inspection.power_node == 'pcc' else 'filter capacitor'}",
     ]
-    if inspection.s_base_va and inspection.v_base_v:
-        words.append(f"base {inspection.s_base_va:g} VA, {inspection.v_base_v:g} V")
+    words += _base(inspection)
     if inspection.sampling_hz:
         words.append(f"sampled at {hertz(inspection.sampling_hz)}")
     return ", ".join(words)
@@ -141,3 +150,36 @@ def _aligned(rows: list[tuple[str, list[str]]]) -> list[str]:
 def paragraph(start: str, text: str) -> list[str]:
     """Lines of a sentence behind its mark, those after the first indented like it."""
     return textwrap.wrap(text, _WIDTH, initial_indent=start, subsequent_indent=" " * len(start), break_on_hyphens=False)
+
+
+def format_events_inspection(inspection: EventsInspection) -> str:
+    """The inspection as text of about 100 columns."""
+    system = [f"{inspection.f0_hz:g} Hz", counted(len(inspection.records), "record"), *_base(inspection)]
+    lines = [f"events   {inspection.source or '(no file)'}", f"system   {', '.join(system)}"]
+    for record in inspection.records:
+        lines += ["", record.rest.name, aligned(_rows(record), "  ")]
+        for words, sentences in (("can tell", record.tells), ("cannot tell", record.cannot_tell)):
+            for sentence in sentences:
+                lines += paragraph(f"  {words}: ", sentence)
+    return "\n".join([*lines, *_mind(inspection.warnings)]) + "\n"
+
+
+def _rows(record: RecordInspection) -> Iterator[tuple[str, str]]:
+    rest = record.rest
+    yield "event", record.event
+    yield "rest, at the PCC", f"p {rest.p:.4g}, q {rest.q:.4g}, v {rest.v:.4g}, up to {record.rest_end:.4g} s"
+    if record.offset_hz:
+        yield "frequency at rest", f"{record.offset_hz:+.4f} Hz beside the nominal one, turned out"
+    for name, (low, high) in record.windows.items():
+        yield name, f"{low:.4g} to {high:.4g} s"
+    yield "voltage, means of half cycles", f"{record.lowest:.3g} to {record.highest:.3g}"
+    yield "largest current", f"{record.largest_current:.3g}"
+    yield "samples", f"{record.samples}, {'' if record.even else 'unevenly about '}{hertz(record.rate_hz)}"
+    yield (
+        "noise of the current",
+        f"{record.noise:.2g}, from {record.noise_from}" if record.noise > 1e-9 else "not seen at rest",
+    )
+    zero = "" if record.zero is None else f", zero {percent(record.zero / rest.v)} at most"
+    yield "unbalance of the voltage", f"negative sequence {percent(record.negative / rest.v)}{zero}"
+    for remark in record.remarks:
+        yield "on reading", remark

@@ -18,7 +18,7 @@ from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.bode import Curves, curves, draw_bode
 from ibrid.report.gap_figures import on_axes, on_white
 from ibrid.report.page import measured_data
-from ibrid.report.stability_figures import draw_locus
+from ibrid.report.stability_page import draw_locus
 from ibrid.report.style import series
 
 

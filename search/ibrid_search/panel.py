@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ibrid_search.diagnosis import Edited
-from ibrid_search.proposal import Context, Origin, Proposer, TakesPart
+from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
-from ibrid_search.proposers.shipped import Shipped
-from ibrid_search.step import Step
+from ibrid_search.step import SHIPPED, Step
 from ibrid_search.store import Store
 
 
@@ -102,3 +101,24 @@ class Panel:
         weights = np.array([weight for _, weight in self.proposers])
         proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
         return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(number)
+
+
+class Shipped:
+    """Proposes the first of some diagrams that the run has not met, whatever the parent is."""
+
+    name = SHIPPED
+    attempts = 1
+    window: int | None = None
+
+    def __init__(self, starts: Sequence[Edited]) -> None:
+        self.starts = tuple(starts)
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        """An edit that turns the parent into that diagram."""
+        for start in self.starts:
+            if context.is_new(start.diagram):
+                return Proposal.between(context.parent.diagram, start.diagram, start.words)
+        return Proposal("", failure="every shipped diagram that a first look speaks for has been tried")

@@ -29,7 +29,6 @@ from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
-from ibrid_search.judged_by_events import judged_by_events, rivals_beside
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
 from ibrid_search.merit import criterion
@@ -39,7 +38,7 @@ from ibrid_search.policy_package import policy_part
 from ibrid_search.progress import Progress
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
-from ibrid_search.rivals import ODDS, VISIBLE, rivals_of
+from ibrid_search.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
 from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, digest, open_run, require_run, write_best
 from ibrid_search.selecting import residual_modules, select, selection_json
 from ibrid_search.settings import Goal, SearchSettings, Workers

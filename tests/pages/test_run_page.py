@@ -17,7 +17,7 @@ from ibrid_search.report.run_data import read_run
 from ibrid_search.report.statistics import speed
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
-from ibrid_search.watching.state import run_state
+from ibrid_search.watching.server import run_state
 from made_run import REFUSALS, a_run, meta, put
 from page_reader import Reader, self_contained
 

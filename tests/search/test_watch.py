@@ -16,8 +16,7 @@ import pytest
 from browser import _NAMES, _OPTIONS
 from fitted import benchmark, changed, evaluated
 from ibrid_search.watching import WatchServer
-from ibrid_search.watching.server import ADDRESS
-from ibrid_search.watching.state import run_state
+from ibrid_search.watching.server import ADDRESS, run_state
 from made_run import a_run, meta
 
 from ibrid import cli

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import IO, Any
 
 from ibrid.errors import IbridError
-from ibrid_search.evaluation.last_words import LastWords
 
 #: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
 ANSWER = 20.0
@@ -236,3 +235,25 @@ def _line(error: BaseException) -> str:
     """The first line of a message, short."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0][:300]
+
+
+BROKEN_OFF = (
+    "ibrid: the search broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
+    "stored is kept, go on with the same command and --resume"
+)
+_WAIT = f"import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or print({BROKEN_OFF!r})"
+
+
+class LastWords:
+    """Tells on standard error that the search broke off, unless `goodbye` comes first: Ray ends its process with its node, a
+    scheduler by SIGKILL, before it can say anything. A small process of Python waits at a pipe for the goodbye."""
+
+    def __init__(self) -> None:
+        self._waiting = subprocess.Popen(
+            [sys.executable, "-S", "-E", "-c", _WAIT], stdin=subprocess.PIPE, stdout=2, close_fds=True
+        )
+
+    def goodbye(self) -> None:
+        """The search ends as it should. Again does nothing."""
+        with suppress(OSError, ValueError):
+            self._waiting.communicate(b"!", timeout=10)
