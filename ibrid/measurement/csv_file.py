@@ -57,16 +57,8 @@ def parse_csv(lines: Sequence[str], path: Path, keys: Mapping[str, object]) -> S
 
 def sweep_of_table(table: Table, header: Header, quantity: Quantity, path: Path) -> Sweep:
     """The sweep that rows make, in our convention. path : for errors, and the sweep's source."""
-    return Sweep(
-        points=tuple(_point_at_amplitudes(group, header, quantity, path) for group in _by_operating_point(table, path)),
-        f0_hz=header.f0_hz,
-        power_node=header.power_node,
-        s_base_va=header.s_base_va,
-        v_base_v=header.v_base_v,
-        notes=header.notes,
-        source=str(path),
-        sampling_hz=header.sampling_hz,
-    )
+    groups = _by_operating_point(table, path)
+    return header.sweep([_point_at_amplitudes(group, header, quantity, path) for group in groups], str(path))
 
 
 def _by_operating_point(table: Table, path: Path) -> list[Table]:
@@ -187,15 +179,8 @@ def sweep_csv(sweep: Sweep, *, header: Sequence[str] = ()) -> str:
     Columns v, sigma_dd .. sigma_qq, repeat and amplitude are there when they carry information. With repeats each run
     is a row and sigma is that of a single run, so that reading gives the same mean and the same sigma of the mean.
     """
-    meant = Header(
-        f0_hz=sweep.f0_hz,
-        power_node=sweep.power_node,
-        s_base_va=sweep.s_base_va,
-        v_base_v=sweep.v_base_v,
-        sampling_hz=sweep.sampling_hz,
-    )
     lines = [f"# {_as_note(line)}".rstrip() for text in (*header, *sweep.notes) for line in str(text).splitlines()]
-    lines += [f"# {key}: {value}" for key, value in header_values(meant).items()]
+    lines += [f"# {key}: {value}" for key, value in header_values(Header.of(sweep)).items()]
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     every = [one for point in sweep.points for one in (point, *point.larger)]

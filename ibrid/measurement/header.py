@@ -1,14 +1,14 @@
 """What a sweep file says about its numbers: `# key: value` lines, with a guard against mistyped keys."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from math import isfinite
 from typing import Any, Literal
 
 from ibrid.errors import SweepError, near
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 
 Unit = Literal["pu", "S", "ohm"]
 
@@ -20,6 +20,8 @@ CHOICES: dict[str, tuple[str, ...]] = {
 }
 POSITIVE = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz")
 HEADER_KEYS = (*CHOICES, *POSITIVE)
+#: Those that hold of a sweep in any convention.
+OF_SWEEPS = (*POSITIVE, "power_node")
 POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
@@ -44,6 +46,15 @@ class Header:
     v_base_v: float | None = None
     sampling_hz: float | None = None
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, sweep: Sweep) -> "Header":
+        """Of a sweep, whose numbers are in our convention."""
+        return cls(**{key: getattr(sweep, key) for key in OF_SWEEPS})
+
+    def sweep(self, points: Sequence[PointSweep], source: str) -> Sweep:
+        """The sweep of points that were converted to our convention."""
+        return Sweep(tuple(points), notes=self.notes, source=source, **{key: getattr(self, key) for key in OF_SWEEPS})
 
 
 def read_keys(

@@ -57,16 +57,7 @@ def sweep_of_response(
         point = PointSweep(op, frequency, matrix)
     except SweepError as reason:
         raise SweepError(f"{where}: {reason}") from reason
-    return Sweep(
-        points=(point,),
-        f0_hz=header.f0_hz,
-        power_node=header.power_node,
-        s_base_va=header.s_base_va,
-        v_base_v=header.v_base_v,
-        notes=notes,
-        source=where,
-        sampling_hz=header.sampling_hz,
-    )
+    return header.sweep([point], where)
 
 
 def sidecar_keys(

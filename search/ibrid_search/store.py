@@ -95,22 +95,17 @@ class Store:
         status: Status,
         reason: str = "",
         record: Record | Mapping[str, Any] | None = None,
-        nrmse: float | None = None,
-        reward: float | None = None,
-        stable: bool | None = None,
-        order: int | None = None,
-        free: int | None = None,
-        seconds: float | None = None,
         attempts: int = 1,
+        **numbers: Any,
     ) -> None:
         """Write how a pending step ended, with its record or the JSON of it; IbridError when it is not pending.
 
-        Numbers that are not given are those of the record. `attempts` : how often it was evaluated.
+        `numbers` : fields of the step in the place of what the record says, such as `seconds`. `attempts` : how often it was
+        evaluated.
         """
         plain = record.to_json() if isinstance(record, Record) else record
         packed = None if plain is None else zlib.compress(json_text(plain).encode(), 3)
-        given = {"nrmse": nrmse, "reward": reward, "stable": stable, "order": order, "free": free, "seconds": seconds}
-        known = {name: value for name, value in given.items() if value is not None}
+        known = {name: value for name, value in numbers.items() if value is not None}
         ended = {"status": status, "reason": reason, **numbers_of(plain), **known}
         columns = ", ".join(f'"{name}" = ?' for name in ended)
         with self._database.transaction():
