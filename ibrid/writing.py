@@ -1,10 +1,12 @@
 """What is written: columns of text, and result files, which appear whole or not at all, a failure being one sentence."""
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from ibrid.errors import IbridError
 
@@ -79,6 +81,16 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         _replace(_target(path), data)
     except (OSError, ValueError) as error:
         raise _refused(path, error) from None
+
+
+def json_lines(content: Any) -> str:
+    """Plain data as JSON files and the terminal have it."""
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def write_json(path: str | Path, content: Any) -> None:
+    """`write_whole` of that."""
+    write_whole(path, json_lines(content))
 
 
 def _target(path: Path) -> Path:

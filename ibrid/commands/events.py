@@ -1,6 +1,5 @@
 """`ibrid record PLANT` and `ibrid playback MODEL EVENTS`: faults and steps of our own inverters, and models beside records."""
 
-import json
 import shlex
 from argparse import Namespace
 from math import radians
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
-from ibrid.writing import inside, require_folder, require_place, write_whole
+from ibrid.writing import inside, require_folder, require_place, write_json, write_whole
 
 if TYPE_CHECKING:
     from ibrid.playback.compare import EventModel
@@ -64,7 +63,7 @@ def run_playback(arguments: Namespace) -> int:
     found = play(model, events)
     page = playback_page(found, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(places[f"the {JSON} of --out"], json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")
+    write_json(places[f"the {JSON} of --out"], found.plain())
     write_whole(places[f"the {PAGE} of --out"], page)
     print(playback_text(found))
     return 0

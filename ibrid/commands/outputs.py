@@ -1,6 +1,5 @@
 """Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
 
-import json
 import os
 import sys
 from collections.abc import Mapping
@@ -8,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid.writing import require_place, write_whole
+from ibrid.writing import json_lines, require_place, write_whole
 
 TERMINAL = "-"
 
@@ -53,7 +52,7 @@ def give_json(content: Any, where: str | None) -> bool:
     """Write or print JSON as asked; True when it was printed, so that the table is left out."""
     if where is None:
         return False
-    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    text = json_lines(content)
     if where == TERMINAL:
         print(text, end="")
         return True

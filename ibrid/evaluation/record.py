@@ -25,7 +25,7 @@ from ibrid.structure.outside import Outside
 from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import Wiring, wire
-from ibrid.writing import write_whole
+from ibrid.writing import write_json
 
 if TYPE_CHECKING:
     import control
@@ -118,7 +118,7 @@ class Record:
 
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
-        write_whole(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
+        write_json(path, self.to_json())
 
     def state_space(self, op: str, cut: str | None = None) -> "control.StateSpace":
         """The full (A, B, C, D) at an operating point by python-control; states "instance.state". cut : a module that gives

@@ -4,7 +4,6 @@ Several points stand on a last axis of everything that differs: A (n, n, K), v0 
 """
 
 import io
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ import scipy.io
 from ibrid.analysis.linear_model import UNITS, LinearModel
 from ibrid.errors import IbridError, near
 from ibrid.measurement.state_space_file import SCHEMA, one_point, state_space_data
+from ibrid.writing import json_lines
 
 if TYPE_CHECKING:
     import control
@@ -65,7 +65,7 @@ def control_json(*models: LinearModel) -> bytes:
         "parameters": {name: told(lambda one, name=name: one.parameters[name]) for name in model.parameters},
         "pade_orders": model.pade_orders,
     }
-    return (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
+    return json_lines(data).encode()
 
 
 def read_control_json(path: str | Path, op: str | None = None) -> "control.StateSpace":

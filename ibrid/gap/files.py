@@ -1,6 +1,5 @@
 """The files of an answer: gap.json, the repaired model as a program, what changed in it, and its record."""
 
-import json
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 
 from ibrid.gap.result import SCHEMA, Gap
 from ibrid.structure.compare import unified
-from ibrid.writing import inside, write_whole
+from ibrid.writing import inside, json_lines, write_json, write_whole
 
 GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
 #: What a repair changed; there is none without a repair.
@@ -56,7 +55,7 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
     taken away.
     """
     folder = Path(folder)
-    answer = json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n"
+    answer = json_lines(gap_json(gap))
     changed = unified(gap.given, gap.program, (given, str(folder / PROGRAM)))
     write_whole(inside(folder, PROGRAM), gap.program)
     if changed:
@@ -70,7 +69,7 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
 def write_partial(gap: Gap, folder: str | Path) -> None:
     """gap.json of an answer on the way, in a folder that is made where it is not there; replaced atomically."""
     Path(folder).mkdir(parents=True, exist_ok=True)
-    write_whole(inside(Path(folder), GAP), json.dumps(gap_json(gap), indent=1, allow_nan=False) + "\n")
+    write_json(inside(Path(folder), GAP), gap_json(gap))
 
 
 def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:

@@ -16,25 +16,19 @@ from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
-from ibrid.writing import inside, write_whole
+from ibrid.writing import inside, write_json
 from ibrid_search.blocks import shown
+from ibrid_search.evaluation.verdict import STATUS
 from ibrid_search.merit import criterion
 from ibrid_search.proposal import Evaluated
 from ibrid_search.run_folder import SELECTION, write_best
-from ibrid_search.selecting import given_answer_json
+from ibrid_search.selecting import given_answer
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 
 #: Characters that are kept of a refused program, and of the reasons.
 KEPT = 20_000
-_STATUS = {
-    Outcome.INVALID: Status.ILLEGAL,
-    Outcome.FAILED: Status.FAILED,
-    Outcome.TIMEOUT: Status.TIMEOUT,
-}
-
-
 #: Of an evaluation that asks for nothing else.
 USUAL = FitSettings(seconds=30.0)
 
@@ -156,7 +150,7 @@ class Logbook:
             self._store.set_meta("ending", "an agent has given its answer")
         if self._folder is not None:
             write_best(self._folder, record)
-            write_whole(inside(self._folder, SELECTION), given_answer_json(number, reasons, self._steps, record))
+            write_json(inside(self._folder, SELECTION), given_answer(number, reasons, self._steps, record))
 
     def note_call(self, name: str, arguments: Any, answer: Mapping[str, Any]) -> None:
         """Keep a call of a tool and what it was answered, for whoever reads the run later."""
@@ -196,7 +190,7 @@ class Logbook:
             self._conclude(replace(step, status=Status.LOST, reason=reason), None)
             raise
         if record.outcome != Outcome.OK:
-            status, reason = _STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
+            status, reason = STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
             return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
         fitted = replace(
             step,

@@ -24,7 +24,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
-from ibrid.writing import inside, write_whole
+from ibrid.writing import inside, write_json, write_whole
 from ibrid_search.diagnosis import Edited, Looker
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
@@ -40,7 +40,7 @@ from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
 from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, digest, open_run, require_run, write_best
-from ibrid_search.selecting import residual_modules, select, selection_json
+from ibrid_search.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.store import Store
 from ibrid_search.tally import counts
@@ -286,7 +286,7 @@ def _concluded(
             "; no candidate has a rest in every record of the events and is stable as it is fitted to them"
         )
     selection["rivals"] = [vars(rival) | {"words": rival.words(noise)} for rival in rivals]
-    write_whole(inside(folder, SELECTION), selection_json(selection))
+    write_json(inside(folder, SELECTION), selection)
     store.set_meta("refits", str(seconds))
     store.set_meta("best", str(selection["answer"]))
     found = replace(found, labels=labels)

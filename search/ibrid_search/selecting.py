@@ -1,6 +1,5 @@
 """Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, nan
@@ -83,27 +82,20 @@ def _alike(steps: Sequence[Step], best: Step, error: Callable[[int], float], flo
     return [step.number for step in steps if eligible(step) and error(step.number) <= limit]
 
 
-def selection_json(found: dict[str, Any]) -> str:
-    """The text of selection.json."""
-    return json.dumps(found, indent=1, allow_nan=False) + "\n"
-
-
-def given_answer_json(number: int, why: str, steps: Sequence[Step], record: Record) -> str:
-    """The text of selection.json where whoever evaluated the steps names the answer and says why."""
+def given_answer(number: int, why: str, steps: Sequence[Step], record: Record) -> dict[str, Any]:
+    """The content of selection.json where whoever evaluated the steps names the answer and says why."""
     front = [
         {"step": one.step, "nrmse": one.nrmse, "order": one.order, "free_parameters": one.free, "stable": one.stable}
         for one in plain_selection(steps).front[:MOST]
     ]
-    return selection_json(
-        {
-            "schema": "ibrid.selection/1",
-            "front": front,
-            "equally_good": [number],
-            "answer": number,
-            "why": why,
-            "residual_modules": residual_modules(record),
-        }
-    )
+    return {
+        "schema": "ibrid.selection/1",
+        "front": front,
+        "equally_good": [number],
+        "answer": number,
+        "why": why,
+        "residual_modules": residual_modules(record),
+    }
 
 
 def residual_modules(record: Record) -> list[str]:

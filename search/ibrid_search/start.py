@@ -1,6 +1,5 @@
 """A first answer about a sweep: what is odd about it, which shipped diagram explains it and how well, and what to do next."""
 
-import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +28,7 @@ from ibrid.structure.library import textbook
 from ibrid.structure.outside import NOTHING, Outside
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid.writing import write_whole
+from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Looker, RankedEdit
 from ibrid_search.merit import EXACT, Criterion, criterion
@@ -119,13 +118,13 @@ class Start:
             "data": self.inspection.to_json(),
             "ranked": [
                 {
-                    "diagram": one.diagram,
-                    "nrmse": one.nrmse,
-                    "grade": one.grade or None,
-                    "held_out": one.held_out,
-                    **({"nrmse_by_record": one.by_record} if one.by_record else {}),
+                    "diagram": ranked.diagram,
+                    "nrmse": ranked.nrmse,
+                    "grade": ranked.grade or None,
+                    "held_out": ranked.held_out,
+                    **({"nrmse_by_record": ranked.by_record} if ranked.by_record else {}),
                 }
-                for one in self.ranked
+                for ranked in self.ranked
             ],
             "next": list(self.next),
         }
@@ -152,18 +151,20 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     for number, look in enumerate(looks[:FITTED]):
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
         fitted.append(_fitted(look, study))
-    fitted.sort(key=lambda one: (GRADES.index(one.grade), _worth(one, measure)))
+    fitted.sort(key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
     if fitted[0].grade not in FITS:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
-        fitted = [one for one in pairs if one.grade in FITS] + fitted
+        fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
-        fitted = sorted((_fitted_to_both(one, study, events) for one in fitted), key=lambda one: one.bic)
+        fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
     tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
-    others = [*fitted[1:], *(Ranked(look.edit.part, look.error) for look in looks[FITTED:])]
-    others.sort(key=lambda one: one.nrmse if one.grade in ("", GRADES[-1]) else 0.0)  # those that fit, as they are
+    looked = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
+    others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
+    failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
+    others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in sweep.notes else family
@@ -178,9 +179,9 @@ def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = 
     record = answer.best.record
     if record is not None:
         write_whole(folder / "model.py", record.program)
-        write_whole(folder / "model.json", json.dumps(record.to_json(), indent=1, allow_nan=False) + "\n")
+        record.write(folder / "model.json")
     answer = replace(answer, next=_next(answer, data, folder, behind))
-    write_whole(folder / "start.json", json.dumps(answer.to_json(), indent=1, allow_nan=False) + "\n")
+    write_json(folder / "start.json", answer.to_json())
     write_whole(folder / "report.html", start_html(answer))
     return answer
 
@@ -228,11 +229,11 @@ def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
     return replace(ranked, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
 
 
-def _worth(one: Ranked, measure: Criterion) -> float:
+def _worth(ranked: Ranked, measure: Criterion) -> float:
     """The error and the price of the free numbers, as a search chooses: a part that noise feigns must not decide."""
-    if one.record is None:
-        return log(max(one.nrmse, EXACT))
-    return measure.value(measure.floor.error(one.record), one.record.free_parameters)
+    if ranked.record is None:
+        return log(max(ranked.nrmse, EXACT))
+    return measure.value(measure.floor.error(ranked.record), ranked.record.free_parameters)
 
 
 def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:

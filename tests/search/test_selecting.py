@@ -10,7 +10,7 @@ from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor, noise_floor
 from ibrid_search.report.selection import read_selection
 from ibrid_search.rivals import rivals_of
-from ibrid_search.selecting import MOST, select, selection_json
+from ibrid_search.selecting import MOST, select
 from ibrid_search.step import Status, Step
 from scripted_search import QUICK
 from sharing import shared
@@ -20,6 +20,7 @@ from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.amplitudes import EVERY
 from ibrid.study import Study
+from ibrid.writing import json_lines
 
 HELD = "p=0.5,q=0"
 SWEEP = measured(["p=1,q=0.3", "p=1,q=-0.3", HELD])
@@ -200,7 +201,7 @@ def test_modules_that_stand_for_no_physics_are_named():
 def test_the_file_says_the_same_when_it_is_read(tmp_path):
     found = chosen()
     path = tmp_path / "selection.json"
-    path.write_text(selection_json(found), encoding="utf-8")
+    path.write_text(json_lines(found), encoding="utf-8")
     assert json.loads(path.read_text(encoding="utf-8")) == found
     again = read_selection(path)
     assert again is not None

@@ -12,7 +12,8 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
 from ibrid_search.step import Status
 
-_STATUS = {
+#: What became of a step, by the outcome of its record.
+STATUS = {
     Outcome.OK: Status.OK,
     Outcome.INVALID: Status.ILLEGAL,
     Outcome.FAILED: Status.FAILED,
@@ -80,7 +81,7 @@ def _judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
         return Verdict(Status.FAILED, reason=str(error))
     except (Exception, SystemExit) as error:  # code of a user's own kind may raise anything; the run goes on
         return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {_first(error)}")
-    status = _STATUS[Outcome(record.outcome)]
+    status = STATUS[Outcome(record.outcome)]
     if status is Status.TIMEOUT:
         return stopped(min(wall, assessor.limit))
     return Verdict(status, record, "; ".join(record.reasons))
