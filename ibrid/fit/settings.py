@@ -14,17 +14,9 @@ SEEDS = ("textbook", "vector-fitting")
 
 #: Least value of each count.
 _LEAST = {
-    "restarts": 0,
-    "starts": 1,
-    "kept": 1,
-    "kept_misfit": 1,
-    "agreeing": 1,
-    "hops": 0,
-    "kicked": 1,
-    "warm": 1,
-    "warm_kept": 1,
+    **dict.fromkeys(("restarts", "hops", "iterations", "ipopt_iterations"), 0),
+    **dict.fromkeys(("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept"), 1),
 }
-_LEAST |= {"iterations": 0, "ipopt_iterations": 0}
 
 
 def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:

@@ -87,12 +87,13 @@ def can_be_thinned(sweep: Sweep) -> bool:
 
 def coarse(points: Sequence[PointSweep], most_points: int, most_frequencies: int) -> tuple[PointSweep, ...]:
     """So many operating points with so many frequencies each at most, evenly chosen, ends included."""
+    few = [points[index] for index in evenly(len(points), most_points)]
+    return tuple(point.at(evenly(len(point.frequency), most_frequencies)) for point in few)
 
-    def chosen(number: int, most: int) -> np.ndarray:
-        return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(int))
 
-    few = [points[index] for index in chosen(len(points), most_points)]
-    return tuple(point.at(chosen(len(point.frequency), most_frequencies)) for point in few)
+def evenly(number: int, most: int) -> np.ndarray:
+    """So many of `number` places at most, ends included."""
+    return np.unique(np.linspace(0, max(number - 1, 0), min(number, most)).round().astype(int))
 
 
 def _thinned(point: PointSweep, hold: bool) -> PointSweep:

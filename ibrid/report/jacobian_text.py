@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.analysis.power_jacobian import PowerJacobian
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.quantities import hertz
 from ibrid.report.text import table
 
@@ -15,7 +16,7 @@ _ENTRIES = ("p_theta", "p_v", "q_theta", "q_v", "nfp")
 
 def format_jacobian(found: PowerJacobian) -> str:
     """A table of at most twelve frequencies, in dB and degrees, and what its columns mean."""
-    chosen = np.unique(np.linspace(0, len(found.frequency) - 1, _ROWS).round().astype(int))
+    chosen = evenly(len(found.frequency), _ROWS)
     head = ["f", *(f"{name.replace('_', '/')}" for name in _ENTRIES)]
     rows = [
         [hertz(float(found.frequency[k])), *(_polar(complex(getattr(found, name)[k])) for name in _ENTRIES)]

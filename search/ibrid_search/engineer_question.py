@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.structure.compare import difference
@@ -98,10 +99,6 @@ def ranked_edits(context: Context) -> list[RankedEdit]:
 def _asked(context: Context, ranked: list[RankedEdit], detail: Detail) -> str:
     parent, data = context.parent, context.study.fitted
 
-    def shown(point: PointSweep) -> np.ndarray:
-        several = np.linspace(0, len(point.frequency) - 1, min(detail.rows, len(point.frequency)))
-        return np.unique(several.round().astype(int))
-
     def changed(one: Evaluated) -> list[str]:
         lines = difference(program_text(parent.diagram), program_text(one.diagram))
         return [line for line in lines if line[:1] in ("+", "-")]
@@ -112,7 +109,7 @@ def _asked(context: Context, ranked: list[RankedEdit], detail: Detail) -> str:
         entries=ENTRIES,
         points=data.points[:POINTS],
         further=len(data.points) - POINTS,
-        shown=shown,
+        shown=lambda point: evenly(len(point.frequency), detail.rows),
         impedances=_impedances,
         parent=parent,
         **record_facts(parent.record, short=not detail.whole),

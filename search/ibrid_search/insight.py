@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.inspect import inspect
 from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
@@ -56,7 +57,7 @@ class Insight:
                 f"{point.op.name} was measured from {point.frequency[0]:.4g} to {point.frequency[-1]:.4g} Hz, nothing lies "
                 f"between {low:g} and {high:g} Hz; ask for a band inside"
             )
-        shown = inside[np.unique(np.linspace(0, inside.size - 1, min(ROWS, inside.size)).round().astype(int))]
+        shown = inside[evenly(inside.size, ROWS)]
         return {
             "op": point.op.name,
             "p_q_v": [point.op.p, point.op.q, point.op.v],

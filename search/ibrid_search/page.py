@@ -19,7 +19,7 @@ from ibrid_search.fleet.page import fleet_html
 from ibrid_search.fleet.summary import summary_of
 from ibrid_search.report.course import front_svg, learning_svg, trajectory_svg, updates_of
 from ibrid_search.report.models import drawn_models, front_rows, response_facts
-from ibrid_search.report.run_data import RunData, Stored, read_run
+from ibrid_search.report.run_data import RunData, read_run
 from ibrid_search.report.statistics import statistics_facts
 from ibrid_search.run_folder import ARCHIVE, PAGE
 from ibrid_search.step import EVALUATED, Status, Step, line
@@ -30,7 +30,7 @@ FRONTS = (("free", "free parameters"), ("order", "order"))
 
 
 def write_run_page(
-    run: Stored | str | Path,
+    run: Store | str | Path,
     path: str | Path | None = None,
     *,
     sweep: Sweep | None = None,

@@ -65,11 +65,6 @@ class Context:
     complaint: Complaint | None = None
     leading: bool = True
 
-    @property
-    def task(self) -> Study:
-        """The study, under its earlier name."""
-        return self.study
-
     def lacks(self, number: int = 1) -> "list[RankedEdit]":
         """The diagnosis of the parent: edits that explain most of what is left and lead to a legal structure that the run has not
         met, the best first, at most so many (`ibrid_search.rankings`). Seconds the first time, then remembered."""

@@ -10,6 +10,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.gap.port_map import PortFit
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.numbers import number
 from ibrid.report.parameter_rows import parameter_rows
@@ -171,7 +172,7 @@ def polar(value: complex) -> str:
 def port_view(fit: PortFit) -> dict[str, Any]:
     """A port of the port map in plain data: what is left over in sigmas squared, and the transfer where the data see it."""
     seen = np.flatnonzero(fit.deviation < USELESS * np.abs(fit.transfer))
-    chosen = seen[np.unique(np.linspace(0, max(seen.size - 1, 0), min(OF_A_TRANSFER, seen.size)).round().astype(int))]
+    chosen = seen[evenly(seen.size, OF_A_TRANSFER)]
     rows = {f"{fit.frequency[k]:.3g} Hz": polar(complex(fit.transfer[k])) for k in chosen}
     return {"port": fit.port.name, "place": fit.port.words, "chi2_per_number": fit.chi2_per_dof, "transfer": rows}
 

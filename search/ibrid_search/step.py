@@ -47,18 +47,10 @@ USABLE = (Status.OK, Status.REQUIRED)
 
 #: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a lost one none.
 _PENALTY = {
-    Status.NO_ANSWER: -0.4,
-    Status.NO_EDIT: -0.4,
-    Status.NO_MATCH: -0.4,
-    Status.AMBIGUOUS: -0.4,
-    Status.UNREADABLE: -0.25,
-    Status.ILLEGAL: -0.25,
-    Status.UNCHANGED: -0.3,
-    Status.DUPLICATE: -0.3,
-    Status.IMPLAUSIBLE: -0.2,
-    Status.FAILED: -0.2,
-    Status.TIMEOUT: -0.2,
-    Status.REQUIRED: -0.2,
+    **dict.fromkeys((Status.NO_ANSWER, Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS), -0.4),
+    **dict.fromkeys((Status.UNREADABLE, Status.ILLEGAL), -0.25),
+    **dict.fromkeys((Status.UNCHANGED, Status.DUPLICATE), -0.3),
+    **dict.fromkeys((Status.IMPLAUSIBLE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED), -0.2),
 }
 
 

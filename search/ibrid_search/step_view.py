@@ -8,10 +8,12 @@ import numpy as np
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.grade import judged_points
 from ibrid.evaluation.record import Record
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sweep import ENTRIES, Sweep
 from ibrid.report.numbers import number
 from ibrid_search.blocks import shown
 from ibrid_search.step import Step
+from ibrid_search.tool import left_out
 
 #: Steps and frequencies that are shown at most, and parameters that moved.
 STEPS, ROWS, MOVED = 20, 16, 12
@@ -23,10 +25,9 @@ def steps_view(steps: Sequence[Step], after: int = -1) -> dict[str, Any]:
     """Steps with a number above `after` in their order, refused ones too: parent, note and how they ended."""
     there = [step for step in steps if step.number > after]
     told = [_told(step) for step in there[:STEPS]]
-    left = len(there) - len(told)
-    return {"steps": told} | (
-        {"left_out": {"steps": f"{left} of {len(there)}"}, "go_on_after": told[-1]["step"]} if left else {}
-    )
+    if left := left_out("steps", len(told), len(there)):
+        left["go_on_after"] = told[-1]["step"]
+    return {"steps": told, **left}
 
 
 def differences(first: Record, second: Record) -> dict[str, Any]:
@@ -47,11 +48,10 @@ def differences(first: Record, second: Record) -> dict[str, Any]:
         for name, value in after.items()
         if name in before and abs(value - before[name]) > CHANGED * abs(before[name])
     }
-    left = len(moved) - MOVED
     return {
         "first_then_second": {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]},
         "moved": dict(list(moved.items())[:MOVED]),
-        **({"left_out": {"moved": f"{left} of {len(moved)}"}} if left > 0 else {}),
+        **left_out("moved", MOVED, len(moved)),
     }
 
 
@@ -66,7 +66,7 @@ def residuals_view(record: Record, sweep: Sweep, op: str | None = None) -> dict[
     left = np.abs(record.response(point.op.name, point.frequency) - point.admittance) / (
         np.sqrt(2) * np.asarray(point.sigma)
     )
-    chosen = np.unique(np.linspace(0, len(left) - 1, min(ROWS, len(left))).round().astype(int))
+    chosen = evenly(len(left), ROWS)
     misfit = record.misfit or {}
     return {
         "op": point.op.name,
@@ -81,7 +81,7 @@ def residuals_view(record: Record, sweep: Sweep, op: str | None = None) -> dict[
             | {entry: round(float(left[k][place]), 1) for entry, place in ENTRIES.items()}
             for k in chosen
         ],
-        **({"left_out": {"rows": f"{len(left) - len(chosen)} of {len(left)}"}} if len(chosen) < len(left) else {}),
+        **left_out("rows", len(chosen), len(left)),
     }
 
 

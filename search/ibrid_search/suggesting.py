@@ -1,6 +1,6 @@
 """Proposers of the search as suggesters of the gap workflow: what might be missing where the catalogue has no name."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.suggesting import Question, Suggest, Suggestion
+from ibrid.measurement.amplitudes import evenly
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
 from ibrid_search.edits import EditError, apply_edit
@@ -54,11 +55,10 @@ def _answer(proposer: Proposer, context: Context, rng: np.random.Generator) -> S
 
 def told(fit: PortFit) -> str:
     """A place where one unknown transfer Delta explains everything, and its curve, for a language model."""
-    chosen: Sequence[int] = np.unique(np.linspace(0, len(fit.frequency) - 1, TOLD).round().astype(int)).tolist()
     rows = "; ".join(
         f"{fit.frequency[k]:.4g} Hz: {np.abs(fit.transfer[k]):.3g} at {np.degrees(np.angle(fit.transfer[k])):.0f} deg "
         f"(+- {fit.deviation[k]:.2g})"
-        for k in chosen
+        for k in evenly(len(fit.frequency), TOLD)
     )
     return (
         f"At {fit.port.words} an unknown transfer, added to what the model has there, explains the measurement: {rows}."

@@ -162,6 +162,11 @@ def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str
     return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
 
 
+def left_out(what: str, shown: int, total: int) -> dict[str, Any]:
+    """What an answer says of rows or steps that it does not show; nothing where it shows all."""
+    return {LEFT_OUT: {what: f"{total - shown} of {total}"}} if shown < total else {}
+
+
 def _shown(value: Any) -> str:
     text = repr(value if isinstance(value, str | int | float | bool | None) else type(value).__name__)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -4,12 +4,11 @@ read, never run; every answer names the next useful call."""
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from ibrid.analysis.prediction import predict
 from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.modules.in_full import kind_in_full
 from ibrid.modules.vocabulary import find_kind
@@ -25,7 +24,7 @@ from ibrid_search.language import api_text, kinds_text, rules_text
 from ibrid_search.record_view import RecordPart, polar, record_view, summary
 from ibrid_search.step import line
 from ibrid_search.step_view import differences, residuals_view, steps_view
-from ibrid_search.tool import Steps, Tool, tools_in
+from ibrid_search.tool import Steps, Tool, left_out, tools_in
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
@@ -89,7 +88,7 @@ class Tools:
         frequency = (measured or sweep.points[0]).frequency
         with time_limit(LOOKING):
             found = predict(record, op, frequency)
-        chosen = np.unique(np.linspace(0, len(frequency) - 1, min(PREDICTED, len(frequency))).round().astype(int))
+        chosen = evenly(len(frequency), PREDICTED)
         answer: dict[str, Any] = {
             "step": step,
             "op": found.op.name,
@@ -109,11 +108,7 @@ class Tools:
                 | {entry: polar(complex(found.admittance[k][place])) for entry, place in ENTRIES.items()}
                 for k in chosen
             ],
-            **(
-                {"left_out": {"rows": f"{len(frequency) - len(chosen)} of {len(frequency)}"}}
-                if len(chosen) < len(frequency)
-                else {}
-            ),
+            **left_out("rows", len(chosen), len(frequency)),
             "next": self._done(step),
         }
 

@@ -13,7 +13,7 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_turn import Turn
-from ibrid_search.proposers.agent_view import AgentSettings, History, RunView, question
+from ibrid_search.proposers.agent_view import AgentSettings, RunView, question
 from ibrid_search.proposers.chat import Chat
 from ibrid_search.proposers.model_names import models_of
 from ibrid_search.spending import Limits, Prices, Spender, Spending
@@ -39,7 +39,7 @@ class Agent(Spender):
         settings: AgentSettings | None = None,
         *,
         limits: Limits | None = None,
-        history: History | None = None,
+        history: Store | None = None,
     ) -> None:
         self.chat, self.settings, self.history = chat, settings or AgentSettings(), history
         self.spending = Spending(limits)

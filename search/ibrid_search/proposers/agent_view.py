@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -13,6 +13,7 @@ from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import fenced, quoted
 from ibrid_search.step import Status, Step
+from ibrid_search.store import Store
 from ibrid_search.tool import Tool, listed
 from ibrid_search.tools import Tools
 
@@ -104,25 +105,13 @@ def _lines(turns: Sequence[Step], known: Mapping[int, Step]) -> Iterator[str]:
         yield f"- {_result(turn, known)} Diagnosis: {paragraph(turn.diagnosis) or '(none)'}"
 
 
-class History(Protocol):
-    """The part of `ibrid_search.store.Store` that an agent reads."""
-
-    def steps(self, after: int = -1) -> Iterator[Step]:
-        """Steps in order."""
-        ...
-
-    def record(self, number: int, vocabulary: Any = ...) -> Record:
-        """The record of a step; IbridError when it has none."""
-        ...
-
-
 class RunView:
     """Steps and records at one moment; the `Steps` of `ibrid_search.tools`.
 
     `remembered` : steps that the agent has seen itself, for a run without a history.
     """
 
-    def __init__(self, context: Context, history: History | None = None, remembered: Sequence[Step] = ()) -> None:
+    def __init__(self, context: Context, history: Store | None = None, remembered: Sequence[Step] = ()) -> None:
         self._context, self._history = context, history
         self._near = {one.step: one for one in (*reversed(context.best), context.parent)}
         own = history.steps() if history is not None else remembered

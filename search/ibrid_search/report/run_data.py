@@ -3,11 +3,11 @@
 import math
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
@@ -25,21 +25,8 @@ from ibrid_search.parsed import mapping_in
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
 from ibrid_search.step import Step, line
-from ibrid_search.store import NotedCall
+from ibrid_search.store import NotedCall, Store
 from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
-
-
-class Stored(Protocol):
-    """What is asked of a store; `ibrid_search.store.Store` has it."""
-
-    @property
-    def path(self) -> Path: ...
-    @property
-    def meta(self) -> Mapping[str, str]: ...
-    def steps(self) -> Iterator[Step]: ...
-    def record(self, number: int, vocabulary: Sequence[ModuleKind], /) -> Record: ...
-    def retried(self) -> Mapping[int, int]: ...
-    def calls(self) -> Sequence[NotedCall]: ...
 
 
 @dataclass(frozen=True)
@@ -105,7 +92,7 @@ class RunData:
             return None
 
 
-def read_run(store: Stored, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None) -> RunData:
+def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None) -> RunData:
     """Read what a page needs; the store is not needed afterwards.
 
     sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped one.
@@ -159,7 +146,7 @@ def _worth_reading(points: Sequence[Point], steps: Mapping[int, Step], answer: S
 
 
 def _records(
-    store: Stored, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
+    store: Store, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
 ) -> dict[int, Record]:
     """Records of those steps that were fitted; a damaged one becomes a note."""
     found: dict[int, Record] = {}
