@@ -83,7 +83,7 @@ def _table(points: tuple[PointInspection, ...], f0_hz: float) -> list[str]:
         rows.append(("above half the sampling rate", [f"{point.above_half_sampling}" for point in points]))
     if any(point.lines for point in points):
         rows.append(("on multiples of f0", [f"{len(point.lines)}" for point in points]))
-    return _aligned(rows)
+    return aligned([label, *cells] for label, cells in rows).splitlines()
 
 
 def _noise(point: PointInspection) -> str:
@@ -134,17 +134,6 @@ def _sequence_rows(points: tuple[PointInspection, ...], f0_hz: float) -> list[tu
         cells = ["-" if point.resistance is None else "{:.3g}, {:.3g}".format(*point.resistance) for point in points]
         rows.append(("resistance along and across the current", cells))
     return rows
-
-
-def _aligned(rows: list[tuple[str, list[str]]]) -> list[str]:
-    first = max(len(label) for label, _ in rows)
-    widths = [max(len(cells[k]) for _, cells in rows) for k in range(len(rows[0][1]))]
-    return [
-        "  ".join(
-            [label.ljust(first), *(cell.ljust(width) for cell, width in zip(cells, widths, strict=True))]
-        ).rstrip()
-        for label, cells in rows
-    ]
 
 
 def paragraph(start: str, text: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Textbook dynamic control blocks; a `_dq` block applies the same scalar law to both axes."""
 
+from dataclasses import replace
 from math import pi
 
 from ibrid.modules.kind import ModuleKind, Range
@@ -55,16 +56,15 @@ PI = ModuleKind(
     reference=APPENDIX,
 )
 
-PI_DQ = ModuleKind(
+PI_DQ = replace(
+    PI,
     name="PI_dq",
-    family="dynamic control",
-    law="out = (kP + kI/s) in_ on each axis",
+    law=f"{PI.law} on each axis",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
     states=("integral_d", "integral_q"),
     parameters={"kP": proportional(0.4), "kI": integral(15.0)},
     state_space=_pi_dq,
-    reference=APPENDIX,
 )
 
 LPF1 = ModuleKind(
@@ -80,17 +80,15 @@ LPF1 = ModuleKind(
     reference=APPENDIX,
 )
 
-LPF1_DQ = ModuleKind(
+LPF1_DQ = replace(
+    LPF1,
     name="LPF1_dq",
-    family="dynamic control",
-    law="out = omega_c/(s + omega_c) in_ on each axis",
+    law=f"{LPF1.law} on each axis",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
     states=("filtered_d", "filtered_q"),
     parameters={"omega_c": cutoff(800.0)},
     state_space=_low_pass_dq,
-    dc_gain=1.0,
-    reference=APPENDIX,
 )
 
 INTEGRATOR = ModuleKind(

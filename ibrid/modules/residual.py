@@ -1,5 +1,6 @@
 """Blocks that no designer draws: they absorb delay or an unmodelled resonance and are counted apart."""
 
+from dataclasses import replace
 from math import pi
 
 from ibrid.modules.kind import ModuleKind, Range
@@ -32,17 +33,14 @@ PADE1 = ModuleKind(
     reference=APPENDIX,
 )
 
-PADE1_DQ = ModuleKind(
+PADE1_DQ = replace(
+    PADE1,
     name="Pade1_dq",
-    family="residual",
-    law="out = (1 - T_d s/2)/(1 + T_d s/2) in_ on each axis",
+    law=f"{PADE1.law} on each axis",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
     states=("lag_d", "lag_q"),
-    parameters={"T_d": DELAY_TIME},
     state_space=_pade1_dq,
-    dc_gain=1.0,
-    reference=APPENDIX,
 )
 
 

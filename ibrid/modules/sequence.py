@@ -49,17 +49,11 @@ SOGI_DQ = ModuleKind(
     reference="second-order generalised integrator: M. Ciobotaru, R. Teodorescu and F. Blaabjerg, PESC 2006",
 )
 
-DSOGI_DQ = ModuleKind(
+DSOGI_DQ = replace(
+    SOGI_DQ,
     name="DSOGI_dq",
-    family="dynamic control",
     law="y, z as in SOGI_dq; out = (y + J z)/2, the positive sequence: (k w/2)(s + 2 j w)/((s + j w)^2 + k w (s + j w) + w^2)",
-    inputs=DQ[0],
-    outputs=DQ[1],
-    states=_STATES,
-    parameters={"k": _K},
     state_space=_dsogi,
-    dc_gain=1.0,
-    extended=True,
     reference="dual SOGI: P. Rodriguez, R. Teodorescu, I. Candela, A. V. Timbus, M. Liserre and F. Blaabjerg, PESC 2006",
 )
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -10,10 +9,7 @@ from markupsafe import Markup
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.figure import inline_svg
-from ibrid.report.style import series
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ibrid.report.style import Axes, series
 
 #: Points of a model line.
 DENSE = 500
@@ -92,7 +88,7 @@ def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = Tr
     }
 
 
-def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> None:
+def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None:
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
@@ -127,8 +123,8 @@ def draw_bode(axes: Sequence["Axes"], entry: str, shown: Sequence[Curves]) -> No
 
 
 def _shade(
-    magnitude: "Axes",
-    phase: "Axes",
+    magnitude: Axes,
+    phase: Axes,
     frequency: np.ndarray,
     size: np.ndarray,
     angle: np.ndarray,
@@ -146,8 +142,8 @@ def _shade(
 
 
 def _dots(
-    magnitude: "Axes",
-    phase: "Axes",
+    magnitude: Axes,
+    phase: Axes,
     point: PointSweep,
     entry: str,
     value: np.ndarray,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,7 @@ from ibrid.measurement.labels import Convention, rotation
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.report.bode import Curves, draw_bode, line_frequency
 from ibrid.report.numbers import percent
-from ibrid.report.style import MUTED, plain_decades, series
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ibrid.report.style import MUTED, Axes, plain_decades, series
 
 #: Points of a model line.
 DENSE = 240
@@ -188,7 +185,7 @@ def _noise(view: PointView, place: tuple[Any, ...] = ()) -> float:
 DEEPEST = 0.03
 
 
-def draw_entry(axes: Sequence["Axes"], entry: str, shown: PointView) -> None:
+def draw_entry(axes: Sequence[Axes], entry: str, shown: PointView) -> None:
     """Three axes: magnitude (per unit), phase (degrees), distance |Y model - Y measured| (per unit) over the noise."""
     *bode, distance = axes
     draw_bode(bode, entry, shown.curves)

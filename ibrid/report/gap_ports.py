@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
@@ -12,10 +12,7 @@ from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.report.numbers import number
-from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, plain_decades, series
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ibrid.report.style import INK, MUTED, SERIES_STAND_INS, Axes, plain_decades, series
 
 #: Ports that the page's figure shows at most.
 PORTS = 20
@@ -27,7 +24,7 @@ BARS = 2.0
 DECADE = 10.0
 
 
-def draw_ports(axes: Sequence["Axes"], fits: Sequence[PortFit], most: int = PORTS) -> None:
+def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS) -> None:
     """chi2 per degree of freedom with one unknown transfer at each port, best on top; what is adequate is hatched green."""
     (plane,) = axes
     shown = list(fits[:most])[::-1]
@@ -70,7 +67,7 @@ def limit_of(fits: Sequence[PortFit]) -> float:
     return float(chi2_law.isf(ADEQUATE, dof)) / dof
 
 
-def draw_missing(axes: Sequence["Axes"], shown: MissingTransfer) -> None:
+def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
     """Magnitude and phase (degrees) of the measured transfer with error bars, and the named block's curve through them."""
     magnitude, phase = axes
     seen, frequency = shown.seen, shown.fit.frequency[shown.seen]
@@ -103,7 +100,7 @@ def draw_missing(axes: Sequence["Axes"], shown: MissingTransfer) -> None:
     plain_decades(phase.xaxis, magnitude.yaxis)
 
 
-def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float]) -> None:
+def draw_gain(axes: Sequence[Axes], gain: PortGain, amplitudes: Sequence[float]) -> None:
     """Real part of measured gains over the amplitude at the port with the describing function, and the imaginary part."""
     real, imaginary = axes
     real.plot(*gain.curve, color=INK, linewidth=1.6, zorder=1)
@@ -126,7 +123,7 @@ def draw_gain(axes: Sequence["Axes"], gain: PortGain, amplitudes: Sequence[float
     real.legend(loc="best", fontsize=9)
 
 
-def _reach(plane: "Axes") -> tuple[float, float]:
+def _reach(plane: Axes) -> tuple[float, float]:
     """Ends of dots and lines; long error bars may leave the picture."""
     found = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in plane.get_lines()])
     return (float(found.min()), float(found.max())) if found.size else (0.0, 1.0)

@@ -3,14 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ibrid.report.style import SERIES_STAND_INS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ibrid.report.style import SERIES_STAND_INS, Axes
 
 #: Room for the legend beside the lines, as a share of their length.
 LEGEND = 0.17
@@ -24,7 +20,7 @@ class Course:
     lines: dict[str, np.ndarray]
 
 
-def draw_courses(axes: Sequence["Axes"], courses: Sequence[Course]) -> None:
+def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
     """One plane for each course, the updates from 1 along the common axis."""
     from matplotlib.ticker import MaxNLocator
 

@@ -3,16 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.report.style import DANGER, MUTED, series
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from ibrid.report.style import DANGER, MUTED, Axes, series
 
 #: Imaginary part over real part up to which a pole is a real one.
 ROUNDING = 1e-6
@@ -58,7 +53,7 @@ DAMPING = (0.01, 0.1, 0.5)
 LINEAR = 1.0
 
 
-def draw_poles(axes: Sequence["Axes"], record: Record) -> None:
+def draw_poles(axes: Sequence[Axes], record: Record) -> None:
     """Upper half plane of every operating point; poles right of zero are unstable."""
     (plane,) = axes
     poles = {name: np.array(found, dtype=float).reshape(-1, 2) for name, found in record.poles.items()}
@@ -78,7 +73,7 @@ def draw_poles(axes: Sequence["Axes"], record: Record) -> None:
     plane.minorticks_off()
 
 
-def pole_plane(plane: "Axes", reach: float, right: float, height: float) -> None:
+def pole_plane(plane: Axes, reach: float, right: float, height: float) -> None:
     """Scales, names and limits (1/s, Hz) of the upper half plane, the unstable part shaded."""
     plane.set_xscale("symlog", linthresh=LINEAR)
     plane.set_yscale("symlog", linthresh=LINEAR)
@@ -90,7 +85,7 @@ def pole_plane(plane: "Axes", reach: float, right: float, height: float) -> None
     plane.set_ylabel("imaginary part / 2π  (Hz)")
 
 
-def _damping_lines(plane: "Axes", height: float) -> None:
+def _damping_lines(plane: Axes, height: float) -> None:
     """Straight where both scales are logarithmic; they are not drawn elsewhere."""
     for ratio in DAMPING:
         slope = 2 * np.pi * ratio / np.sqrt(1 - ratio**2)

@@ -1,7 +1,7 @@
 """The page of a playback: for each record v, i_d, i_q, p and q, measured and modelled, the window of the event shaded."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -9,11 +9,8 @@ from ibrid.measurement.event_windows import WINDOWS
 from ibrid.measurement.events import EventRecord
 from ibrid.playback.compare import Playback, PlayedRecord
 from ibrid.report.figure import inline_svg
-from ibrid.report.style import MUTED, series
+from ibrid.report.style import MUTED, Axes, series
 from ibrid.report.template import page
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Records that get figures.
 DRAWN = 8
@@ -50,7 +47,7 @@ def record_svg(name: str, one: PlayedRecord, lines: Mapping[str, np.ndarray], li
 
 
 def _draw(
-    axes: Sequence["Axes"],
+    axes: Sequence[Axes],
     record: EventRecord,
     windows: Mapping[str, tuple[float, float]],
     lines: Mapping[str, np.ndarray],

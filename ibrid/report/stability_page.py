@@ -1,7 +1,7 @@
 """The page of stability in a grid: the answer on top, grids, root locus, eigenloci, passivity, modes."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +13,8 @@ from ibrid.report.modes import pole_plane
 from ibrid.report.numbers import interval, number
 from ibrid.report.prediction_text import shown_modes
 from ibrid.report.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words
-from ibrid.report.style import DANGER, INK, MUTED, series
+from ibrid.report.style import DANGER, INK, MUTED, Axes, series
 from ibrid.report.template import page
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def stability_page(study: Stability, source: str = "") -> str:
@@ -100,7 +97,7 @@ FARTHEST = 5.0
 SHOWN = 3
 
 
-def draw_locus(axes: Sequence["Axes"], one: PointStability) -> None:
+def draw_locus(axes: Sequence[Axes], one: PointStability) -> None:
     """Poles in the upper half plane while the short-circuit ratio goes from the weakest to the strongest grid."""
     (plane,) = axes
     ratios, poles = one.locus
@@ -139,7 +136,7 @@ def shown_cases(one: PointStability) -> list[GridCase]:
     return [cases[0], cases[changes[0] if changes else middle], cases[-1]]
 
 
-def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
+def draw_eigenloci(axes: Sequence[Axes], one: PointStability) -> None:
     """Both eigenvalues of Z (-Y) over frequency; radii are log2(1 + size), which leaves the unit circle as it is."""
     (plane,) = axes
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
@@ -175,7 +172,7 @@ def draw_eigenloci(axes: Sequence["Axes"], one: PointStability) -> None:
     plane.axvline(0, color=MUTED, linewidth=0.6)
 
 
-def _draw_near(near: "Axes", cases: Sequence[GridCase]) -> None:
+def _draw_near(near: Axes, cases: Sequence[GridCase]) -> None:
     """The surroundings of -1, true to scale, an arrow along rising frequency where each grid's locus is nearest to it."""
     half = 3.0 * max(min(case.nyquist.vector_margin for case in cases), 1e-6)
     for index, case in enumerate(cases):
@@ -197,7 +194,7 @@ def _draw_near(near: "Axes", cases: Sequence[GridCase]) -> None:
     near.set_xlabel(f"-1 ± {half:.2g}", fontsize=9, labelpad=2)
 
 
-def draw_passivity(axes: Sequence["Axes"], points: Sequence[PointStability]) -> None:
+def draw_passivity(axes: Sequence[Axes], points: Sequence[PointStability]) -> None:
     """Smallest eigenvalue of the Hermitian part of -Y over frequency; below zero the inverter is active."""
     (plane,) = axes
     plane.set_xscale("log")

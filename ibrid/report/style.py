@@ -3,13 +3,16 @@
 import math
 import re
 from importlib.resources import files
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ibrid.report.numbers import number
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.typing import LineStyleType
+else:  # matplotlib is imported when something is drawn
+    Axes = Axis = LineStyleType = Any
 
 #: Light and dark colour per operating point; markers and dashes tell them apart on paper and for colour-blind readers.
 SERIES = (
@@ -30,7 +33,7 @@ SHAPES = {
     "v": '<path d="M17 11.5l-4.6-8h9.2z"/>',
     "P": '<path d="M15.5 2.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z"/>',
 }
-DASHES: tuple["LineStyleType", ...] = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
 
 #: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style sheet.
 INK, MUTED, RULE, DANGER = "#010203", "#020304", "#030405", "#040506"
@@ -39,7 +42,7 @@ SERIES_STAND_INS = tuple(f"#0506{index:02x}" for index in range(len(SERIES)))
 STAND_INS |= {stand_in: f"var(--series-{index})" for index, stand_in in enumerate(SERIES_STAND_INS)}
 
 
-def series(index: int) -> tuple[str, str, "LineStyleType"]:
+def series(index: int) -> tuple[str, str, LineStyleType]:
     """Colour stand-in, marker and dash pattern of the operating point number `index`."""
     turn = index % len(SERIES)
     return SERIES_STAND_INS[turn], MARKERS[turn], DASHES[turn]
@@ -117,7 +120,7 @@ def _rules() -> str:
 SOME, ALL = 30.0, 3.0
 
 
-def plain_decades(*drawn: "Axis") -> None:
+def plain_decades(*drawn: Axis) -> None:
     """Write the ticks of logarithmic axes as numbers, not powers of ten, which are slow to set and hard to read.
 
     Between decades there are ticks only where fewer than two decades are shown: without a number they say little, and
@@ -136,7 +139,7 @@ def plain_decades(*drawn: "Axis") -> None:
                 one.set_minor_locator(NullLocator())
 
 
-def unit_of(axis: "Axis") -> str:
+def unit_of(axis: Axis) -> str:
     """What stands in brackets at the end of an axis's label, "" where nothing does."""
     found = re.search(r"\(([^()]*)\)$", axis.get_label_text())
     return found[1] if found else ""

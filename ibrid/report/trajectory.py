@@ -4,14 +4,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ibrid.report.style import DANGER, INK, MUTED, SERIES_STAND_INS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from ibrid.report.style import DANGER, INK, MUTED, SERIES_STAND_INS, Axes
 
 #: Errors below this are drawn at it; so are those above the ceiling, which leaves room over the first best.
 LOWEST = 1e-8
@@ -53,7 +50,7 @@ class ErrorAgainstCost:
     floor: float | None = None
 
 
-def draw_trajectory(axes: Sequence["Axes"], shown: Trajectory) -> None:
+def draw_trajectory(axes: Sequence[Axes], shown: Trajectory) -> None:
     """Logarithm of the error over the evaluations: candidates as dots, best so far as a line, labelled milestones."""
     (plane,) = axes
     low, high = _limits(shown.best, shown.nrmse, shown.floor, shown.target)
@@ -73,7 +70,7 @@ def draw_trajectory(axes: Sequence["Axes"], shown: Trajectory) -> None:
     label_points(plane, _worth_a_label(spots), _stairs(x, y) + [(0.0, one, last, one) for one in levels])
 
 
-def draw_front(axes: Sequence["Axes"], shown: ErrorAgainstCost) -> None:
+def draw_front(axes: Sequence[Axes], shown: ErrorAgainstCost) -> None:
     """Logarithm of the error over a count: candidates as dots, the front as a line, the answer as a ring."""
     (plane,) = axes
     best = np.array([error for _, error in shown.front])
@@ -102,7 +99,7 @@ def _limits(best: np.ndarray, nrmse: np.ndarray, *levels: float | None) -> tuple
     return max(LOWEST, min(bottom / 2, top / 20)), top
 
 
-def _prepare(plane: "Axes", low: float, high: float) -> None:
+def _prepare(plane: Axes, low: float, high: float) -> None:
     from matplotlib.ticker import MaxNLocator
 
     plane.set_yscale("log")
@@ -112,7 +109,7 @@ def _prepare(plane: "Axes", low: float, high: float) -> None:
     plane.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _dots(plane: "Axes", x: np.ndarray, nrmse: np.ndarray, stable: np.ndarray, low: float, high: float) -> None:
+def _dots(plane: Axes, x: np.ndarray, nrmse: np.ndarray, stable: np.ndarray, low: float, high: float) -> None:
     """Every candidate, thinned; unstable ones as crosses."""
     known = np.isfinite(nrmse) & np.isfinite(x)
     y = np.clip(np.where(known, nrmse, high), low, high)
@@ -135,7 +132,7 @@ def _thinned(x: np.ndarray, y: np.ndarray, low: float, high: float) -> np.ndarra
     return np.sort(np.unique(np.stack([across, down]), axis=1, return_index=True)[1])
 
 
-def _level(plane: "Axes", value: float | None, words: str, low: float, *, right: bool) -> None:
+def _level(plane: Axes, value: float | None, words: str, low: float, *, right: bool) -> None:
     """A line across, named above its right end or below its left one, so that two of them do not meet."""
     if value and value >= low:
         plane.axhline(value, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)))
@@ -181,7 +178,7 @@ AWAY = 40
 Box = tuple[float, float, float, float]
 
 
-def label_points(plane: "Axes", points: Sequence[tuple[float, float, str]], curve: Sequence[Line]) -> None:
+def label_points(plane: Axes, points: Sequence[tuple[float, float, str]], curve: Sequence[Line]) -> None:
     """Put a label beside each of `points` (x, y, words in data coordinates), in their order, with a line that leads to it.
 
     `curve` : straight pieces in data coordinates that no label may cover, best of a line that falls to the right. A point
