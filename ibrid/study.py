@@ -107,6 +107,15 @@ class Study:
             return replace(data, **options) if options else data
         return cls(data, **options)
 
+    @property
+    def physics(self) -> dict[str, Any]:
+        """The words with which a model is assembled: equilibrium, power_node and omega_0 (rad/s)."""
+        return {
+            "equilibrium": self.equilibrium,
+            "power_node": self.sweep.power_node,
+            "omega_0": self.sweep.omega_0,
+        }
+
     def placed(self, diagram: Diagram) -> Diagram:
         """A diagram behind the port."""
         return diagram.behind(self.port) if self.port else diagram

@@ -22,7 +22,7 @@ from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.branch import BRANCH
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.parameters import parameter_table, parameters_at
-from ibrid.structure.wiring import split_port, wire
+from ibrid.structure.wiring import split_port
 
 #: Smallest singular value of a direct term over the largest that counts as its rank.
 RANK = 1e-12
@@ -80,11 +80,11 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     None for a plant whose equilibrium is not known in closed form.
     """
     settings, values = record.settings, record.parameters[op]
-    wiring = wire(record.diagram, record.vocabulary)
-    plant, point = wiring.kinds[wiring.plant], settings["operating_points"][op]
+    wiring = record.wiring
+    plant = wiring.kinds[wiring.plant]
     if plant.branches is None:
         return None
-    at = (float(point["p"]), float(point["q"]), float(point["v"]))
+    at = record.point(op).pqv
     table = parameter_table(wiring, settings["equilibrium"])
     every = parameters_at(wiring, table, values)
     inner = behind_terminals(wiring, every, at, settings["power_node"])
@@ -98,9 +98,7 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
         if source != TERMINAL_VOLTAGE and wiring.kinds[split_port(source)[0]].family == BRANCH
     ]
     if shunts:
-        physics = {key: settings[key] for key in ("equilibrium", "power_node")}
-        omega_0 = 2 * np.pi * float(settings["f0_hz"])
-        matrices = module_matrices(wiring, table, values, at, omega_0=omega_0, pade_orders={}, **physics)
+        matrices = module_matrices(wiring, table, values, at, pade_orders={}, **record.physics)
         for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
             a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
             current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]

@@ -341,5 +341,4 @@ def _any_point(record: Record) -> OperatingPoint:
     name = next(iter(record.parameters), None)
     if name is None:
         raise IbridError("the record has no fitted values; make it with ibrid evaluate")
-    numbers = record.settings["operating_points"][name]
-    return OperatingPoint(name, *(float(numbers[key]) for key in "pqv"))
+    return record.point(name)

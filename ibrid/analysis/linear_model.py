@@ -100,7 +100,7 @@ def _linear_model(record: Record, name: str) -> LinearModel:
         raise OperatingPointError(f"the model has no real operating point at {name}; ask for less power")
     system = record.state_space(name)
     settings = record.settings
-    point = settings["operating_points"][name]
+    point = record.point(name)
     v0, i0 = _terminal_point(record, name)
     bases = settings.get("bases", {})
     return LinearModel(
@@ -110,9 +110,9 @@ def _linear_model(record: Record, name: str) -> LinearModel:
         outputs=tuple(system.output_labels),
         name=str(system.name),
         op=name,
-        p=float(point["p"]),
-        q=float(point["q"]),
-        v=float(point["v"]),
+        p=point.p,
+        q=point.q,
+        v=point.v,
         power_node=settings["power_node"],
         f0_hz=float(settings["f0_hz"]),
         parameters=dict(record.parameters[name]),

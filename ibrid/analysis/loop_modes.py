@@ -16,7 +16,6 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.structure.loops import loops
 from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
 
 #: Hz; where crossovers are looked for.
 _GRID = np.geomspace(1e-3, 2e4, 4000)
@@ -51,7 +50,7 @@ def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
     op = next(iter(record.parameters)) if op is None else op
     model = linear_model(record, op)
     shares = participation(model.A, model.states)
-    wiring = wire(record.diagram, record.vocabulary)
+    wiring = record.wiring
     table = parameter_table(wiring, record.settings["equilibrium"])
     rows = []
     for title, members in found.items():

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,7 +14,6 @@ from ibrid.fit.anchor import null_directions
 from ibrid.fit.kernel import respond
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
-from ibrid.structure.wiring import Wiring, wire
 
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 #: Hz, in place of zero where a sweep needs positive frequencies.
@@ -92,24 +90,12 @@ class ParametricModel:
 
     @cached_property
     def _model(self) -> SymbolicModel:
-        return symbolic_model(self._wiring, **self._physics)
+        return symbolic_model(self.record.wiring, **self.record.physics)
 
     @cached_property
     def _matrices(self) -> ca.Function:
-        return symbolic_matrices(self._wiring, dict(self.record.settings["pade_orders"]), **self._physics)
-
-    @cached_property
-    def _wiring(self) -> Wiring:
-        return wire(self.record.diagram, self.record.vocabulary)
-
-    @property
-    def _physics(self) -> dict[str, Any]:
-        settings = self.record.settings
-        return {
-            "equilibrium": settings["equilibrium"],
-            "power_node": settings["power_node"],
-            "omega_0": 2 * np.pi * float(settings["f0_hz"]),
-        }
+        record = self.record
+        return symbolic_matrices(record.wiring, dict(record.settings["pade_orders"]), **record.physics)
 
 
 #: Frequencies, over the measured range, at which the fitted points are asked what they can see.
@@ -182,6 +168,5 @@ def _invisible(record: Record, model: ParametricModel) -> np.ndarray:
     frequency = np.geomspace(low, high, FREQUENCIES) if high > low else np.array([low])
     points = []
     for name in settings.get("fitted_points", settings["operating_points"]):
-        numbers = {key: float(settings["operating_points"][name][key]) for key in "pqv"}
-        points.append(PointSweep(OperatingPoint(name, **numbers), frequency, record.response(name, frequency)))
+        points.append(PointSweep(record.point(name), frequency, record.response(name, frequency)))
     return null_directions(model.problem(points), model.x)

@@ -178,16 +178,8 @@ class _Description:
 
     def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
         """Poles with Pade forms of the delays; not a number where there is no operating point."""
-        matrices = module_matrices(
-            self.wiring,
-            self.table,
-            self.values[point.op.name],
-            (point.op.p, point.op.q, point.op.v),
-            equilibrium=self.study.equilibrium,
-            power_node=self.study.sweep.power_node,
-            omega_0=self.study.sweep.omega_0,
-            pade_orders=orders,
-        )
+        values, physics = self.values[point.op.name], self.study.physics
+        matrices = module_matrices(self.wiring, self.table, values, point.op.pqv, pade_orders=orders, **physics)
         joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
         a = np.zeros((joined.size, joined.size))
         for i, row in enumerate(joined.rows[: joined.size]):

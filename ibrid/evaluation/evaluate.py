@@ -101,8 +101,7 @@ def _evaluate(
     warm: Mapping[str, Mapping[str, float]],
 ) -> Record:
     wiring = canonical_wiring(diagram, study.kinds, equilibrium=study.equilibrium)
-    omega_0 = study.sweep.omega_0
-    model = symbolic_model(wiring, equilibrium=study.equilibrium, power_node=study.sweep.power_node, omega_0=omega_0)
+    model = symbolic_model(wiring, **study.physics)
     each = replace(effort, seconds=effort.seconds / len(study.groups))
     fitted: list[BestFit] = []
     before: list[Mapping[str, float]] = []  # the answer at the previous operating point
@@ -111,7 +110,7 @@ def _evaluate(
         rng = np.random.default_rng(_seed(diagram, study, problem))
         known = [warm[point.op.name] for point in group if point.op.name in warm]
         known = known if len(known) == len(group) else before
-        solution = fit(problem, wiring, rng, each, omega_0=omega_0, warm=known)
+        solution = fit(problem, wiring, rng, each, omega_0=study.sweep.omega_0, warm=known)
         if solution is None:
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
         fitted.append(BestFit(problem, solution))
@@ -160,13 +159,7 @@ def record_at(
     if found:
         return base
     wiring = wire(diagram, study.kinds)
-    model = symbolic_model(
-        wiring,
-        equilibrium=study.equilibrium,
-        power_node=study.sweep.power_node,
-        omega_0=study.sweep.omega_0,
-    )
-    problem = Problem(model, study.fitted.points)
+    problem = Problem(symbolic_model(wiring, **study.physics), study.fitted.points)
     x = problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
     solution = Solution(

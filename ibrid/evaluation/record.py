@@ -15,6 +15,7 @@ from ibrid.assembly.terminal_point import terminal_point
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
+from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
@@ -95,6 +96,25 @@ class Record:
         found = parse_program(self.program, "the record's program")
         return found.behind(Outside.from_json(self.settings["outside"])) if "outside" in self.settings else found
 
+    @property
+    def wiring(self) -> Wiring:
+        """The diagram with its kinds."""
+        return wire(self.diagram, self.vocabulary)
+
+    @property
+    def physics(self) -> dict[str, Any]:
+        """The words with which a model of the diagram is assembled: equilibrium, power_node and omega_0 (rad/s)."""
+        return {
+            "equilibrium": self.settings["equilibrium"],
+            "power_node": self.settings["power_node"],
+            "omega_0": 2 * np.pi * self.settings["f0_hz"],
+        }
+
+    def point(self, op: str) -> OperatingPoint:
+        """The operating point of that name."""
+        numbers = self.settings["operating_points"][op]
+        return OperatingPoint(op, *(float(numbers[key]) for key in "pqv"))
+
     def to_json(self) -> dict[str, Any]:
         """Plain data in the order of the fields, with the schema first."""
         plain = {
@@ -132,16 +152,15 @@ class Record:
         if cut is not None:
             a, b, c, d = matrices[cut]
             matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
-        return closed_loop(self._wiring, matrices, name="inverter")
+        return closed_loop(self.wiring, matrices, name="inverter")
 
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
         """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
         self._require(op)
-        model = symbolic_model(self._wiring, **self._physics)
+        model = symbolic_model(self.wiring, **self.physics)
         self._require_values(op, [one.name for one in model.parameters])
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
-        point = self.settings["operating_points"][op]
-        values = np.array(model.values_only(theta, [point["p"], point["q"], point["v"]])).ravel()
+        values = np.array(model.values_only(theta, [*self.point(op).pqv])).ravel()
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
         if omega.ndim != 1 or not np.isfinite(omega).all():
             raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
@@ -150,16 +169,11 @@ class Record:
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""
         self._require(op)
-        wiring, point = self._wiring, self.settings["operating_points"][op]
+        wiring = self.wiring
         table = parameter_table(wiring, self.settings["equilibrium"])
         self._require_values(op, table.names)
-        return terminal_point(
-            wiring,
-            parameters_at(wiring, table, self.parameters[op]),
-            (point["p"], point["q"], point["v"]),
-            self.settings["power_node"],
-            self._physics["omega_0"],
-        )
+        values, physics = parameters_at(wiring, table, self.parameters[op]), self.physics
+        return terminal_point(wiring, values, self.point(op).pqv, physics["power_node"], physics["omega_0"])
 
     def __repr__(self) -> str:
         error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
@@ -172,18 +186,6 @@ class Record:
     def _repr_html_(self) -> str:
         """Verdict, response and parameters, for notebooks."""
         return shown(self, "notebook", "record_html")
-
-    @property
-    def _wiring(self) -> Wiring:
-        return wire(self.diagram, self.vocabulary)
-
-    @property
-    def _physics(self) -> dict[str, Any]:
-        return {
-            "equilibrium": self.settings["equilibrium"],
-            "power_node": self.settings["power_node"],
-            "omega_0": 2 * np.pi * self.settings["f0_hz"],
-        }
 
     def _require(self, op: str) -> None:
         if self.outcome != Outcome.OK:
@@ -202,22 +204,15 @@ class Record:
 
     def _matrices(self, op: str) -> dict[str, Any]:
         self._require(op)
-        wiring = self._wiring
+        wiring = self.wiring
         table = parameter_table(wiring, self.settings["equilibrium"])
         self._require_values(op, table.names)
-        point = self.settings["operating_points"][op]
         orders = self.settings["pade_orders"]
         for name, kind in wiring.kinds.items():
             if kind.delay is not None and name not in orders:
                 raise IbridError(f"the record's pade_orders lack {name}; make it again with ibrid evaluate --json")
-        return module_matrices(
-            wiring,
-            table,
-            self.parameters[op],
-            (point["p"], point["q"], point["v"]),
-            pade_orders=orders,
-            **self._physics,
-        )
+        values, point = self.parameters[op], self.point(op).pqv
+        return module_matrices(wiring, table, values, point, pade_orders=orders, **self.physics)
 
 
 _TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins", "labels")

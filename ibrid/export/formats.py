@@ -23,7 +23,7 @@ from ibrid.export.nonlinear_model import nonlinear_model
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
 from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.frd import MODEL_GRID
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.touchstone import write_touchstone
 from ibrid.writing import require_place, write_whole
 
@@ -37,11 +37,9 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
     """
     with whole_record():
         whole, name = with_point(record, op)
-        point = whole.settings["operating_points"][name]
         grid = MODEL_GRID if frequency is None else np.asarray(frequency, dtype=float)
-        at = OperatingPoint(name, float(point["p"]), float(point["q"]), float(point["v"]))
         return Sweep(
-            points=(PointSweep(at, grid, whole.response(name, grid)),),
+            points=(PointSweep(whole.point(name), grid, whole.response(name, grid)),),
             f0_hz=float(whole.settings["f0_hz"]),
             power_node=whole.settings["power_node"],
             source="a fitted model",

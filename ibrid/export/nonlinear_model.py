@@ -1,14 +1,12 @@
 """A record as a nonlinear averaged model: the laws of its modules joined, at rest and linear there as the record says."""
 
-import numpy as np
-
 from ibrid.analysis.linear_model import linear_model, whole_record, with_point
 from ibrid.assembly.averaged import NonlinearModel, assembled
 from ibrid.assembly.rest import Rest, rest
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import Wiring, wire
+from ibrid.structure.wiring import Wiring
 
 #: What the numbers of every nonlinear export mean.
 ABSOLUTE = (
@@ -38,15 +36,14 @@ def rest_of_record(record: Record, op: str) -> tuple[Wiring, Rest]:
             "a nonlinear model needs a record with the exact equilibrium, found equilibrium "
             f"{settings['equilibrium']!r}; evaluate with --equilibrium exact, or export the linear model"
         )
-    wiring = wire(record.diagram, record.vocabulary)
-    point = settings["operating_points"][op]
+    wiring, physics = record.wiring, record.physics
     at = rest(
         wiring,
         parameter_table(wiring, "exact"),
         record.parameters[op],
-        (float(point["p"]), float(point["q"]), float(point["v"])),
-        power_node=settings["power_node"],
-        omega_0=2 * np.pi * settings["f0_hz"],
+        record.point(op).pqv,
+        power_node=physics["power_node"],
+        omega_0=physics["omega_0"],
         pade_orders=settings["pade_orders"],
     )
     return wiring, at

@@ -60,18 +60,8 @@ class _Blocks:
 
     def __init__(self, wiring: Wiring, values: Mapping[str, float], record: Record, op: str, s: np.ndarray) -> None:
         self.wiring, self.s = wiring, s
-        settings = record.settings
-        point = settings["operating_points"][op]
-        table = parameter_table(wiring, settings["equilibrium"])
-        self.matrices = module_matrices(
-            wiring,
-            table,
-            values,
-            (point["p"], point["q"], point["v"]),
-            equilibrium=settings["equilibrium"],
-            power_node=settings["power_node"],
-            omega_0=2 * np.pi * settings["f0_hz"],
-        )
+        table = parameter_table(wiring, record.settings["equilibrium"])
+        self.matrices = module_matrices(wiring, table, values, record.point(op).pqv, **record.physics)
         delayed = {name: kind.delay for name, kind in wiring.kinds.items() if kind.delay is not None}
         self.delays = {name: table.value(name, delay, values) for name, delay in delayed.items()}
 

@@ -48,6 +48,11 @@ class OperatingPoint:
         if self.v <= 0:
             raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
 
+    @property
+    def pqv(self) -> tuple[float, float, float]:
+        """The numbers without the name."""
+        return self.p, self.q, self.v
+
 
 @dataclass(frozen=True, eq=False)
 class PointSweep:

@@ -11,7 +11,6 @@ from ibrid.evaluation.record import Record
 from ibrid.report.layering import LONGEST
 from ibrid.report.numbers import in_si, interval, more_readable, number
 from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
 
 SHARED = "all"
 #: Relative change of a value above which a twin counts as different there.
@@ -74,7 +73,7 @@ def values_of(record: Record) -> dict[str, list[str]]:
     """Module -> its parameters in short lines, two on each; a range where they differ between operating points."""
     if not record.parameters:
         return {}
-    wiring = wire(record.diagram, record.vocabulary)
+    wiring = record.wiring
     table = parameter_table(wiring, record.settings["equilibrium"])
     lines = {}
     for name, kind in wiring.kinds.items():

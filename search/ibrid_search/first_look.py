@@ -76,8 +76,7 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
 def problems_of(diagram: Diagram, study: Study, groups: Sequence[Sequence[PointSweep]]) -> tuple[Wiring, list[Problem]]:
     """The fits of a diagram to groups of operating points, and how it is wired; DiagramError where it has no matrices."""
     wiring = wire(study.placed(diagram), study.kinds)
-    sweep = study.sweep
-    model = symbolic_model(wiring, equilibrium=study.equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0)
+    model = symbolic_model(wiring, **study.physics)
     return wiring, [Problem(model, group) for group in groups]
 
 

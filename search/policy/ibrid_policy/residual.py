@@ -11,7 +11,6 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.kernel import respond
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweep import ENTRIES, Sweep
-from ibrid.structure.wiring import wire
 
 _SHAPE = (len(BAND_NAMES), len(ENTRIES))
 
@@ -89,18 +88,12 @@ def residual_of(record: Record, sweep: Sweep) -> ResidualMeans:
 
 def _responses(record: Record, sweep: Sweep, names: Sequence[str]) -> list[np.ndarray]:
     """Model admittances (K, 2, 2) at the measured frequencies; the matrices are built once for all points."""
-    settings = record.settings
-    model = symbolic_model(
-        wire(record.diagram, record.vocabulary),
-        equilibrium=settings["equilibrium"],
-        power_node=settings["power_node"],
-        omega_0=2 * np.pi * settings["f0_hz"],
-    )
+    model = symbolic_model(record.wiring, **record.physics)
     found = []
     for name in names:
         theta = np.array([record.parameters[name][one.name] for one in model.parameters])
-        point, omega = settings["operating_points"][name], 2 * np.pi * sweep.point(name).frequency
-        values = np.array(model.values_only(theta, [point["p"], point["q"], point["v"]])).ravel()
+        point, omega = record.point(name).pqv, 2 * np.pi * sweep.point(name).frequency
+        values = np.array(model.values_only(theta, [*point])).ravel()
         delays = model.delays(theta[None])[0]
         found.append(respond(values, model.rows, model.columns, delays, omega, model.size))
     return found
