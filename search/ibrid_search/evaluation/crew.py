@@ -9,11 +9,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import choose_vocabulary
-from ibrid_search.evaluation.job import Attempt, Job, OpenJobs, Result, Turns
+from ibrid_search.evaluation.job import Attempt, Evaluator, Job, OpenJobs, Result, Turns
 from ibrid_search.evaluation.verdict import Assessing, Verdict
 from ibrid_search.step import Status
 
@@ -47,7 +47,7 @@ class CrewMember(Protocol):
 Assessor = TypeVar("Assessor", bound=Assessing)
 
 
-class CrewEvaluator(Generic[Assessor]):
+class CrewEvaluator(Evaluator, Generic[Assessor]):
     """Evaluates on `workers` at most, each hired by `hire`, of one core.
 
     A worker has one job at a time, so what has not begun waits here and is never lost. `wall` : seconds that a job may
@@ -96,7 +96,7 @@ class CrewEvaluator(Generic[Assessor]):
     def workers(self) -> tuple[str, ...]:
         """The workers that are ready, as "host pid N"."""
         with self._change:
-            return tuple(one.who for one in self._crew if one.who)
+            return tuple(member.who for member in self._crew if member.who)
 
     def submit(self, job: Job) -> None:
         """Queue a job; returns at once. IbridError when its number waits already."""
@@ -142,12 +142,6 @@ class CrewEvaluator(Generic[Assessor]):
             thread.join(timeout=10)
         self._leave()
         atexit.unregister(self.close)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _wait(self) -> None:
         """Until something changes; IbridError when there are no workers and none comes."""
@@ -254,6 +248,6 @@ class CrewEvaluator(Generic[Assessor]):
         worker.kill()
         with self._change:
             self._crew.remove(worker)
-            if self._deserted is None and not any(one.who for one in self._crew):
+            if self._deserted is None and not any(member.who for member in self._crew):
                 self._deserted = time.monotonic()
             self._change.notify_all()

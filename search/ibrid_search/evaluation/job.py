@@ -43,12 +43,13 @@ class Result:
 
 
 class Evaluator(Protocol):
-    """Evaluates jobs. The same job has the same outcome, record and reason, whoever evaluates it and beside what."""
+    """Evaluates jobs. The same job has the same outcome, record and reason, whoever evaluates it and beside what.
 
-    @property
-    def capacity(self) -> int:
-        """How many jobs it can work on at a time."""
-        ...
+    Who inherits from it is closed at the end of a `with` block.
+    """
+
+    #: How many jobs it can work on at a time.
+    capacity: int
 
     def submit(self, job: Job) -> None:
         """Hand over a job; returns at once. IbridError when its number waits already."""
@@ -72,9 +73,11 @@ class Evaluator(Protocol):
         """Stop everything it started; jobs that are not collected are dropped. Again does nothing."""
         ...
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
-    def __exit__(self, *_: object) -> None: ...
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class OpenJobs:

@@ -1,12 +1,12 @@
 """Evaluates jobs in this process, one after the other, when their results are asked for."""
 
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.evaluation.job import Job, OpenJobs, Result
+from ibrid_search.evaluation.job import Evaluator, Job, OpenJobs, Result
 from ibrid_search.evaluation.verdict import judge
 from ibrid_search.step import Status
 
 
-class LocalEvaluator:
+class LocalEvaluator(Evaluator):
     """The evaluator for small searches and tests.
 
     A candidate that the wall limit (s) stopped is tried once more, as on workers: the machine may have been busy. The limit
@@ -42,12 +42,6 @@ class LocalEvaluator:
     def close(self) -> None:
         """Drop what waits."""
         self._jobs.close()
-
-    def __enter__(self) -> "LocalEvaluator":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _evaluate(self, job: Job) -> Result:
         attempts, verdict = 1, judge(job, self.assessor, self.wall)
