@@ -6,7 +6,7 @@ A stream that is closed or whose reader has gone is silently left alone: work do
 import os
 import sys
 from html import escape
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 from ibrid.errors import IbridError
 
@@ -15,28 +15,23 @@ WIDTH, NOTEBOOK_WIDTH, BAR = 80, 100, 60
 WAYS = ("terminal", "plain", "notebook", "silent")
 
 
-class Display(Protocol):
-    """`pause` : least time between two states, in s. `width` : characters of a state at most, None for any. `columns` :
-    characters of a row for which there is room. `kept` : whether the last state stays for whoever reads later."""
+class Display:
+    """Shows nothing. `pause` : least time between two states, in s. `width` : characters of a state at most, None for any.
+    `columns` : characters of a row for which there is room. `kept` : whether the last state stays for whoever reads later."""
 
-    pause: float
-    kept: bool
+    pause = float("inf")
+    kept = False
+    width: int | None = None
+    columns = WIDTH
 
-    @property
-    def width(self) -> int | None: ...
-    @property
-    def columns(self) -> int: ...
     def state(self, text: str, share: float | None = None) -> None:
         """Show how things stand, in place of what was shown before where that can be; `share` : of the work that is done."""
-        ...
 
     def row(self, text: str) -> None:
         """Show a line that stays."""
-        ...
 
     def close(self) -> None:
         """Leave the cursor on a new line."""
-        ...
 
 
 def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: float) -> Display:
@@ -53,32 +48,11 @@ def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: fl
         return TerminalDisplay(stream, out)
     if way == "plain":
         return PlainDisplay(stream, out, every)
-    return NotebookDisplay() if way == "notebook" else SilentDisplay()
+    return NotebookDisplay() if way == "notebook" else Display()
 
 
-class SilentDisplay:
-    """Shows nothing."""
-
-    pause = float("inf")
-    kept = False
-    width = None
-    columns = WIDTH
-
-    def state(self, text: str, share: float | None = None) -> None:
-        """Nothing."""
-
-    def row(self, text: str) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
-
-
-class PlainDisplay:
+class PlainDisplay(Display):
     """States on `stream`, rows on `out`, each on a line of its own."""
-
-    kept = False
-    width = None
 
     def __init__(self, stream: TextIO | None, out: TextIO | None, every: float) -> None:
         self.pause, self._stream, self._out = every, Quiet(stream), Quiet(out)
@@ -94,15 +68,11 @@ class PlainDisplay:
     def row(self, text: str) -> None:
         self._out.write(f"{text}\n")
 
-    def close(self) -> None:
-        """Nothing is left to do."""
 
-
-class TerminalDisplay:
+class TerminalDisplay(Display):
     """The state and a bar are rewritten in place on `stream`; rows scroll by above them, or go to a file that `out` is."""
 
     pause = 0.1
-    kept = False
 
     def __init__(self, stream: TextIO | None, out: TextIO | None) -> None:
         from rich.console import Console  # as for the bar: only who looks at a terminal needs it
@@ -153,7 +123,7 @@ class TerminalDisplay:
             self._live.stop()
 
 
-class NotebookDisplay:
+class NotebookDisplay(Display):
     """One output of the cell that is updated: the rows, below them a bar and the state."""
 
     pause = 0.5
@@ -174,9 +144,6 @@ class NotebookDisplay:
     def row(self, text: str) -> None:
         self._rows.append(text)
         self._show()
-
-    def close(self) -> None:
-        """What is shown stays."""
 
     def _show(self) -> None:
         from IPython.display import display

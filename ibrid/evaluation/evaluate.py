@@ -122,7 +122,7 @@ def _seed(diagram: Diagram, study: Study, problem: Problem) -> list[int]:
     """From structure, data and the user's seed, so that a candidate's score repeats exactly."""
     digest = hashlib.sha256(study.hash_of(diagram).encode())
     for point in problem.points:
-        digest.update(np.array([point.op.p, point.op.q, point.op.v]).tobytes())
+        digest.update(np.array(point.op.pqv).tobytes())
         digest.update(point.frequency.tobytes() + point.admittance.tobytes())
     digest.update(str(study.seed).encode())
     return [int.from_bytes(digest.digest()[i : i + 4], "big") for i in range(0, 16, 4)]

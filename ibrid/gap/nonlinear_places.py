@@ -95,7 +95,7 @@ def values_at_rest(
     flow = carried(wiring)
     found = []
     for point in sweep.points:
-        op = (point.op.p, point.op.q, point.op.v)
+        op = point.op.pqv
         plant = wiring.plant
         in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *op, sweep.power_node)
         frame = controller_frame(wiring, flow, parameters, in_grid, sweep.omega_0)

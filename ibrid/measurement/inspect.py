@@ -1,11 +1,8 @@
 """The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be careful about."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from math import exp
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,9 +25,6 @@ from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
-
-if TYPE_CHECKING:
-    from ibrid.measurement.inspect import PointInspection
 
 
 @dataclass(frozen=True)
@@ -201,7 +195,7 @@ def _setpoints(points: Sequence[PointInspection]) -> list[str]:
         ]
     seen: dict[tuple[float, float, float], str] = {}
     for point in points:
-        key = (point.op.p, point.op.q, point.op.v)
+        key = point.op.pqv
         if key in seen:
             return [f"{seen[key]} and {point.op.name} have the same p, q, v: they are one operating point to a model."]
         seen[key] = point.op.name

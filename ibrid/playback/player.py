@@ -127,7 +127,7 @@ class Player:
                 self.wiring,
                 self.table,
                 own,
-                (op.p, op.q, op.v),
+                op.pqv,
                 power_node="pcc",
                 omega_0=self.omega_0,
                 pade_orders=dict(orders),

@@ -60,7 +60,7 @@ class Insight:
         shown = inside[evenly(inside.size, ROWS)]
         return {
             "op": point.op.name,
-            "p_q_v": [point.op.p, point.op.q, point.op.v],
+            "p_q_v": list(point.op.pqv),
             "operating_points": list(self.study.fitted.names),
             "view": view,
             "rows": list(_VIEWS[view](point, shown, self.study.fitted)),
