@@ -25,7 +25,7 @@ def run_next(arguments: Namespace) -> int:
 
     source = Path(arguments.record)
     if (source / "archive.sqlite").is_file():
-        from ibrid_search.open_structures import open_structures
+        from ibrid_search.rivals import open_structures
 
         names, records = open_structures(source, choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))
     else:

@@ -55,7 +55,7 @@ def run_nfp(arguments: Namespace) -> int:
 
     from ibrid.analysis.power_jacobian import power_jacobian
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.jacobian_text import format_jacobian, jacobian_csv
+    from ibrid.report.prediction_text import format_jacobian, jacobian_csv
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)

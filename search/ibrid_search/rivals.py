@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import exp, inf, log
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,15 @@ from ibrid.gap.event_question import asked
 from ibrid.gap.joint_fit import weighed_by_events
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint
+from ibrid.modules.kind import ModuleKind
+from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.study import Study
+from ibrid.writing import inside
 from ibrid_search.merit import Floor
+from ibrid_search.report.selection import read_selection
+from ibrid_search.run_folder import ARCHIVE, SELECTION
 from ibrid_search.step import Step
+from ibrid_search.store import Store
 from ibrid_search.trajectory import eligible
 
 #: Odds up to which a structure is a rival of the answer, and rivals that are compared with it.
@@ -144,3 +151,16 @@ def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Riva
         )
         for one in close
     )
+
+
+def open_structures(
+    folder: Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+) -> tuple[tuple[str, ...], tuple[Record, ...]]:
+    """Hashes of structures and their records, the answer first; IbridError where the run has not ended or is damaged."""
+    selection = read_selection(inside(folder, SELECTION))
+    if selection is None or selection.answer is None:
+        raise IbridError(f"{folder}: the search has no answer yet; finish it with ibrid search ... --resume")
+    with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
+        steps = [store.step(number) for number in (selection.answer, *selection.rival_steps)]
+        records = tuple(store.record(step.number, vocabulary) for step in steps)
+    return tuple(str(step.hash) for step in steps), records

@@ -9,8 +9,7 @@ from typing import Any, Protocol
 
 from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.trials import Trial
-from ibrid_search.open_structures import open_structures
-from ibrid_search.rivals import ODDS
+from ibrid_search.rivals import ODDS, open_structures
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError

@@ -14,7 +14,7 @@ from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
 from ibrid_search.evaluation.job import Job
-from ibrid_search.evaluation.remote_worker import GRACE, ONE_THREAD
+from ibrid_search.evaluation.ray_actors import GRACE, ONE_THREAD
 from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
 
 

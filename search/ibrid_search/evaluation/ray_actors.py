@@ -1,9 +1,19 @@
 """Evaluates jobs on Ray actors, of a local Ray or of a cluster."""
 
+import os
+import pickle
+import signal
+import socket
+from contextlib import suppress
+from typing import Any
+
 from ibrid.errors import IbridError
-from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator
+from ibrid.fit import kernel
+from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
+from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.ray_session import open_session
-from ibrid_search.evaluation.remote_worker import Hiring
+from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
+from ibrid_search.step import Status
 
 
 class RayEvaluator(CrewEvaluator[Assessor]):
@@ -35,3 +45,123 @@ class RayEvaluator(CrewEvaluator[Assessor]):
         super().__init__(
             assessor, workers, hiring.hire, wall=wall, lost=lost, patience=patience, leave=self._session.close
         )
+
+
+#: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
+GRACE = 1.0
+
+
+class RemoteWorker:
+    """An actor that may not be ready yet.
+
+    `who` : "host pid N", "" until `prepare` has ended. `alive` : False once it was killed. `wall` : limit of a job, s.
+    """
+
+    def __init__(self, ray: Any, actor: Any, wall: float):
+        self.who = ""
+        self.alive = True
+        self._ray = ray
+        self._actor = actor
+        self._wall = wall
+
+    def prepare(self) -> None:
+        """Wait until the actor runs and has loaded the assessor.
+
+        Raises IbridError when the assessor cannot be loaded there, WorkerLost when the actor dies before.
+        """
+        errors = self._ray.exceptions
+        try:
+            self.who = self._ray.get(self._actor.prepare.remote())
+        except errors.RayTaskError as error:
+            raise IbridError(
+                f"a worker could not load the data and the kinds ({_cause(error)}); write kinds of your own in the "
+                "notebook or script of the search, or install their module on every node"
+            ) from None
+        except errors.RayError as error:
+            raise WorkerLost(_cause(error)) from None
+
+    def evaluate(self, job: Job) -> Verdict:
+        """The verdict on a job; TIMEOUT when the actor had to be killed for it. Raises WorkerLost."""
+        errors = self._ray.exceptions
+        try:
+            return self._ray.get(self._actor.evaluate.remote(job), timeout=self._wall + GRACE)
+        except errors.GetTimeoutError:
+            self.kill()
+            return stopped(self._wall)
+        except (errors.RayTaskError, TypeError, pickle.PicklingError) as error:  # a job or record that cannot travel
+            return Verdict(Status.FAILED, reason=f"the evaluation broke off with {_cause(error)}")
+        except errors.RayError as error:
+            self.kill()  # an actor that cannot be reached may still be there
+            raise WorkerLost(_cause(error)) from None
+
+    def kill(self) -> None:
+        """End the actor's process, whatever it is doing, native code included."""
+        self.alive = False
+        with suppress(self._ray.exceptions.RayError, ValueError, RuntimeError):  # gone already
+            self._ray.kill(self._actor, no_restart=True)
+
+
+class Hiring:
+    """Starts actors that all have the same assessor, which is stored in the cluster once."""
+
+    def __init__(self, ray: Any, assessor: Assessing, wall: float):
+        self._ray = ray
+        self._wall = wall
+        self._cargo = ray.put(_pickled(ray, assessor))
+        self._kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(
+            Worker
+        )
+
+    def hire(self) -> RemoteWorker:
+        """An actor on its way; `prepare` waits for it."""
+        return RemoteWorker(self._ray, self._kind.remote([self._cargo], self._wall), self._wall)
+
+
+def _pickled(ray: Any, assessor: Assessing) -> bytes:
+    """The assessor as bytes, functions of a notebook included."""
+    try:
+        return ray.cloudpickle.dumps(assessor)
+    except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
+        raise IbridError(
+            f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "
+            "should use its arguments alone"
+        ) from None
+
+
+def _cause(error: BaseException) -> str:
+    """What lies behind an error, in one line."""
+    cause = getattr(error, "cause", None)
+    found = cause if isinstance(cause, BaseException) else error
+    lines = [line.strip() for line in str(found).splitlines() if line.strip()] or ["no message"]
+    return f"{type(found).__name__}: {lines[-1]}"[:300]
+
+
+#: One thread of computation per actor, so that as many actors as cores do not get in each other's way.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+class Worker:
+    """What `ray.remote` makes an actor of.
+
+    `box` : a list with the reference of the pickled assessor, so that loading it happens in `prepare` and can be reported.
+    `wall` : limit per job in s.
+    """
+
+    def __init__(self, box: list, wall: float):
+        self._box = box
+        self._wall = wall
+        self._assessor: Assessing | None = None
+
+    def prepare(self) -> str:
+        """Load the assessor and the compiled code; who this is. Whatever loading a user's own kinds raises passes."""
+        import ray
+
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal of the search is for the search alone
+        self._assessor = pickle.loads(ray.get(self._box[0])).arrived()
+        kernel.load()
+        return f"{socket.gethostname()} pid {os.getpid()}"
+
+    def evaluate(self, job: Job) -> Verdict:
+        """The verdict; the record without its vocabulary, which the search has."""
+        assert self._assessor is not None
+        return without_vocabulary(judge(job, self._assessor, self._wall))
