@@ -54,7 +54,7 @@ def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
     table = parameter_table(wiring, record.settings["equilibrium"])
     rows = []
     for title, members in found.items():
-        for name in _regulators(members, wiring.kinds):
+        for name in [name for name in members if wiring.kinds[name].regulates] or members[:1]:
             kind = wiring.kinds[name]
             gains = {one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters}
             cut = np.linalg.eigvals(np.array(record.state_space(op, cut=name).A))
@@ -71,11 +71,6 @@ def loops_told(record: Record) -> tuple[LoopMode, ...]:
         return loop_modes(record)
     except IbridError:
         return ()
-
-
-def _regulators(members: Sequence[str], kinds: Mapping[str, Any]) -> list[str]:
-    """What regulates in a loop: regulators, or its first module."""
-    return [name for name in members if kinds[name].regulates] or list(members[:1])
 
 
 def _crossover(closed: np.ndarray, cut: np.ndarray, axes: int) -> tuple[float | None, float | None]:

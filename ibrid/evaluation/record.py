@@ -26,7 +26,7 @@ from ibrid.structure.outside import Outside
 from ibrid.structure.parameters import parameter_table, parameters_at
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import Wiring, wire
-from ibrid.writing import write_json
+from ibrid.writing import plain, write_json
 
 if TYPE_CHECKING:
     import control
@@ -117,10 +117,8 @@ class Record:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data in the order of the fields, with the schema first."""
-        plain = {
-            one.name: _plain(getattr(self, one.name)) for one in dataclasses.fields(self) if one.name != "vocabulary"
-        }
-        return {"schema": SCHEMA, **plain}
+        fields = (one.name for one in dataclasses.fields(self) if one.name != "vocabulary")
+        return {"schema": SCHEMA, **{name: plain(getattr(self, name)) for name in fields}}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> "Record":
@@ -258,19 +256,3 @@ def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCAB
         return Record.from_json(data, vocabulary)
     except IbridError as error:
         raise IbridError(f"{path}: {error}") from None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.floating | float):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, np.bool_ | bool):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
-    return value

@@ -16,7 +16,6 @@ import numpy as np
 
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import COUPLINGS, Element
-from ibrid.modules.kind import ModuleKind
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 #: Half width of what is drawn anew, of logarithms, and where the corner is drawn, rad/s.
@@ -114,9 +113,6 @@ def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
     return [
         name
         for name in filters
-        if name and _first_order(wiring.kinds[name]) and wiring.sources[f"{name}.in_"] == (voltage,)
+        if name and wiring.kinds[name].element is Element.LOW_PASS and wiring.kinds[name].order == 2
+        if wiring.sources[f"{name}.in_"] == (voltage,)
     ]
-
-
-def _first_order(kind: ModuleKind) -> bool:
-    return kind.element is Element.LOW_PASS and kind.order == 2

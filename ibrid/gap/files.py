@@ -1,6 +1,5 @@
 """The files of an answer: gap.json, the repaired model as a program, what changed in it, and its record."""
 
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from ibrid.gap.result import SCHEMA, Gap
 from ibrid.structure.compare import unified
-from ibrid.writing import inside, json_lines, write_json, write_whole
+from ibrid.writing import inside, json_lines, plain, write_json, write_whole
 
 GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
 #: What a repair changed; there is none without a repair.
@@ -18,7 +17,7 @@ FILES = (PAGE, PROGRAM, DIFF, RECORD, GAP)
 
 def gap_json(gap: Gap) -> dict[str, Any]:
     """Plain data in the contract's order; numbers that are not finite become null."""
-    return _plain(
+    return plain(
         {
             "schema": SCHEMA,
             "verdict": gap.verdict,
@@ -99,14 +98,3 @@ def _amplitudes(gap: Gap) -> dict[str, Any]:
         "refused_hz": found.refused.tolist(),
         "nonlinear_candidates": [vars(one) for one in gap.amplitude.tried],
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, bool) or value is None or isinstance(value, str | int):
-        return value
-    number = float(value)
-    return number if isfinite(number) else None

@@ -1,7 +1,7 @@
 """Nominal values with tolerances: what the engineer believes of the parameters before the data are seen."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, log
 from pathlib import Path
@@ -149,14 +149,15 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
 
 def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
     """A nominal value inside its box, and the tolerance that was said with it. Raises IbridError for what means nothing."""
-    number = entry.get("value") if isinstance(entry, Mapping) else entry
-    tolerance = entry.get("tolerance") if isinstance(entry, Mapping) else None
-    value, spread = _number(name, "value", number), None if tolerance is None else _number(name, "tolerance", tolerance)
+    told = entry if isinstance(entry, Mapping) else {"value": entry}
+    value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
+    spread = None if tolerance is None else _number(name, "tolerance", tolerance)
     if spread is not None and spread <= 0:
         raise IbridError(
             f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual one"
         )
-    _require_known(_unknown_keys(entry), name)
+    if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
+        raise IbridError(f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance")
     if box.logarithmic and value <= 0:
         raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
     _require_inside(name, value, box)
@@ -214,13 +215,3 @@ def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
 
 def _shown(value: float, tolerance: float | None) -> str:
     return f"{value:g}" if tolerance is None else f"{value:g} with a tolerance of {tolerance:g}"
-
-
-def _require_known(unknown: Iterable[str], name: str) -> None:
-    """Raise IbridError when a nominal value has keys that mean nothing."""
-    if found := sorted(unknown):
-        raise IbridError(f"the nominal value of {name} has {', '.join(found)}; known are value and tolerance")
-
-
-def _unknown_keys(entry: Any) -> set[str]:
-    return set(map(str, entry)) - {"value", "tolerance"} if isinstance(entry, Mapping) else set()

@@ -144,7 +144,8 @@ def alike(found: Findings, place: int) -> tuple[str, ...]:
 def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, floor: float | None) -> str:
     """The verdict in words for an engineer; before, after, floor : NRMSE."""
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
-    limit = "" if found.noise.known else f"; the noise is not known, so down to {_level(found):.2g} of |Y| alone"
+    taken = found.scale * found.noise.level
+    limit = "" if found.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
     if verdict == "no-gap":
         return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
@@ -187,11 +188,6 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
         "no effect or single place does either" if found.ports else "no effect does either (places were not compared)"
     )
     return f"The model does not explain the data (error {before:.2g}{noise}), and {neither}." + nearest
-
-
-def _level(found: Findings) -> float:
-    """Of a noise that is not known: what was taken for it, relative to |Y|."""
-    return found.scale * found.noise.level
 
 
 def _or_else(names: Sequence[str]) -> str:

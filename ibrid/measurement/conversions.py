@@ -57,7 +57,9 @@ def to_ours(
         matrix = matrix * scale
         sigma = None if sigma is None else sigma * scale
         if quantity.sequence:
-            matrix, sigma = _transform(TO_SEQUENCE.conj().T, matrix, TO_SEQUENCE, sigma)
+            back = TO_SEQUENCE.conj().T
+            matrix = back @ matrix @ TO_SEQUENCE
+            sigma = None if sigma is None else propagate(back, sigma, TO_SEQUENCE)
         if quantity.letter == "Z":
             matrix, sigma = _inverse(matrix, sigma, place)
         if header.current == "in":
@@ -105,12 +107,6 @@ def _per_unit(header: Header, quantity: Quantity, place: Callable[[int], str]) -
         )
     base = header.v_base_v**2 / header.s_base_va
     return base if fitting == "S" else 1 / base
-
-
-def _transform(
-    left: np.ndarray, matrix: np.ndarray, right: np.ndarray, sigma: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray | None]:
-    return left @ matrix @ right, None if sigma is None else propagate(left, sigma, right)
 
 
 def _inverse(

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Strength, cutoff
 from ibrid.parts.paths import lags
-from ibrid.parts.practice import Effect, Family, where_missing, where_present
+from ibrid.parts.practice import Effect, Family, having, where_missing, where_present
 from ibrid.parts.shaping import DELAY_TIME, in_line, put_before, put_behind, shapers
 from ibrid.parts.view import Move, View
 from ibrid.signals import Signal
@@ -74,14 +74,9 @@ def command_delay(view: View) -> Iterator[Move]:
             yield put_behind(note, f"{roles.current_loop}.out", kind, "command", CORNER)
 
 
-def delayed(view: View) -> bool:
-    """True when there is a delay."""
-    return bool(view.draft.having(*DELAYS, signal=Signal.DQ_VEC))
-
-
-_BANDS = (0.0, 0.3, 1.0, 1.0)
+_BANDS, _DELAYED = (0.0, 0.3, 1.0, 1.0), having(*DELAYS, signal=Signal.DQ_VEC)
 
 FAMILIES = (
-    Family("command delay", "module", _BANDS, 5.0, where_missing(command_delay, delayed)),
-    Family("other delay", "module", _BANDS, 0.3, where_present(command_delay, delayed)),
+    Family("command delay", "module", _BANDS, 5.0, where_missing(command_delay, _DELAYED)),
+    Family("other delay", "module", _BANDS, 0.3, where_present(command_delay, _DELAYED)),
 )

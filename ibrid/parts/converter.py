@@ -1,11 +1,11 @@
 """Between command and filter: the voltage lost to dead time, the angle that a delay leaves, the hold of a sampled controller."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength
 from ibrid.parts.paths import lags
-from ibrid.parts.practice import Effect, Family, where_missing
+from ibrid.parts.practice import Effect, Family, having, where_missing
 from ibrid.parts.view import Move, View
 
 DEAD = {"D": Strength((0.005, 0.02, 0.06), 0.0), "a": Strength((0.05, 0.1, 0.3))}
@@ -86,14 +86,8 @@ ZERO_ORDER_HOLD = Effect(
 )
 
 
-def _present(element: Element) -> Callable[[View], bool]:
-    return lambda view: bool(view.draft.having(element))
-
-
 FAMILIES = (
-    Family(
-        "dead time", "module", (0.7, 1.0, 0.7, 0.3), 2.0, where_missing(_dead_time, _present(Element.CONVERTER_LOSS))
-    ),
-    Family("delay angle", "module", (0.5, 1.0, 0.7, 0.3), 2.0, where_missing(_turned, _present(Element.TURN))),
-    Family("hold", "module", (0.0, 0.2, 0.7, 1.0), 1.0, where_missing(_held, _present(Element.HOLD))),
+    Family("dead time", "module", (0.7, 1.0, 0.7, 0.3), 2.0, where_missing(_dead_time, having(Element.CONVERTER_LOSS))),
+    Family("delay angle", "module", (0.5, 1.0, 0.7, 0.3), 2.0, where_missing(_turned, having(Element.TURN))),
+    Family("hold", "module", (0.0, 0.2, 0.7, 1.0), 1.0, where_missing(_held, having(Element.HOLD))),
 )

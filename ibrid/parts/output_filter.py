@@ -196,10 +196,6 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-def _lcl(view: View) -> bool:
-    return view.roles.lcl
-
-
 def _forming_or_lcl(view: View) -> bool:
     return view.roles.lcl or grid_forming(view)
 
@@ -216,5 +212,5 @@ FAMILIES = (
     Family(
         "capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(filter_capacitor, _following_or_lcl), True
     ),
-    Family("other filter", "structural", _BANDS, 0.5, where_present(filter_capacitor, _lcl)),
+    Family("other filter", "structural", _BANDS, 0.5, where_present(filter_capacitor, lambda view: view.roles.lcl)),
 )

@@ -3,8 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import Change, Move, View
+from ibrid.signals import Signal
 from ibrid.structure.diagram import Diagram
 
 Moves = Callable[[View], Iterable[Move]]
@@ -108,6 +110,11 @@ class Family:
     def readiness(self, *, gross: bool) -> float:
         """The weight for a parent whose error is gross, or not."""
         return self.if_gross if gross and self.if_gross is not None else self.weight
+
+
+def having(*elements: Element, signal: Signal | None = None) -> Callable[[View], bool]:
+    """Whether a diagram has a module of one of these elements, of that signal."""
+    return lambda view: bool(view.draft.having(*elements, signal=signal))
 
 
 def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:

@@ -7,7 +7,7 @@ from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength, in_place
 from ibrid.parts.feedforward import feedforward
 from ibrid.parts.paths import command_entry, frequency_sources, join, row_before
-from ibrid.parts.practice import Effect, Family, where_missing
+from ibrid.parts.practice import Effect, Family, having, where_missing
 from ibrid.parts.view import Move, View
 from ibrid.structure.wiring import split_port
 
@@ -192,10 +192,6 @@ def _filtered_forward(view: View) -> bool:
     return found is not None and any(view.element(name) in ELEMENTS for name in found.blocks)
 
 
-def _resonates(view: View) -> bool:
-    return bool(view.draft.having(Element.RESONATOR))
-
-
 FAMILIES = (
     Family(
         "PLL sequence filter", "module", (0.3, 1.0, 0.5, 0.1), 2.0, where_missing(_pll_sequence_filter, _filtered_lock)
@@ -203,5 +199,11 @@ FAMILIES = (
     Family(
         "sequence filter", "module", (0.5, 1.0, 0.5, 0.1), 2.0, where_missing(_feedforward_band_pass, _filtered_forward)
     ),
-    Family("resonant control", "module", (0.1, 1.0, 0.7, 0.0), 1.0, where_missing(_resonant_control, _resonates)),
+    Family(
+        "resonant control",
+        "module",
+        (0.1, 1.0, 0.7, 0.0),
+        1.0,
+        where_missing(_resonant_control, having(Element.RESONATOR)),
+    ),
 )

@@ -5,16 +5,15 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ibrid.analysis.loop_modes import loops_told
 from ibrid.errors import IbridError
+from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.sequence_view import sequence_view
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs, curves
@@ -190,7 +189,8 @@ def _doubt(record: Record, sweep: Sweep) -> str:
         return f"The data shown lack the operating points {', '.join(missing)}; they may have changed since the fit."
     for name, stated in {**record.nrmse_by_op, **record.holdout}.items():
         try:
-            found = _nrmse(record, sweep.point(name))
+            point = sweep.point(name)
+            found = nrmse(record.response(name, point.frequency), point)
         except IbridError:
             return ""
         if abs(found - stated) > SAME * stated + ROUNDING:
@@ -199,8 +199,3 @@ def _doubt(record: Record, sweep: Sweep) -> str:
                 f"states {stated:.3g}; the file has changed, or was read with other options."
             )
     return ""
-
-
-def _nrmse(record: Record, point: PointSweep) -> float:
-    model = record.response(point.op.name, point.frequency)
-    return float(np.linalg.norm(model - point.admittance) / np.linalg.norm(point.admittance))

@@ -43,7 +43,8 @@ def breach(data: Any, name: str) -> str | None:
         words = " or ".join(map(repr, wanted)) if error.validator == "enum" else repr(wanted)
     else:
         words = f"as the schema says ({error.validator} {str(wanted)[:_SHOWN]})"
-    return f"has {where or 'content'} that must be {words}, found {_shown(instance)}"
+    shown = "null" if instance is None else repr(instance)[:_SHOWN]
+    return f"has {where or 'content'} that must be {words}, found {shown}"
 
 
 @cache
@@ -86,7 +87,3 @@ def writable(data: Any) -> bool:
     except (TypeError, ValueError, RecursionError):
         return False
     return True
-
-
-def _shown(value: Any) -> str:
-    return "null" if value is None else repr(value)[:_SHOWN]

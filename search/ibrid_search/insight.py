@@ -145,14 +145,6 @@ class Insight:
         return legal and self.steps.met(diagram) is None
 
 
-def _admittance(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
-    return _entries(point.frequency[chosen], point.admittance[chosen])
-
-
-def _impedance(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
-    return _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen]))
-
-
 def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:
     for hertz, values in zip(frequency, matrix, strict=True):
         yield {"hz": float(hertz)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
@@ -172,8 +164,8 @@ def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[
 
 #: What show_data shows: name -> rows.
 _VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, Any]]]] = {
-    "Y": _admittance,
-    "Z": _impedance,
+    "Y": lambda point, chosen, _: _entries(point.frequency[chosen], point.admittance[chosen]),
+    "Z": lambda point, chosen, _: _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])),
     "sequence": _sequences,
 }
 

@@ -63,7 +63,8 @@ class Pruning:
                 if context.is_new(after := view.after(move))
             ]
             ranked = [edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE]
-        for view, move in chain(_plain(views, record), ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
+        plain = ((view, move) for view in views for move in plain_forms(view, record))
+        for view, move in chain(plain, ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
             found = view.after(move)
             if context.is_new(found):
                 return Proposal.between(view.whole, found, view.words(move))
@@ -73,10 +74,6 @@ class Pruning:
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
     return chain(removals(view), twin_removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
-
-
-def _plain(views: Sequence[View], record: Record) -> Iterator[tuple[View, Move]]:
-    return ((view, move) for view in views for move in plain_forms(view, record))
 
 
 def _pairs(
