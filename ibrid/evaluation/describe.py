@@ -13,8 +13,7 @@ from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.outcome import Outcome, reward
 from ibrid.evaluation.record import Record, pade_orders
-from ibrid.fit.identifiability import Visibility, noise_of, visibility
-from ibrid.fit.minima import Minimum, other_minima
+from ibrid.fit.identifiability import Minimum, Visibility, noise_of, other_minima, visibility
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings

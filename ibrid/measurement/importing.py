@@ -1,5 +1,9 @@
-"""One door for anybody's table: columns are guessed and shown, what the numbers do not say is asked for, all at once."""
+"""One door for anybody's table: columns are guessed and shown, what the numbers do not say is asked for, all at once.
 
+Tables that keep the four entries of a matrix apart, in rows or in files of their own, become one with them side by side.
+"""
+
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError, near, some
+from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
-from ibrid.measurement.entry_tables import joined_entries, widened
 from ibrid.measurement.foreign_part import Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import HEADER_KEYS, header_of
@@ -207,3 +211,74 @@ def _with_repeats(table: Table, account: Account) -> Table:
         return replace(table, repeat=np.zeros(len(table)))
     account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
     return replace(table, repeat=repeat)
+
+
+def widened(table: ForeignTable) -> ForeignTable:
+    """A table with one row for each entry, which a column names, as one with four entries in a row."""
+    meanings = {name: meaning_of(name) for name in table.columns}
+    labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
+    generic = {name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")}
+    if labels is None:
+        return table
+    entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
+    value = generic or {
+        name: one for name, one in meanings.items() if not one.role and table.columns[name].dtype.kind == "c"
+    }
+    if not value or not all(entries):
+        return table
+    others = [name for name in table.columns if name != labels and name not in value]
+    keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
+    rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
+    if len({*zip(places.tolist(), entries, strict=True)}) < len(keys):
+        raise SweepError(
+            f"{table.where} must hold each entry once in a row of its kind; number repeats in a column repeat."
+        )
+    columns: dict[str, np.ndarray] = {}
+    for entry in dict.fromkeys(entries):
+        for name, meaning in value.items():
+            column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
+            column[places[labelled == entry]] = table.columns[name][labelled == entry]
+            columns[_entry_column(entry, name, meaning)] = column
+    first = [keys.index(key) for key in rows]
+    columns = {name: table.columns[name][first] for name in others} | columns
+    return replace(table, columns=columns, line=table.line[first])
+
+
+def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
+    """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as one table."""
+    found: list[ForeignTable] = []
+    groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
+    for table in tables:
+        entry = entry_named(table.stem)
+        generic = [name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")]
+        if not entry or not generic or any(meaning_of(name).role == "matrix" for name in table.columns):
+            found.append(table)
+            continue
+        key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
+        groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
+    for (key, book, folder), members in groups.items():
+        grids = {n: column for n, column in members[0][1].columns.items() if meaning_of(n).role in ("freq", "omega")}
+        columns = dict(grids)
+        for entry, table in members:
+            for name, grid in grids.items():
+                own = table.columns.get(name)
+                if own is None or own.shape != grid.shape or not np.allclose(own, grid):
+                    raise SweepError(f"{table.where} must have the frequencies of {members[0][1].where}; found others.")
+            letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
+            for name in (name for name in table.columns if name not in grids):
+                own = _entry_column(entry, name, meaning_of(name), letter[1].upper() if letter else "")
+                if own in columns:
+                    words = f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
+                    raise SweepError(
+                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; {words}."
+                    )
+                columns[own] = table.columns[name]
+        where = some((table.where for _, table in members), 1)
+        found.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
+    return found
+
+
+def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:
+    unit = f" [{meaning.unit}]" if meaning.unit else ""
+    return f"{meaning.letter or letter}{entry}_{meaning.role}{unit}" if meaning.role else f"{letter}{entry}{unit}"

@@ -124,39 +124,30 @@ class SearchSettings:
     wall: float = 60.0
 
     def __post_init__(self) -> None:
-        for holds, law, found in (*_archive_laws(self), *_loop_laws(self)):
+        for holds, law, found in _laws(self):
             if not holds:
                 raise IbridError(f"{law}, found {found}; change it in the settings of the search")
 
 
-def _archive_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+#: Settings that are shares; the least value of counts; where a zero elsewhere is meant by none.
+_SHARES = ("migrants", "from_elites", "from_island", "front", "variety", "pruning", "final_pruning")
+_LEAST = {"islands": 1, "elites": 1, "sweep": 1, "front_size": 1, "devices": 1, "starts": 1, "history": 0, "window": 1,
+          "patience": 1, "settled": 0}  # fmt: skip
+_OFF = {"sweep": " (migrants = 0 switches migration off)", "front_size": " (front = 0 switches it off)"}
+
+
+def _laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     """Whether a law holds, the law in words, and what was found."""
-    drawn = one.from_elites + one.from_island
-    yield one.islands >= 1, "islands must be 1 or more", one.islands
-    yield one.elites >= 1, "elites must be 1 or more", one.elites
-    yield one.sweep >= 1, "sweep must be 1 or more (migrants = 0 switches migration off)", one.sweep
-    yield 0 <= one.migrants <= 1, "migrants must be a share from 0 to 1", one.migrants
-    yield 0 <= one.from_elites <= 1, "from_elites must be a share from 0 to 1", one.from_elites
-    yield 0 <= one.from_island <= 1, "from_island must be a share from 0 to 1", one.from_island
+    for name, least in _LEAST.items():
+        found = getattr(one, name)
+        yield (found or 0) >= least, f"{name} must be {least} or more{_OFF.get(name, '')}", found
+    for name in _SHARES:
+        yield 0 <= getattr(one, name) <= 1, f"{name} must be a share from 0 to 1", getattr(one, name)
+    drawn, scales = one.from_elites + one.from_island, dict(one.scales)
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
-    yield 0 <= one.front <= 1, "front must be a share from 0 to 1", one.front
-    yield 0 <= one.variety <= 1, "variety must be a share from 0 to 1", one.variety
-    yield one.front_size >= 1, "front_size must be 1 or more (front = 0 switches it off)", one.front_size
     yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
     yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power
     yield one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population
-
-
-def _loop_laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
-    shares = dict(one.scales)
-    yield one.devices >= 1, "devices must be 1 or more", one.devices
-    yield one.starts >= 1, "starts must be 1 or more", one.starts
-    yield (one.history or 0) >= 0, "history must be 0 or more", one.history
-    yield one.window >= 1, "window must be 1 or more", one.window
-    yield one.patience >= 1, "patience must be 1 or more", one.patience
-    yield one.settled >= 0, "settled must be 0 or more", one.settled
-    yield 0 <= one.pruning <= 1, "pruning must be a share from 0 to 1", one.pruning
-    yield 0 <= one.final_pruning <= 1, "final_pruning must be a share from 0 to 1", one.final_pruning
-    yield set(shares) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, shares))
-    whole = all(share >= 0 for share in shares.values()) and abs(sum(shares.values()) - 1) < 1e-9
-    yield whole, "scales must be shares that add up to 1", shares
+    yield set(scales) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, scales))
+    whole = all(share >= 0 for share in scales.values()) and abs(sum(scales.values()) - 1) < 1e-9
+    yield whole, "scales must be shares that add up to 1", scales
