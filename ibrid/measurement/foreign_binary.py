@@ -9,9 +9,6 @@ import numpy as np
 
 from ibrid.measurement.comtrade_cfg import plain_cfg
 
-#: Text of a missing package, as the sentence ends.
-_MISSING = "install {} for it, pip install 'ibrid[{}]'"
-
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
     """Every sheet of xlsx, xls or ods as text, by name."""
@@ -159,4 +156,5 @@ def _package(name: str, extra: str = "tables") -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise ImportError(_MISSING.format(name.partition(".")[0], extra)) from None
+        package = name.partition(".")[0]
+        raise ImportError(f"install {package} for it, pip install 'ibrid[{extra}]'") from None

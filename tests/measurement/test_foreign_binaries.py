@@ -9,6 +9,7 @@ from ibrid_bench.attack.binaries import binaries_tried
 
 from ibrid.errors import SweepError
 from ibrid.measurement import guarded as guard
+from ibrid.measurement.foreign_binary import workbook_cells
 from ibrid.measurement.guarded import guarded
 from ibrid.measurement.matlab import read_mat
 
@@ -40,6 +41,12 @@ def test_a_reader_that_fails_is_one_sentence(reader, words):
     with pytest.raises(SweepError, match=f"^it; .*{words}") as caught:
         guarded(getattr(foreign_readers, reader), b"", "it")
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_package_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
+    with pytest.raises(ImportError, match=r"install python_calamine for it, pip install 'ibrid\[tables\]'"):
+        workbook_cells(b"")
 
 
 def test_a_reader_that_hangs_is_left(monkeypatch):
