@@ -110,11 +110,7 @@ class Study:
     @property
     def physics(self) -> dict[str, Any]:
         """The words with which a model is assembled: equilibrium, power_node and omega_0 (rad/s)."""
-        return {
-            "equilibrium": self.equilibrium,
-            "power_node": self.sweep.power_node,
-            "omega_0": self.sweep.omega_0,
-        }
+        return {"equilibrium": self.equilibrium, "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
 
     def placed(self, diagram: Diagram) -> Diagram:
         """A diagram behind the port."""

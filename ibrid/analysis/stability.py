@@ -145,10 +145,7 @@ def stability(
     with whole_record():
         points = tuple(_at_point(record, name, asked, xr, grid, frequency) for name in names)
         return Stability(
-            points,
-            xr if grid is None else None,
-            float(record.settings["f0_hz"]),
-            str(record.settings["power_node"]),
+            points, xr if grid is None else None, float(record.settings["f0_hz"]), str(record.settings["power_node"])
         )
 
 

@@ -11,15 +11,7 @@ from ibrid.gap.port_kinds import QUARTER_TURN, unknown
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit
 from ibrid.parts.feedforward import feedforward
-from ibrid.parts.paths import (
-    command_entry,
-    current_entries,
-    measured_current,
-    packs,
-    power_block,
-    regulates,
-    regulator,
-)
+from ibrid.parts.paths import command_entry, current_entries, measured_current, packs, power_block, regulates, regulator
 from ibrid.parts.view import View
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE

@@ -27,11 +27,7 @@ class Quantity:
 
 
 def to_ours(
-    matrix: np.ndarray,
-    sigma: np.ndarray | None,
-    header: Header,
-    quantity: Quantity,
-    place: Callable[[int], str],
+    matrix: np.ndarray, sigma: np.ndarray | None, header: Header, quantity: Quantity, place: Callable[[int], str]
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Convert one response to our convention, with its uncertainty to first order.
 

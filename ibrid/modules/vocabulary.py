@@ -14,17 +14,7 @@ from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_TRAP, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
 from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, DSOGI_FIXED, RESONANT_DQ, SOGI_DQ, SOGI_FIXED
-from ibrid.modules.static import (
-    CONST_ZERO,
-    GAIN,
-    GAIN_DQ,
-    J_MUL,
-    NEGATE,
-    NEGATE_DQ,
-    PACK_DQ,
-    SLICE_D,
-    SLICE_Q,
-)
+from ibrid.modules.static import CONST_ZERO, GAIN, GAIN_DQ, J_MUL, NEGATE, NEGATE_DQ, PACK_DQ, SLICE_D, SLICE_Q
 from ibrid.modules.synchronisation import DVOC, PLL_FREQUENCY, SRF_PLL
 from ibrid.signals import Signal
 

@@ -23,10 +23,7 @@ STEMS = {
 SHIPPED = {kind.name for kind in VOCABULARY}
 
 DELAY_TIME = Strength((5e-5, 1.5e-4, 4e-4), 0.0)
-NOTCH = {
-    "omega_n": Strength(cutoff(120, 120, 60, 300).bank),
-    "Q": Strength((4.0, 1.0, 0.7, 0.7), 1e12),
-}
+NOTCH = {"omega_n": Strength(cutoff(120, 120, 60, 300).bank), "Q": Strength((4.0, 1.0, 0.7, 0.7), 1e12)}
 #: Corner frequencies where nothing is known about the place.
 ANYWHERE = cutoff(2000, 200, 10)
 

@@ -200,10 +200,5 @@ def of_circuit(draft: Draft, target: str) -> bool:
     return (
         not name
         or port in CIRCUIT_PORTS
-        or draft.kind(name).element
-        in (
-            Element.DC_LINK,
-            Element.SHUNT,
-            Element.CONVERTER_LOSS,
-        )
+        or draft.kind(name).element in (Element.DC_LINK, Element.SHUNT, Element.CONVERTER_LOSS)
     )

@@ -106,10 +106,7 @@ class ReferenceInverter:
             raise IbridError(f"f0_hz must be positive; found {f0_hz:g}.")
         told = ", ".join(f"{name} = {value}" for name, value in overrides.items())
         found = replace(
-            self,
-            parameters=replace(self.parameters, **values),
-            f0_hz=f0_hz,
-            source=f"{self.source} Changed: {told}.",
+            self, parameters=replace(self.parameters, **values), f0_hz=f0_hz, source=f"{self.source} Changed: {told}."
         )
         for name in overrides:
             if found._ignores(self.family.fields.get(name, name), self.parameters):

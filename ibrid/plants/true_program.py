@@ -61,10 +61,7 @@ def true_program(parameters: GFLParameters) -> str:
         add += made[0]
         chains += made[1]
     add += [("PackDQ", "i_ref"), ("Negate_dq", "minus_i"), ("PI_dq", "current")]
-    chains += [
-        ["i_ref.out", "current.in_"],
-        [current, "minus_i.in_", "minus_i.out", "current.in_"],
-    ]
+    chains += [["i_ref.out", "current.in_"], [current, "minus_i.in_", "minus_i.out", "current.in_"]]
     terms = [["current.out"]]
     if m.assumed_inductance:
         add.append(("JMul" if m.decoupling == "nominal" else "JMul_omega", "decoupling"))

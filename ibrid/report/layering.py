@@ -127,10 +127,7 @@ def _columns(graph: BlockGraph, forward: Sequence[tuple[Pin, Pin]]) -> dict[str,
 
 
 def _heights(
-    order: Sequence[str],
-    shapes: Mapping[str, NodeShape],
-    column: Mapping[str, int],
-    forward: Sequence[tuple[Pin, Pin]],
+    order: Sequence[str], shapes: Mapping[str, NodeShape], column: Mapping[str, int], forward: Sequence[tuple[Pin, Pin]]
 ) -> dict[str, float]:
     layers = [[name for name in order if column[name] == index] for index in range(max(column.values()) + 1)]
     top = {name: 100.0 * rank for layer in layers for rank, name in enumerate(layer)}

@@ -41,6 +41,5 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
 def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:
     """From numbers with gaps."""
     return Course(
-        name,
-        {key: np.array([math.nan if one is None else one for one in values]) for key, values in lines.items()},
+        name, {key: np.array([math.nan if one is None else one for one in values]) for key, values in lines.items()}
     )

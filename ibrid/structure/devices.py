@@ -69,11 +69,7 @@ def check_plants(
 
 
 def _check_shares(
-    plants: Sequence[Instance],
-    shares: Sequence[Instance],
-    dividing: str,
-    part: Mapping[str, int],
-    findings: Violations,
+    plants: Sequence[Instance], shares: Sequence[Instance], dividing: str, part: Mapping[str, int], findings: Violations
 ) -> None:
     if len(plants) == 1 and shares:
         message = (

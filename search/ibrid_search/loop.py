@@ -328,12 +328,7 @@ class Loop:
         if status is Status.OK and record is not None and (complaint := self.goal.requirements.unmet(record)):
             status, reason = Status.REQUIRED, complaint
         self.store.conclude(
-            result.number,
-            status=status,
-            reason=reason,
-            record=record,
-            seconds=result.seconds,
-            attempts=result.attempts,
+            result.number, status=status, reason=reason, record=record, seconds=result.seconds, attempts=result.attempts
         )
         self.steps[result.number] = self.store.step(result.number)
 

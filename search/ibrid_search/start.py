@@ -193,9 +193,7 @@ def start_html(answer: Start) -> str:
     if answer.events is not None and record is not None and record.nrmse_by_record:
         facts["events"] = played_facts(play(model_of_record(record), answer.events))
     return page(
-        "start.html",
-        {**facts, "answer": answer, "first_look": format_inspection(answer.inspection)},
-        "ibrid_search",
+        "start.html", {**facts, "answer": answer, "first_look": format_inspection(answer.inspection)}, "ibrid_search"
     )
 
 

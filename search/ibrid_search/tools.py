@@ -96,10 +96,7 @@ class Tools:
             "warnings": list(found.warnings),
         }
         if measured is not None:
-            answer |= {
-                "nrmse": nrmse(found.admittance, measured),
-                "fitted": op in record.settings["fitted_points"],
-            }
+            answer |= {"nrmse": nrmse(found.admittance, measured), "fitted": op in record.settings["fitted_points"]}
         band = found.relative_band
         return answer | {
             "relative_band_95": None if band is None else float(band.max()),
