@@ -44,10 +44,7 @@ def behind_grid(
     """
     left, sizes, right = np.linalg.svd(D)
     rank = int((sizes > RANK * max(1.0, float(sizes[0]))).sum())
-    own, shared = (
-        left[:, :rank],
-        left[:, rank:],
-    )  # current combinations that are states of the grid, and of the inverter
+    own, shared = left[:, :rank], left[:, rank:]  # combinations of the current: states of the grid, of the inverter
     direct, rest = right[:rank].T, right[rank:].T  # voltage combinations that D passes on, and the others
     l = grid.x / grid.omega_0
     drop = grid.r * np.eye(2) + grid.x * J

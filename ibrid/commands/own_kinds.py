@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,22 +80,10 @@ def _executed(path: Path) -> "ModuleType":
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # the user's own code: anything may go wrong in it
         del sys.modules[name]
-        line = next((f", line {frame.tb_lineno}" for frame in _frames(error) if _of(frame) == str(path.resolve())), "")
+        innermost_first = reversed(traceback.extract_tb(error.__traceback__))
+        line = next((f", line {one.lineno}" for one in innermost_first if one.filename == str(path.resolve())), "")
         raise IbridError(
             f"--kinds {path}{line}: it failed with {type(error).__name__}: {' '.join(str(error).split())[:300]}; "
             f"mend it until `python {path}` runs"
         ) from error
     return module
-
-
-def _frames(error: BaseException) -> list:
-    """Where it happened, the innermost first."""
-    frames, trace = [], error.__traceback__
-    while trace is not None:
-        frames.insert(0, trace)
-        trace = trace.tb_next
-    return frames
-
-
-def _of(frame) -> str:
-    return frame.tb_frame.f_code.co_filename

@@ -59,9 +59,8 @@ class Records(Data):
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}
-        self._glances: dict[
-            _Key, tuple[EventFit, Model | None, float]
-        ] = {}  # with the fit, so that its id is not used again
+        # each with the fit of its key, so that its id is not used again
+        self._glances: dict[_Key, tuple[EventFit, Model | None, float]] = {}
         self._fits: dict[_Key, tuple[EventFit, Model | None]] = {}
         self._races: dict[int, tuple[EventFit, dict[_Edit, Model | None]]] = {}
         self._predicted: dict[int, tuple[EventFit, Values]] = {}

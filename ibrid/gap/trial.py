@@ -70,7 +70,7 @@ class Model(Generic[Fit]):
 
     def bic(self, scale: float = 1.0) -> float:
         """chi2 and prior, with ln(n) for every free number; `scale` : of the noise."""
-        return (self.refit.chi2 / scale**2 + self.refit.penalty) + self.free * log(self.refit.numbers)
+        return self.cost(scale) + self.free * log(self.refit.numbers)
 
     def cost(self, scale: float = 1.0) -> float:
         """chi2 and prior."""

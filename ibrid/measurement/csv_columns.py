@@ -36,7 +36,9 @@ def columns_of(names: list[str], where: str) -> Columns:
         )
     require_once(names, where)
     families = [(Quantity(letter, frame == "pn"), frame) for frame in ENTRIES for letter in "YZ"]
-    quantity, frame = max(families, key=lambda family: _matches(names, *family))
+    quantity, frame = max(
+        families, key=lambda one: sum(part in names for pair in _matrix_columns(*one) for part in pair)
+    )
     matrix = _matrix_columns(quantity, frame)
     sigma = tuple(f"sigma_{entry}" for entry in ENTRIES[frame])
     needed = [*SETPOINT, *(part for pair in matrix for part in pair)]
@@ -73,10 +75,6 @@ def require_once(names: list[str], where: str) -> None:
 def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ...]:
     letter = quantity.letter
     return tuple((f"{letter}{entry}_re", f"{letter}{entry}_im") for entry in ENTRIES[frame])
-
-
-def _matches(names: list[str], quantity: Quantity, frame: str) -> int:
-    return sum(part in names for pair in _matrix_columns(quantity, frame) for part in pair)
 
 
 def _instead(missing: list[str], wrong: list[str]) -> str:

@@ -201,12 +201,8 @@ class Looker:
 
             return run
 
-        return self._looked(edit, [descend(part) for part in self._by_group(values)])
-
-    def _by_group(self, values: Values) -> list[Values]:
-        """Values of the points that are looked at, group by group."""
-        by_name = dict(zip(self.study.fitted.names, values, strict=True))
-        return [[by_name[point.op.name] for point in group] for group in self.groups]
+        at = dict(zip(self.study.fitted.names, values, strict=True))
+        return self._looked(edit, [descend([at[point.op.name] for point in group]) for group in self.groups])
 
     def _looked(self, edit: Edited, ways: Sequence[Descend]) -> RankedEdit:
         """Whatever the code of a user's own kind raises makes an edit look worthless; its evaluation would say why."""

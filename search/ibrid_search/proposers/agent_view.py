@@ -1,6 +1,6 @@
 """With what an agent begins a turn: what it remembers, what its tools see of the run, the rules and the question."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +87,8 @@ def _notebook(turns: Sequence[Step], known: Mapping[int, Step], limit_tokens: in
         return ""
     kept: list[str] = []
     left = limit_tokens - estimated_tokens(_HEAD)
-    for line in _lines(turns, known):
+    for turn in reversed(turns):
+        line = f"- {_result(turn, known)} Diagnosis: {paragraph(turn.diagnosis) or '(none)'}"
         left -= estimated_tokens(line + "\n")
         if left < 0:
             break
@@ -98,11 +99,6 @@ def _notebook(turns: Sequence[Step], known: Mapping[int, Step], limit_tokens: in
 
 
 _HEAD = "Your notebook of earlier turns, oldest first, with the diagnosis that you wrote before you knew the outcome"
-
-
-def _lines(turns: Sequence[Step], known: Mapping[int, Step]) -> Iterator[str]:
-    for turn in reversed(turns):
-        yield f"- {_result(turn, known)} Diagnosis: {paragraph(turn.diagnosis) or '(none)'}"
 
 
 class RunView:
@@ -130,9 +126,10 @@ class RunView:
 
     def best(self, count: int) -> tuple[Evaluated, ...]:
         """The best fitted steps, stable ones first."""
-        fitted = [one for one in self.steps if one.status is Status.OK and one.nrmse is not None]
+        at_hand = (one for one in self.steps if self._history is not None or one.number in self._near)
+        fitted = [one for one in at_hand if one.status is Status.OK and one.nrmse is not None]
         ranked = sorted(fitted, key=lambda one: (not one.stable, one.nrmse, one.free or 0, one.number))
-        return tuple(self._evaluated(one.number) for one in ranked if self._at_hand(one.number))[:count]
+        return tuple(self._evaluated(one.number) for one in ranked[:count])
 
     def met(self, diagram: Diagram) -> str | None:
         """Whether the run has met a structure."""
@@ -142,9 +139,6 @@ class RunView:
         if same is not None:
             return f"step {same}"
         return "yes" if self._context.seen(digest) else None
-
-    def _at_hand(self, number: int) -> bool:
-        return number in self._near or self._history is not None
 
     def _evaluated(self, number: int) -> Evaluated:
         if number in self._near:

@@ -177,7 +177,8 @@ class ChatServer:
             "seconds": time.monotonic() - started,
             "retries": retries,
         }
-        usage["cost"] = self._cost(usage)
+        price_in, price_out = self.price
+        usage["cost"] = (usage["prompt_tokens"] * price_in + usage["completion_tokens"] * price_out) / 1e6
         return Answer(without_key(key, found.text), calls, usage, found.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
@@ -211,9 +212,6 @@ class ChatServer:
                 "address of a server of your own"
             )
         return key or "none"
-
-    def _cost(self, usage: Mapping[str, Any]) -> float:
-        return (usage["prompt_tokens"] * self.price[0] + usage["completion_tokens"] * self.price[1]) / 1e6
 
 
 def without_key(key: str, text: str) -> str:

@@ -28,7 +28,8 @@ def edit_schema(
 ) -> dict[str, Any]:
     """JSON schema of an edit of one of these programs. ranked : edits of the diagnosis that may be taken by number instead.
     own : False where there are such edits and no other is wanted."""
-    lines = list(dict.fromkeys(line for one in programs for line in _statements(one)))
+    statements = (line.strip() for one in programs for line in split_lines(program_text(one.diagram)))
+    lines = list(dict.fromkeys(line for line in statements if line.startswith("g.")))
     added = _object({"kind": {"type": "string", "enum": [kind.name for kind in kinds]}, "name": _NAME})
     joined = _object({"source": _END, "target": _END})
     written = _object(
@@ -80,10 +81,6 @@ def _call(name: str, one: Any, arguments: tuple[str, str]) -> str:
     given = one if isinstance(one, Mapping) else {}
     words = (json.dumps(re.sub(r"[^\w.]", "_", str(given.get(argument, "")))[:100]) for argument in arguments)
     return f"    g.{name}({', '.join(words)})"
-
-
-def _statements(one: Evaluated) -> list[str]:
-    return [line.strip() for line in split_lines(program_text(one.diagram)) if line.strip().startswith("g.")]
 
 
 def _object(properties: Mapping[str, Any]) -> dict[str, Any]:

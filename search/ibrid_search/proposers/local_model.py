@@ -135,10 +135,7 @@ class LocalModel:
                     pad_token_id=padding,
                     logits_processor=held,
                 )
-        except (
-            RuntimeError,
-            ValueError,
-        ) as error:  # out of memory, probabilities that are not numbers, no such grammar
+        except (RuntimeError, ValueError) as error:  # no memory, probabilities that are no numbers, no such grammar
             raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
         finally:
             torch.set_num_threads(threads)

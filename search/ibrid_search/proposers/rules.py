@@ -55,7 +55,8 @@ class Rules:
                 "", failure=f"the rules know diagrams with an {LCL.name} or {L_FILTER.name}; use another proposer"
             )
         record = context.parent.record
-        bands, gross = residual_bands(record), _gross(record)
+        bands = residual_bands(record)
+        gross = record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
         moves = _Moves(views)
         families = [one for one in self.families if not one.first or moves.of(one)]
         number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
@@ -121,10 +122,6 @@ def residual_bands(record: Record) -> np.ndarray:
         if part.sum() > 0:
             total += part / part.sum()
     return total / total.sum() if total.sum() > 0 else np.full(len(BAND_NAMES), 1 / len(BAND_NAMES))
-
-
-def _gross(record: Record) -> bool:
-    return record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
 
 
 def _number(table: Mapping[str, float | None], name: str) -> float:
