@@ -25,7 +25,7 @@ from ibrid_search.run_folder import SELECTION, write_best
 from ibrid_search.selecting import given_answer
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
+from ibrid_search.store import Store, numbers_of
 
 #: Characters that are kept of a refused program, and of the reasons.
 KEPT = 20_000
@@ -163,15 +163,17 @@ class Logbook:
 
     def _unusual(self, study: Study, fit: FitSettings) -> dict[str, Any]:
         """What is asked for beyond the usual."""
-        asked = {"restarts": fit.restarts, "seed": study.seed, "seconds": fit.seconds, "holdout_op": list(study.held)}
-        usual, of_fit = self.study, self.fit
-        before = {
-            "restarts": of_fit.restarts,
-            "seed": usual.seed,
-            "seconds": of_fit.seconds,
-            "holdout_op": list(usual.held),
-        }
-        return {name: value for name, value in asked.items() if value != before[name]}
+
+        def options(study: Study, fit: FitSettings) -> dict[str, Any]:
+            return {
+                "restarts": fit.restarts,
+                "seed": study.seed,
+                "seconds": fit.seconds,
+                "holdout_op": list(study.held),
+            }
+
+        usual = options(self.study, self.fit)
+        return {name: value for name, value in options(study, fit).items() if value != usual[name]}
 
     def _evaluate(
         self,
@@ -192,16 +194,7 @@ class Logbook:
         if record.outcome != Outcome.OK:
             status, reason = STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
             return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
-        fitted = replace(
-            step,
-            status=Status.OK,
-            nrmse=record.nrmse,
-            reward=record.reward,
-            stable=all(record.stable.values()),
-            order=record.order,
-            free=record.free_parameters,
-            seconds=record.seconds,
-        )
+        fitted = replace(step, status=Status.OK, **numbers_of(vars(record)))
         self._conclude(fitted, record)
         self._show_best(fitted, record)
         return fitted

@@ -248,7 +248,7 @@ def step_of(row: tuple[Any, ...]) -> Step:
 
 
 def numbers_of(record: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What a step repeats of the JSON of its record; stable only when it is at every operating point."""
+    """What a step repeats of the fields of its record; stable only when it is at every operating point."""
     if record is None:
         return {}
     seconds = {"seconds": record.get("seconds", 0.0)}

@@ -13,7 +13,7 @@ from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.chat import Message, estimated_tokens
 from ibrid_search.quoting import fenced, quoted
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
+from ibrid_search.store import Store, numbers_of
 from ibrid_search.tool import Tool, listed
 from ibrid_search.tools import Tools
 
@@ -150,16 +150,7 @@ class RunView:
 def _step_of(one: Evaluated) -> Step:
     """A step with what a candidate tells; who proposed it and why is not known."""
     record = one.record
-    return Step(
-        one.step,
-        status=Status.OK,
-        program=record.program,
-        nrmse=record.nrmse,
-        reward=record.reward,
-        stable=all(record.stable.values()),
-        order=record.order,
-        free=record.free_parameters,
-    )
+    return Step(one.step, status=Status.OK, program=record.program, **numbers_of(vars(record)))
 
 
 SUBMIT = Tool(
