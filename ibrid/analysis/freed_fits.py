@@ -32,7 +32,8 @@ from ibrid.playback.compare import model_of_record
 STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enough=1e-6, small=1e-6)
 #: The linear gain in T below which no parameter is tried; T of a number from which on nothing is linear.
 LEAST, FAR = 4.0, 10.0
-#: Logarithms of factors at which a parameter is scanned.
+#: Points of a finer scan, and logarithms of factors at which a parameter is scanned.
+FINER = 9
 SCAN = np.log(np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)]))
 
 
@@ -186,11 +187,14 @@ class ScannedFits(FreedFits):
         return np.array([np.zeros(size), *other])
 
     def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
-        """T, and the coordinates, of the best of a scan of the last parameter."""
-        w = np.repeat(middle[None], len(SCAN), axis=0)
-        w[:, -1] += SCAN
-        cost = Freed(self, free).at(w).cost
-        best = int(np.argmin(cost))
+        """T, and the coordinates, of the best of a scan of the last parameter, then of a finer one about that."""
+        around, best, w, cost = SCAN, 0, middle[None], np.full(1, np.inf)
+        for _ in range(2):
+            w = np.repeat(middle[None], len(around), axis=0)
+            w[:, -1] += around
+            cost = Freed(self, free).at(w).cost
+            best = int(np.argmin(cost))
+            around = np.linspace(around[max(best - 1, 0)], around[min(best + 1, len(around) - 1)], FINER)
         return float(cost[best]), w[best]
 
 
