@@ -278,9 +278,13 @@ class Descending:
         return self
 
     def to_its_end(self) -> None:
-        """Begun again while that helps much and more than noise is left: from here, and from where predictions lead."""
+        """Begun again while that helps much and more than noise is left: from here, with what went far from what is believed
+        put back (a zero at 0, for which a resistance makes up: no slope leads back), and from where predictions lead."""
+        near, predicting = self.misfit.beliefs.put_back, self.misfit.predicting
         while not self.explains:
-            if not (self._again(self.x) or self._again(self.misfit.predicting.begun(self.x).go(*LED).x)):
+            if not (
+                self._again(self.x) or self._again(near(self.x)) or self._again(predicting.begun(self.x).go(*LED).x)
+            ):
                 break
 
     def _again(self, x: np.ndarray) -> bool:

@@ -21,7 +21,8 @@ PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
 #: The same for a value that is zero or negative, absolute, at least: of a large one, such as a droop of -16 rad/s, it is
 #: the tolerance above times its size.
 ABSOLUTE_TOLERANCE = 0.25
-
+#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
+FAR = 3.0
 #: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
 KNEE = 0.05
 #: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
@@ -76,6 +77,10 @@ class Beliefs:
         """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of its tolerance."""
         rows = zip(self.names, self.sigmas(self.coordinates.to_theta(x)), self.known, strict=True)
         return {name: float(away) for name, away, known in rows if known}
+
+    def put_back(self, x: np.ndarray) -> np.ndarray:
+        """x (P,) with the nominal value for all that is beyond `FAR`."""
+        return np.where(np.abs(self.sigmas(self.coordinates.to_theta(x))) > FAR, self.start({}), x)
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """Their derivative by theta (..., P)."""

@@ -17,7 +17,7 @@ from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.port_map import PortFit, port_map
-from ibrid.gap.prior import Prior
+from ibrid.gap.prior import FAR, Prior
 from ibrid.gap.refit import Refit, Refitter
 from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.labels import Convention, written_otherwise
@@ -34,8 +34,6 @@ FALSE_ALARM = 1e-3
 ALIKE = 10.0
 #: Gain of chi2, one degree of freedom, that noise reaches once in twenty.
 LIKELY = 3.84
-#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
-FAR = 3.0
 #: Draws beside the given starts, of a trial and of the given model.
 TRIAL_DRAWS, BASE_DRAWS = 16, 64
 #: Whole fits of a given model at most, each with other random numbers.

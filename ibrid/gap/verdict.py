@@ -10,8 +10,9 @@ from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
+from ibrid.gap.prior import FAR
 from ibrid.gap.result import Verdict
-from ibrid.gap.trial import ALIKE, FAR, Model, significant
+from ibrid.gap.trial import ALIKE, Model, significant
 from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 

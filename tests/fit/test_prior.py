@@ -50,6 +50,14 @@ def test_a_nominal_value_of_zero_has_an_absolute_tolerance():
     assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx([-2.0, 0.0, 1.0])
 
 
+def test_what_went_far_from_its_nominal_value_is_put_back_and_nothing_else():
+    one = parameter(1e-3, 1e3)
+    beliefs = Beliefs([one, one], dict.fromkeys([one.name], Belief(2.0, np.log(2))))
+    theta = np.array([2.0 * 2**-3.1, 2.0 * 2**2.9])
+    back = beliefs.coordinates.to_theta(beliefs.put_back(beliefs.coordinates.to_x(theta)))
+    assert back == pytest.approx([2.0, theta[1]])
+
+
 def believed(program: str, values) -> dict[str, Belief]:
     wiring = wire(parse_program(program), VOCABULARY)
     return prior_of(values, wiring, parameter_table(wiring, "exact"))
