@@ -9,7 +9,7 @@ until the model explains the data what is left over counts as noise, so that the
 predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -278,14 +278,17 @@ class Descending:
         return self
 
     def to_its_end(self) -> None:
-        """Begun again while that helps much and more than noise is left: from here, with what went far from what is believed
-        put back (a zero at 0, for which a resistance makes up: no slope leads back), and from where predictions lead."""
-        near, predicting = self.misfit.beliefs.put_back, self.misfit.predicting
-        while not self.explains:
-            if not (
-                self._again(self.x) or self._again(near(self.x)) or self._again(predicting.begun(self.x).go(*LED).x)
-            ):
-                break
+        """Begun again while that helps much: from here, and from elsewhere where more than noise is left."""
+        while self._again(self.x) or (not self.explains and any(self._again(x) for x in self._elsewhere())):
+            pass
+
+    def _elsewhere(self) -> Iterator[np.ndarray]:
+        """With what went far from what is believed put back (a zero at 0, for which a resistance makes up: no slope leads back),
+        and where predictions lead."""
+        near = self.misfit.beliefs.put_back(self.x)
+        for x in (near, self.x) if np.any(near != self.x) else (self.x,):
+            yield self.misfit.predicting.begun(x).go(*LED).x
+        yield near
 
     def _again(self, x: np.ndarray) -> bool:
         """Whether a descent from x helped."""

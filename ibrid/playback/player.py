@@ -33,8 +33,8 @@ PHASE, HIGHEST = 1e-6, 2000.0
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
-#: How often a step is divided in which something switches: of an answer, of a fit to what jumps or is followed from step to
-#: step, of others and of predictions.
+#: How often a step is divided in which something switches: of an answer, of a fit, whose cost else jumps by more than its
+#: last steps gain (an integrator that stands, 60 dB: by 5,000 of 6,000), and of predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
@@ -264,8 +264,7 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
-        sharp = not self.led and (len(memory) or any(one.jumps for one in self.player.limits))
-        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
+        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, SHALLOW if self.led else DEEPER)
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
         return current - drawn, left, memory
 
