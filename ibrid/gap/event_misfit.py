@@ -64,7 +64,7 @@ class EventMisfit:
     ) -> None:
         self.player, self.limits = Player(diagram, kinds, limits, noise.events.omega_0), tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
-        self._known: dict[bytes, np.ndarray] = {}  # residuals of the last few x alone, which a descent asks for again
+        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x alone, asked for again
         self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
@@ -131,7 +131,7 @@ class EventMisfit:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
         if len(x) > 1:
             return self._simulated(x) * self.weight
-        key = x.tobytes()
+        key = x.tobytes(), self.scale < NEARLY
         if key not in self._known:
             if len(self._known) >= KNOWN:
                 self._known.clear()
@@ -147,7 +147,8 @@ class EventMisfit:
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
                 try:
-                    played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule)
+                    sharp = self.scale < NEARLY
+                    played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule, sharp=sharp)
                     found += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     found += [np.full(record.i.shape, np.nan)] * len(some)
@@ -287,16 +288,16 @@ class Descending:
         and where predictions lead."""
         near = self.misfit.beliefs.put_back(self.x)
         for x in (near, self.x) if np.any(near != self.x) else (self.x,):
-            yield self.misfit.predicting.begun(x).go(*LED).x
+            yield from (one.go(*LED).x for one in self.misfit.predicting.best(x[None], 1))
         yield near
 
     def _again(self, x: np.ndarray) -> bool:
-        """Whether a descent from x helped."""
-        again = self.misfit.begun(x).go(*PLAIN)
-        helped = again.cost < HELPS * self.cost
-        if again.cost < self.cost:
-            self.x, self.cost = again.x, again.cost
-        return helped
+        """Whether a descent from x helped; not where there is no answer."""
+        before = self.cost
+        for again in self.misfit.best(x[None], 1):
+            if again.go(*PLAIN).cost < before:
+                self.x, self.cost = again.x, again.cost
+        return self.cost < HELPS * before
 
     def _round(self, steps: int) -> None:
         scaled = self.misfit.scaled(self.x)

@@ -33,13 +33,14 @@ PHASE, HIGHEST = 1e-6, 2000.0
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
-#: How often a step is divided in which something switches: of an answer, of a fit, whose cost else jumps by more than its
-#: last steps gain (an integrator that stands, 60 dB: by 5,000 of 6,000), and of predictions.
+#: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
+#: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
-#: Parameter sets; and values of the orders of delays for which the laws are kept.
+#: Parameter sets; the same with their rests; and values of the orders of delays for which the laws are kept.
 Sets = Sequence[Mapping[str, float]]
+_Lanes = Sequence[tuple[Rest, Mapping[str, float]]]
 _Orders = tuple[tuple[str, int], ...]
 
 
@@ -80,12 +81,19 @@ class Player:
         return (*self.table.free, *own)
 
     def play(
-        self, record: EventRecord, values: Sets, *, step: float = FINE, led: bool = False, rule: Rule = ORDER_8
+        self,
+        record: EventRecord,
+        values: Sets,
+        *,
+        step: float = FINE,
+        led: bool = False,
+        rule: Rule = ORDER_8,
+        sharp: bool = True,
     ) -> list[Played]:
         """The answer to a record's voltage at each of several parameter sets, which take the same steps.
 
         led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
-        ring on: what is left is that of a prediction.
+        ring on: what is left is that of a prediction. sharp : False far from any noise, where kinks need no dividing of steps.
 
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
@@ -98,10 +106,9 @@ class Player:
                 rests.append(None)
                 if len(rests) == len(values) and all(one is None for one in rests):
                     raise refused
-        first = next(one for one in rests if one is not None)
-        laws = self._laws_at(orders, first, led)
+        laws = self._laws_at(orders, next(one for one in rests if one is not None), led)
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
-        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step, rule)
+        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step, rule, sharp)
         nothing = np.full((len(record.time), 2), np.nan)
         found = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
         for lane, (k, _) in enumerate(kept):
@@ -249,7 +256,7 @@ class _Laws:
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
 
     def run(
-        self, record: EventRecord, lanes: Sequence[tuple[Rest, Mapping[str, float]]], step: float, rule: Rule
+        self, record: EventRecord, lanes: _Lanes, step: float, rule: Rule, sharp: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Current (N, 2, S), the time (S,) at which each left, and the memory (k, S) at the end."""
         numbers = [self._numbers(at, values, record) for at, values in lanes]
@@ -264,7 +271,8 @@ class _Laws:
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
-        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, SHALLOW if self.led else DEEPER)
+        sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
+        most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
         return current - drawn, left, memory
 
