@@ -13,11 +13,13 @@ from typing import Any
 
 from ibrid_bench.events.cases import HIDDEN, draw
 from ibrid_bench.ledger import Ledger, resumable
+from ibrid_bench.markdown import markdown_table, write_between
 
 from ibrid.errors import IbridError
 from ibrid.gap.workflow import find_gap
 from ibrid.structure.library import textbook
 
+BEGIN, END = "<!-- made by ibrid_bench.events -->", "<!-- end of events -->"
 LEVELS = (None, 60.0, 40.0)
 #: What the catalogue calls a hidden block, where it has another name.
 EFFECTS = {"pll_filter": "pll_prefilter"}
@@ -33,6 +35,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the first (0)")
     parser.add_argument("--only", action="append", default=[], choices=HIDDEN, help="what is hidden, repeatable (all)")
     parser.add_argument("--out", type=Path, default=Path("out/bench-events"), help="folder of the results")
+    parser.add_argument("--page", type=Path, help="write the table between its marks in this page")
     options = parser.parse_args()
     return resumable("bench-events", options.out, lambda: _measure(options))
 
@@ -45,14 +48,24 @@ def _measure(options: argparse.Namespace) -> int:
             if key not in ledger.rows:
                 ledger.add({"key": key, **_row(hidden, seed)})
                 print(key, {name: value for name, value in ledger.rows[key].items() if name != "key"}, flush=True)
-    print("| hidden | cases | named first | or alike | silent | predicted | median s |\n" + "| --- " * 7 + "|")
+    table = table_of(ledger)
+    print(table)
+    if options.page:
+        write_between(options.page, BEGIN, END, table)
+    return 0
+
+
+def table_of(ledger: Ledger) -> str:
+    """How often each was named, by what was hidden."""
+    rows = []
     for hidden in HIDDEN:
         own = [row for row in ledger.rows.values() if row["hidden"] == hidden]
         if own:
             counts = (sum(bool(row[name]) for row in own) for name in ("first", "alike", "silent", "predicted"))
-            seconds = round(median(row["seconds"] for row in own))
-            print("|", " | ".join(map(str, (hidden, len(own), *counts, seconds))), "|")
-    return 0
+            rows.append([hidden, str(len(own)), *map(str, counts), f"{median(row['seconds'] for row in own):.0f}"])
+    return markdown_table(
+        ("hidden", "cases", "named first", "or alike", "silent", "predicted", "seconds, median"), rows
+    )
 
 
 def _row(hidden: str, seed: int) -> dict[str, Any]:

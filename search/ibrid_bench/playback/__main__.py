@@ -1,12 +1,11 @@
 """`python -m ibrid_bench.playback cost|twins`: what playback costs, and which twins records tell apart, as tables of a page."""
 
 import argparse
-import re
 from pathlib import Path
 from statistics import median
 
 from ibrid_bench.ledger import Ledger, resumable
-from ibrid_bench.markdown import markdown_table
+from ibrid_bench.markdown import markdown_table, write_between
 from ibrid_bench.playback.cost import HEADER, INVERTERS, cost_of
 from ibrid_bench.playback.twins import RECORDS, told
 
@@ -31,10 +30,7 @@ def _measure(options: argparse.Namespace) -> int:
         table = _twins(Ledger(options.out), options.devices)
     print(table)
     if options.page:
-        begin, end = (mark.format(options.what) for mark in (BEGIN, END))
-        text = options.page.read_text(encoding="utf-8")
-        marked = re.compile(f"{re.escape(begin)}.*{re.escape(end)}", re.DOTALL)
-        options.page.write_text(marked.sub(lambda _: f"{begin}\n{table}\n{end}", text), encoding="utf-8")
+        write_between(options.page, BEGIN.format(options.what), END.format(options.what), table)
     return 0
 
 
