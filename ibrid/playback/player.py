@@ -81,15 +81,9 @@ class Player:
         return (*self.table.free, *own)
 
     def play(
-        self,
-        record: EventRecord,
-        values: Sets,
-        *,
-        step: float = FINE,
-        led: bool = False,
-        rule: Rule = ORDER_8,
+        self, record: EventRecord, values: Sets, *, step: float = FINE, led: bool = False, rule: Rule = ORDER_8,
         sharp: bool = True,
-    ) -> list[Played]:
+    ) -> list[Played]:  # fmt: skip
         """The answer to a record's voltage at each of several parameter sets, which take the same steps.
 
         led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
