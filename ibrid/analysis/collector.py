@@ -57,7 +57,7 @@ class Branch:
         return ".".join([*([self.name] if self.name else []), PORT, str(k), number])
 
 
-class Rest(NamedTuple):
+class WorkingPoint(NamedTuple):
     """Of a device, per unit of its own rating; `angle` : of its terminals before the PCC, rad."""
 
     p: float
@@ -66,11 +66,8 @@ class Rest(NamedTuple):
     angle: float
 
 
-class Answer(NamedTuple):
-    """`admittance` (K, 2, 2) seen at a node; `laws` : of each device behind it, (left, right), each (K, 2, 2)."""
-
-    admittance: np.ndarray
-    laws: tuple[tuple[np.ndarray, np.ndarray], ...]
+#: Admittance (K, 2, 2) seen at a node, and (left, right) of each device behind it, each (K, 2, 2).
+Seen = tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]
 
 
 @dataclass(frozen=True)
@@ -113,9 +110,9 @@ class Flow:
 
     root: Branch
     elements: Mapping[tuple[str, int], "_Element"]
-    rests: tuple[Rest, ...]
+    rests: tuple[WorkingPoint, ...]
 
-    def seen(self, devices: Sequence[np.ndarray]) -> Answer:
+    def seen(self, devices: Sequence[np.ndarray]) -> Seen:
         """At the PCC. devices : admittance (K, 2, 2) of each, in the frame of the PCC and per unit of the plant."""
         return self._seen(self.root, iter(devices))
 
@@ -123,10 +120,10 @@ class Flow:
         """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are as given."""
         return self._needed(self.root, measured, device, devices)
 
-    def _seen(self, branch: Branch, devices: Iterator[np.ndarray]) -> Answer:
+    def _seen(self, branch: Branch, devices: Iterator[np.ndarray]) -> Seen:
         if branch.branches:
             parts = [self._seen(behind, devices) for behind in branch.branches]
-            whole, laws = sum(one.admittance for one in parts), [law for one in parts for law in one.laws]
+            whole, laws = sum(one[0] for one in parts), [law for one in parts for law in one[1]]
         else:
             whole, laws = next(devices), [(_ONE, _ONE)]
         for k in range(len(branch.elements), 0, -1):
@@ -138,7 +135,7 @@ class Flow:
             left = left / element.ratio
             whole = whole - element.shunt
             laws = [(left @ one, other @ right) for one, other in laws]
-        return Answer(np.asarray(whole), tuple(laws))
+        return np.asarray(whole), laws
 
     def _needed(self, branch: Branch, outer: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
         for k in range(1, len(branch.elements) + 1):
@@ -153,7 +150,7 @@ class Flow:
             if begin <= device < begin + len(own):
                 way = behind, device - begin, own
             else:
-                outer = outer - self._seen(behind, iter(own)).admittance
+                outer = outer - self._seen(behind, iter(own))[0]
             begin += len(own)
         if way is None:
             raise IndexError(f"the network has {begin} devices, asked for number {device}")
@@ -165,14 +162,16 @@ def turning(angle: float) -> np.ndarray:
     return np.cos(angle) * _ONE + np.sin(angle) * _J
 
 
-def _rests(branch: Branch, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]) -> Iterator[Rest]:
+def _rests(
+    branch: Branch, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]
+) -> Iterator[WorkingPoint]:
     for k in range(1, len(branch.elements) + 1):
         v, i = elements[branch.name, k].inwards(v, i)
     for behind in branch.branches:
         yield from _rests(behind, v, behind.share * i, elements)
     if not branch.branches:
         power = v * i.conjugate() / branch.rating
-        yield Rest(power.real, power.imag, abs(v), cmath.phase(v))
+        yield WorkingPoint(power.real, power.imag, abs(v), cmath.phase(v))
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,12 @@ kind = "series" ...
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ibrid.analysis.collector import Branch, Collector
 from ibrid.errors import SweepError
-from ibrid.evaluation.record import Record
 from ibrid.structure.port_file import Bases, number_of, port_content, port_elements, require_known
 
 _PLANT = ("element", "branch", "s_base_va", "v_base_v", "f0_hz")
@@ -29,18 +28,12 @@ _BRANCH = ("name", "rating", "share", "values", "element", "branch")
 MOST, LARGEST = 100, 100.0
 
 
-@dataclass(frozen=True)
-class Given:
+class KnownBases(NamedTuple):
     """Bases that are known before a plant's file tells others."""
 
     s_base_va: float | None
     v_base_v: float | None
     f0_hz: float
-
-    @classmethod
-    def of(cls, record: Record) -> "Given":
-        """Of a plant of a record's devices: their base of power is not that of the plant."""
-        return cls(None, record.settings.get("bases", {}).get("v_base_v"), float(record.settings["f0_hz"]))
 
 
 def read_collector(path: str | Path, data: Bases) -> Collector:
@@ -51,7 +44,7 @@ def read_collector(path: str | Path, data: Bases) -> Collector:
     where = f"the port {path}"
     content = port_content(path)
     require_known(content, _PLANT, where)
-    bases = Given(
+    bases = KnownBases(
         *(
             number_of(content, name, where, None) if name in content else getattr(data, name)
             for name in ("s_base_va", "v_base_v", "f0_hz")

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ibrid.analysis.collector import Collector, Flow, Rest, turning
+from ibrid.analysis.collector import Collector, Flow, WorkingPoint, turning
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -76,7 +76,7 @@ class CollectorModel:
     def responses(self, x: np.ndarray) -> list[np.ndarray]:
         """(K, 2, 2) at the PCC, point by point, at x (X,)."""
         flows = self._placed(self._logs(x))[0]
-        return [flow.seen(self._turned(x, m)).admittance for m, flow in enumerate(flows)]
+        return [flow.seen(self._turned(x, m))[0] for m, flow in enumerate(flows)]
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """(K, 2, 2, X) of them."""
@@ -86,7 +86,7 @@ class CollectorModel:
         for m, flow in enumerate(flows):
             parts = []
             for device, rest, (left, right), slopes in zip(
-                self.collector.devices, flow.rests, flow.seen(self._turned(x, m)).laws, own, strict=True
+                self.collector.devices, flow.rests, flow.seen(self._turned(x, m))[1], own, strict=True
             ):
                 turn = turning(rest.angle)
                 left, right = device.rating * left @ turn, turn.T @ right
@@ -103,7 +103,7 @@ class CollectorModel:
         """What one device has to be for the plant to be as measured at the m-th point, the others being as in the record: its
         own point, admittance and, to first order, sigma, per unit of its rating."""
         flow, answers = self._placed(self._logs(self.x))[0][m], self._turned(self.x, m)
-        rest, (left, right) = flow.rests[device], flow.seen(answers).laws[device]
+        rest, (left, right) = flow.rests[device], flow.seen(answers)[1][device]
         turn, rating = turning(rest.angle), self.collector.devices[device].rating
         sigma = None
         if point.sigma is not None:
@@ -113,7 +113,7 @@ class CollectorModel:
         needed = turn.T @ flow.needed(point.admittance, device, answers) @ turn / rating
         return PointSweep(op, point.frequency, needed, sigma=sigma)
 
-    def rests(self, device: int) -> dict[str, Rest]:
+    def rests(self, device: int) -> dict[str, WorkingPoint]:
         """Where a device works at each point."""
         flows = self._placed(self._logs(self.x))[0]
         return {one.op.name: flow.rests[device] for one, flow in zip(self.points, flows, strict=True)}

@@ -102,7 +102,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         raise IbridError(
             f"the record is of {record.settings['f0_hz']:g} Hz, the data of {data.f0_hz:g} Hz; take data of one"
         )
-    found = _fits(record, data, collector)
+    found = fits_of(record, data, collector)
     added, fit = _changed(found)
     p_value = found.p_value(fit.cost)
     if p_value <= ADEQUATE or len(added) >= MOST:
@@ -119,14 +119,6 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
     return Drift(
         "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, device=device
     )
-
-
-def _fits(record: Record, data: Sweep | Events, collector: Collector | None) -> FreedFits:
-    if collector is None:
-        return fits_of(record, data)
-    if not isinstance(data, Sweep):
-        raise IbridError("a plant of several devices is compared with a sweep, found records of events; give a sweep")
-    return PlantFits(record, data, collector)
 
 
 def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:

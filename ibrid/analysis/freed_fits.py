@@ -78,9 +78,43 @@ class FreedFits(ABC):
         """Of so large a T by noise alone."""
         return float(chi2.sf(cost, self.numbers))
 
+    def candidate(self, j: int) -> bool:
+        """Whether a parameter may have changed."""
+        return True
+
+    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
+        """The best of a scan of the last parameter."""
+        middles = self._middles(len(free), near)
+        if not free:
+            return middles
+        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
+
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """Parameters, beside those that are free, whose change may be worth a fit."""
-        return [j for j in range(self.size) if j not in free]
+        """Near the noise those with the largest linear gain, far from it those with the best scan."""
+        others = [j for j in range(self.size) if j not in free and self.candidate(j)]
+        if last.cost > FAR * self.numbers:
+            middles = self._middles(len(free) + 1, last)
+            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
+            return sorted(sorted(costs, key=costs.__getitem__)[: self.most])
+        gain = self.gains(free, last, others)
+        return sorted(j for j in list(gain)[: self.most] if gain[j] > LEAST)
+
+    def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
+        """Where scans are about: the record's values, and another fit with fewer parameters free."""
+        size = self.root.shape[1] + free
+        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
+        return np.array([np.zeros(size), *other])
+
+    def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
+        """T, and the coordinates, of the best of a scan of the last parameter, then of a finer one about that."""
+        around, best, w, cost = SCAN, 0, middle[None], np.full(1, np.inf)
+        for _ in range(2):
+            w = np.repeat(middle[None], len(around), axis=0)
+            w[:, -1] += around
+            cost = Freed(self, free).at(w).cost
+            best = int(np.argmin(cost))
+            around = np.linspace(around[max(best - 1, 0)], around[min(best + 1, len(around) - 1)], FINER)
+        return float(cost[best]), w[best]
 
     def move(self, j: int, d: float) -> float:
         """How large a change of a parameter by d is, where others explain the data as well."""
@@ -106,15 +140,6 @@ class FreedFits(ABC):
         if not np.isfinite(least.cost[0]):
             raise IbridError("the record's model has no finite answer at the operating points of the data")
         return FreedFit(least.x[0], model.parameters(least.x)[0], float(least.cost[0]), model.normal(least)[1][0])
-
-    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The record's values, these with the last parameter a quarter up or down, and another fit with one parameter less."""
-        starts = np.zeros((3 if free else 1, self.root.shape[1] + len(free)))
-        if free:
-            starts[1:, -1] = np.log(1.25), -np.log(1.25)
-        if near is not None and len(near.w) < starts.shape[1]:
-            starts = np.vstack([starts, np.pad(near.w, (0, starts.shape[1] - len(near.w)))])
-        return starts
 
 
 class Freed:
@@ -149,53 +174,6 @@ class Freed:
         if (key := x.tobytes()) not in self._known:
             self._known[key] = self.fits.slopes(x)
         return self._known[key]
-
-
-class ScannedFits(FreedFits):
-    """Fits of what has valleys of its own: a limit or a resonance that is off by some per cent. Starts are the best of a scan.
-
-    `most` : parameters of which a fit is tried.
-    """
-
-    most: int
-
-    def candidate(self, j: int) -> bool:
-        """Whether a parameter may have changed."""
-        return True
-
-    def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The best of a scan of the last parameter."""
-        middles = self._middles(len(free), near)
-        if not free:
-            return middles
-        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
-
-    def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """Near the noise those with the largest linear gain, far from it those with the best scan."""
-        others = [j for j in super().likely(free, last) if self.candidate(j)]
-        if last.cost > FAR * self.numbers:
-            middles = self._middles(len(free) + 1, last)
-            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
-            return sorted(sorted(costs, key=costs.__getitem__)[: self.most])
-        gain = self.gains(free, last, others)
-        return sorted(j for j in list(gain)[: self.most] if gain[j] > LEAST)
-
-    def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
-        """Where scans are about: the record's values, and another fit with fewer parameters free."""
-        size = self.root.shape[1] + free
-        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
-        return np.array([np.zeros(size), *other])
-
-    def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
-        """T, and the coordinates, of the best of a scan of the last parameter, then of a finer one about that."""
-        around, best, w, cost = SCAN, 0, middle[None], np.full(1, np.inf)
-        for _ in range(2):
-            w = np.repeat(middle[None], len(around), axis=0)
-            w[:, -1] += around
-            cost = Freed(self, free).at(w).cost
-            best = int(np.argmin(cost))
-            around = np.linspace(around[max(best - 1, 0)], around[min(best + 1, len(around) - 1)], FINER)
-        return float(cost[best]), w[best]
 
 
 class SweepFits(FreedFits):
@@ -235,7 +213,7 @@ class SweepFits(FreedFits):
         return np.concatenate([_flat(one) for one in self._problem.jacobians(x)]) / self._sigma[:, None]
 
 
-class PlantFits(ScannedFits, SweepFits):
+class PlantFits(SweepFits):
     """Of a sweep at the PCC of a plant, whose devices are those of the record or differ from it."""
 
     most = 10
@@ -274,7 +252,7 @@ def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
     return block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
 
 
-class EventFits(ScannedFits):
+class EventFits(FreedFits):
     """Of records of events."""
 
     most = 3
@@ -322,9 +300,13 @@ class EventFits(ScannedFits):
         return float(f_law.sf(cost / self.numbers, self.numbers, self._told_by))
 
 
-def fits_of(record: Record, data: Sweep | Events) -> FreedFits:
-    """The fits to a sweep or to records of events. Raises IbridError for a record without a covariance."""
-    return SweepFits(record, data) if isinstance(data, Sweep) else EventFits(record, data)
+def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = None) -> FreedFits:
+    """The fits to a sweep, that of a plant too, or to records of events. Raises IbridError for a record without a covariance."""
+    if collector is None:
+        return SweepFits(record, data) if isinstance(data, Sweep) else EventFits(record, data)
+    if not isinstance(data, Sweep):
+        raise IbridError("a plant of several devices is compared with a sweep, found records of events; give a sweep")
+    return PlantFits(record, data, collector)
 
 
 def _known(record: Record) -> tuple[tuple[str, ...], np.ndarray]:

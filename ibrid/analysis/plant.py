@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.analysis.collector import Branch, Collector, Rest
+from ibrid.analysis.collector import Branch, Collector, WorkingPoint
 from ibrid.analysis.freed_fits import known_of_plant, plant_model
 from ibrid.analysis.linear_model import with_point
 from ibrid.analysis.prediction import require_able
@@ -54,7 +54,7 @@ class PlantPrediction:
     """`sweep` : at the PCC, sigma one standard deviation. `devices` : name -> where each works at each point."""
 
     sweep: Sweep
-    devices: dict[str, dict[str, Rest]]
+    devices: dict[str, dict[str, WorkingPoint]]
     equivalent: Equivalent
 
     @property
@@ -117,18 +117,14 @@ def predict_plant(record: Record, collector: Collector, ops: Sequence[str], freq
 def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
     single = equivalent_of(collector.root)
     plant = plant_model(record, Collector(single), sweep.points)
-    errors = [seen - one.admittance for seen, one in zip(plant.responses(plant.x), sweep.points, strict=True)]
-    sizes = [np.linalg.norm(one.admittance, axis=(1, 2)) for one in sweep.points]
-    away = [np.linalg.norm(one, axis=(1, 2)) for one in errors]
-    by_point = {
-        name: float(np.linalg.norm(a) / np.linalg.norm(b)) for name, a, b in zip(sweep.names, away, sizes, strict=True)
-    }
-    relative = np.concatenate([a / b for a, b in zip(away, sizes, strict=True)])
-    worst = int(relative.argmax())
-    frequency = np.concatenate([one.frequency for one in sweep.points])
-    whole = float(np.linalg.norm(np.concatenate(away)) / np.linalg.norm(np.concatenate(sizes)))
+    whole = np.array([one.admittance for one in sweep.points])
+    away, size = (np.linalg.norm(one, axis=(2, 3)) for one in (np.array(plant.responses(plant.x)) - whole, whole))
+    errors = np.linalg.norm(away, axis=1) / np.linalg.norm(size, axis=1)
+    point, k = np.unravel_index(int((away / size).argmax()), away.shape)
+    worst = float(sweep.points[point].frequency[k]), float((away / size)[point, k])
+    by_point = dict(zip(sweep.names, errors.tolist(), strict=True))
     return Equivalent(
-        single.elements, single.rating, whole, by_point, (float(frequency[worst]), float(relative[worst]))
+        single.elements, single.rating, float(np.linalg.norm(away) / np.linalg.norm(size)), by_point, worst
     )
 
 
@@ -141,8 +137,7 @@ def equivalent_of(root: Branch) -> Branch:
     line = line or PortElement("series", {"R": r, "L": x})
     shunts = (PortElement("shunt", {"R": rc / c**2, "C": c}),) if c else ()
     inner = (line,) if r or x or ratio != 1 else ()
-    values = _common(root)
-    return Branch("device_1", (*root.elements, *inner, *shunts), (), root.rating, 1.0, values)
+    return Branch("device_1", (*root.elements, *inner, *shunts), (), root.rating)
 
 
 def _joined(node: Branch) -> tuple[float, float, float, float, float]:
@@ -161,14 +156,3 @@ def _joined(node: Branch) -> tuple[float, float, float, float, float]:
         total += [branch.share**2 * r, branch.share**2 * x, branch.share * ratio, c, rc]
     r, x, ratio, c, rc = (float(one) for one in total)
     return r, x, ratio, c, rc
-
-
-def _common(root: Branch) -> dict[str, float]:
-    """Values that all devices have in place of the record's; where they differ, the record's stand for all."""
-    leaves = list(root.leaves())
-    names = {name for leaf in leaves for name in leaf.values}
-    return {
-        name: leaves[0].values[name]
-        for name in names
-        if all(leaf.values.get(name) == leaves[0].values.get(name) for leaf in leaves)
-    }

@@ -69,14 +69,16 @@ def run_nfp(arguments: Namespace) -> int:
 
 def _predict_plant(arguments: Namespace) -> int:
     """The sweep of a plant, and the port of one device in place of all."""
-    from ibrid.analysis.collector_file import Given, read_collector
+    from ibrid.analysis.collector_file import KnownBases, read_collector
     from ibrid.analysis.plant import predict_plant
     from ibrid.measurement.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
     from ibrid.report.plant_text import equivalent_file, format_plant
 
     record = inputs.record(arguments.record, arguments.kinds)
-    network = read_collector(arguments.port, Given.of(record))
+    bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
+    known = KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"]))
+    network = read_collector(arguments.port, known)
     found = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
     write_sweep(found.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
     if arguments.equivalent is not None:

@@ -12,7 +12,7 @@ from scipy.optimize import root
 
 import ibrid
 from ibrid.analysis.collector import Collector
-from ibrid.analysis.collector_file import Given, read_collector
+from ibrid.analysis.collector_file import KnownBases, read_collector
 from ibrid.analysis.drift import drift
 from ibrid.analysis.freed_fits import plant_model
 from ibrid.analysis.plant import equivalent_of, predict_plant
@@ -32,7 +32,7 @@ OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(5, 5000, 20)
 POINTS = tuple(OperatingPoint(name, p, q, 1.0) for name, p, q in (("a", 1, 0.3), ("b", 1, -0.3), ("c", 0.4, 0)))
 I, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
-BASES = Given(None, None, 60.0)
+BASES = KnownBases(None, None, 60.0)
 NETWORK = """
 [[element]]
 kind = "transformer"
