@@ -25,8 +25,8 @@ _ONE, _J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 @dataclass(frozen=True)
-class Branch:
-    """Elements from the outer side inwards, then a device, or a node with further branches.
+class Collector:
+    """A branch of a network: elements from the outer side inwards, then a device, or a node with further branches; or all of it.
 
     `rating` : of the device, or of all devices behind it, over the base of power of the plant. `share` : of the power that
     enters at the node before it. `values` : of the device's parameters that are known to differ.
@@ -34,23 +34,43 @@ class Branch:
 
     name: str
     elements: tuple[PortElement, ...] = ()
-    branches: tuple["Branch", ...] = ()
+    branches: tuple["Collector", ...] = ()
     rating: float = 1.0
     share: float = 1.0
     values: Mapping[str, float] = field(default_factory=dict)
 
-    def leaves(self) -> Iterator["Branch"]:
+    @cached_property
+    def devices(self) -> tuple["Collector", ...]:
         """The branches that end at a device, in the order of the file."""
-        for branch in self.branches:
-            yield from branch.leaves()
-        if not self.branches:
-            yield self
+        return tuple(branch for branch in self.all() if not branch.branches)
 
-    def all(self) -> Iterator["Branch"]:
+    def all(self) -> Iterator["Collector"]:
         """It and all behind it."""
         yield self
         for branch in self.branches:
             yield from branch.all()
+
+    @cached_property
+    def numbers(self) -> Mapping[str, tuple[float, float]]:
+        """Name -> value per unit and its tolerance, of every number of every element; a ratio is known."""
+        found = {}
+        for branch in self.all():
+            for k, element in enumerate(branch.elements, start=1):
+                for name in ELEMENTS[element.kind]:
+                    value = element.values[name]
+                    known = name == "ratio" or not value
+                    found[branch.label(k, name)] = value, 0.0 if known else element.tolerance
+        return found
+
+    def at(self, op: OperatingPoint, s: np.ndarray, numbers: Mapping[str, float]) -> "Flow":
+        """The network when the plant feeds p, q at v into the grid. s : (K,) over omega_0. numbers : name -> value."""
+        elements = {}
+        for branch in self.all():
+            for k, element in enumerate(branch.elements, start=1):
+                values = {name: numbers[branch.label(k, name)] for name in ELEMENTS[element.kind]}
+                elements[branch.name, k] = _Element.of(element.kind, values, s)
+        rests = _rests(self, complex(op.v), complex(op.p, -op.q) / op.v, elements)
+        return Flow(self, elements, tuple(rests))
 
     def label(self, k: int, number: str) -> str:
         """Name of a number of the k-th element, from 1."""
@@ -71,44 +91,10 @@ Seen = tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]
 
 
 @dataclass(frozen=True)
-class Collector:
-    """The network of a plant. `root` : what lies behind the PCC; its name is empty."""
-
-    root: Branch
-
-    @cached_property
-    def devices(self) -> tuple[Branch, ...]:
-        """One for each device."""
-        return tuple(self.root.leaves())
-
-    @cached_property
-    def numbers(self) -> Mapping[str, tuple[float, float]]:
-        """Name -> value per unit and its tolerance, of every number of every element; a ratio is known."""
-        found = {}
-        for branch in self.root.all():
-            for k, element in enumerate(branch.elements, start=1):
-                for name in ELEMENTS[element.kind]:
-                    value = element.values[name]
-                    known = name == "ratio" or not value
-                    found[branch.label(k, name)] = value, 0.0 if known else element.tolerance
-        return found
-
-    def at(self, op: OperatingPoint, s: np.ndarray, numbers: Mapping[str, float]) -> "Flow":
-        """The network when the plant feeds p, q at v into the grid. s : (K,) over omega_0. numbers : name -> value."""
-        elements = {}
-        for branch in self.root.all():
-            for k, element in enumerate(branch.elements, start=1):
-                values = {name: numbers[branch.label(k, name)] for name in ELEMENTS[element.kind]}
-                elements[branch.name, k] = _Element.of(element.kind, values, s)
-        rests = _rests(self.root, complex(op.v), complex(op.p, -op.q) / op.v, elements)
-        return Flow(self.root, elements, tuple(rests))
-
-
-@dataclass(frozen=True)
 class Flow:
     """A network at one operating point of the plant. `rests` : of every device."""
 
-    root: Branch
+    root: Collector
     elements: Mapping[tuple[str, int], "_Element"]
     rests: tuple[WorkingPoint, ...]
 
@@ -117,10 +103,18 @@ class Flow:
         return self._seen(self.root, iter(devices))
 
     def needed(self, measured: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
-        """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are as given."""
-        return self._needed(self.root, measured, device, devices)
+        """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are as given.
 
-    def _seen(self, branch: Branch, devices: Iterator[np.ndarray]) -> Seen:
+        A change d of it is seen as left (d^-1 - m)^-1 right; the m of the network is read off d = 1.
+        """
+        here, laws = self.seen(devices)
+        left, right = (np.linalg.inv(one) for one in laws[device])
+        tried = [one + _ONE if k == device else one for k, one in enumerate(devices)]
+        m = _ONE - np.linalg.inv(left @ (self.seen(tried)[0] - here) @ right)
+        change = left @ (measured - here) @ right
+        return devices[device] + np.linalg.inv(_ONE + change @ m) @ change
+
+    def _seen(self, branch: Collector, devices: Iterator[np.ndarray]) -> Seen:
         if branch.branches:
             parts = [self._seen(behind, devices) for behind in branch.branches]
             whole, laws = sum(one[0] for one in parts), [law for one in parts for law in one[1]]
@@ -137,25 +131,6 @@ class Flow:
             laws = [(left @ one, other @ right) for one, other in laws]
         return np.asarray(whole), laws
 
-    def _needed(self, branch: Branch, outer: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
-        for k in range(1, len(branch.elements) + 1):
-            element = self.elements[branch.name, k]
-            outer = outer + element.shunt
-            outer = np.linalg.inv(_ONE + outer @ element.series) @ outer * element.ratio**2
-        if not branch.branches:
-            return outer
-        begin, way = 0, None
-        for behind in branch.branches:
-            own = devices[begin : begin + len(list(behind.leaves()))]
-            if begin <= device < begin + len(own):
-                way = behind, device - begin, own
-            else:
-                outer = outer - self._seen(behind, iter(own))[0]
-            begin += len(own)
-        if way is None:
-            raise IndexError(f"the network has {begin} devices, asked for number {device}")
-        return self._needed(way[0], outer, *way[1:])
-
 
 def turning(angle: float) -> np.ndarray:
     """R(a), which takes a vector from a frame that is ahead by a."""
@@ -163,10 +138,12 @@ def turning(angle: float) -> np.ndarray:
 
 
 def _rests(
-    branch: Branch, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]
+    branch: Collector, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]
 ) -> Iterator[WorkingPoint]:
     for k in range(1, len(branch.elements) + 1):
-        v, i = elements[branch.name, k].inwards(v, i)
+        element = elements[branch.name, k]
+        inner = inwards(element.kind, element.values, (v.real, v.imag), (i.real, i.imag))
+        v, i = complex(*inner[0]), complex(*inner[1])
     for behind in branch.branches:
         yield from _rests(behind, v, behind.share * i, elements)
     if not branch.branches:
@@ -191,8 +168,3 @@ class _Element:
             impedance = resistance_of(values) * _ONE + np.linalg.inv(values["C"] * turned)
             return cls(kind, values, nothing, np.linalg.inv(impedance))
         return cls(kind, values, values["R"] * _ONE + values["L"] * turned, nothing, values.get("ratio", 1.0))
-
-    def inwards(self, v: complex, i: complex) -> tuple[complex, complex]:
-        """Voltage and current at rest on the inner side."""
-        inner = inwards(self.kind, self.values, (v.real, v.imag), (i.real, i.imag))
-        return complex(*inner[0]), complex(*inner[1])

@@ -1,16 +1,8 @@
-"""A port file with branches, TOML: the collector network of a plant, the elements of each branch as those of a port.
+"""A port file with branches, TOML: the collector network of a plant, as docs/predict.md shows one.
 
-s_base_va = 10e6                    # of the plant, where elements are in SI units; also v_base_v, f0_hz
-[[element]]                         # from the PCC to the collector bus
-kind = "transformer" ...
-[[branch]]
-name = "inverter_1"                 # default: device_1, device_2, .., with further branches node_1, ..
-rating = 0.25                       # over the base of power; default: equal ones that make 1
-share = 0.25                        # of the power entering at the node; default: by ratings
-values = {"pll.kP_pll" = 30.0}      # of parameters that are known to differ from the record's
-[[branch.element]]
-kind = "series" ...
-[[branch.branch]]                   # further branches, in place of a device
+`[[element]]` from the PCC to the bus, as of a port; `[[branch]]` with `[[branch.element]]`, and a device at its end or further
+`[[branch.branch]]`. Of a device `name`, `rating` over the base of power (equal ones that make 1), `share` of what enters at its
+node (by ratings), `values` that are known to differ from the record's. `s_base_va`, `v_base_v`, `f0_hz` for SI units.
 """
 
 from collections.abc import Mapping
@@ -18,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ibrid.analysis.collector import Branch, Collector
+from ibrid.analysis.collector import Collector
 from ibrid.errors import SweepError
 from ibrid.structure.port_file import Bases, number_of, port_content, port_elements, require_known
 
@@ -52,16 +44,16 @@ def read_collector(path: str | Path, data: Bases) -> Collector:
     )
     names: list[str] = ["all"]
     root = _branch(content, "", where, bases, names)
-    devices = list(root.leaves())
+    devices = root.devices
     if len(devices) > MOST:
         raise SweepError(f"{where} has {len(devices)} devices; give at most {MOST}, one equivalent for each feeder")
     rated = [one.rating > 0 for one in devices]
     if any(rated) != all(rated):
         raise SweepError(f"{where} gives a rating of some devices only; give it of all, or of none")
-    return Collector(_finished(root, 1.0 / len(devices)))
+    return _finished(root, 1.0 / len(devices))
 
 
-def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names: list[str]) -> Branch:
+def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names: list[str]) -> Collector:
     """As written: a rating or a share of 0 stands for one that is not given. names : of the branches before it."""
     inner = entry.get("branch", [])
     if not isinstance(inner, list) or not all(isinstance(one, dict) for one in inner):
@@ -89,10 +81,10 @@ def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names
                 f"the rating of {there} is {rating:g} times the base of power; give it over that, not in VA"
             )
         found.append(replace(_branch(one, own, there, bases, names), rating=rating, share=share, values=values))
-    return Branch(name, elements, tuple(found), 0.0)
+    return Collector(name, elements, tuple(found), 0.0)
 
 
-def _finished(branch: Branch, usual: float) -> Branch:
+def _finished(branch: Collector, usual: float) -> Collector:
     """With ratings and shares."""
     if not branch.branches:
         return replace(branch, name=branch.name or "device_1", rating=branch.rating or usual)

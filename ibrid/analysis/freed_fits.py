@@ -78,10 +78,6 @@ class FreedFits(ABC):
         """Of so large a T by noise alone."""
         return float(chi2.sf(cost, self.numbers))
 
-    def candidate(self, j: int) -> bool:
-        """Whether a parameter may have changed."""
-        return True
-
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
         """The best of a scan of the last parameter."""
         middles = self._middles(len(free), near)
@@ -91,7 +87,7 @@ class FreedFits(ABC):
 
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
         """Near the noise those with the largest linear gain, far from it those with the best scan."""
-        others = [j for j in range(self.size) if j not in free and self.candidate(j)]
+        others = [j for j in range(self.size) if j not in free]
         if last.cost > FAR * self.numbers:
             middles = self._middles(len(free) + 1, last)
             costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
@@ -192,8 +188,7 @@ class SweepFits(FreedFits):
         """What answers at the points of the sweep; the names, the coordinates and what the record knows."""
         settings = {**record.settings, "power_node": sweep.power_node}
         model = ParametricModel(replace(record, settings=settings), _any_point(record))
-        self.names, self.x0 = model.names, model.x
-        self.coordinates = model.coordinates
+        self.names, self.x0, self.coordinates = model.names, model.x, model.coordinates
         self.root = _known(record)[1]
         return model.problem(sweep.points)
 
@@ -257,10 +252,6 @@ class EventFits(FreedFits):
 
     most = 3
 
-    def candidate(self, j: int) -> bool:
-        """What the record says nothing of stays."""
-        return bool(self.root[j].any())
-
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
         """The values of limits always: there are few, and where one acts is narrower than a scan."""
         limits = {j for j, name in enumerate(self.names) if name in self._limits and j not in free}
@@ -280,8 +271,8 @@ class EventFits(FreedFits):
             for one in record.settings.get("large_signal", ())
             for name in one["parameters"]
         }
-        spread = np.array([self._limits.get(name, 0.0) for name in self.names])
-        self.root = np.hstack([np.zeros((self.size, root.shape[1])), np.diag(spread)[:, spread > 0]])
+        spread = np.diag([self._limits.get(name, 0.0) for name in self.names])
+        self.root = np.hstack([np.zeros((self.size, root.shape[1])), spread[:, spread.any(axis=0)]])
         for name, row in zip(known, root, strict=True):
             self.root[self.names.index(name), : root.shape[1]] = row
 

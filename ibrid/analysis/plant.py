@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.analysis.collector import Branch, Collector, WorkingPoint
+from ibrid.analysis.collector import Collector, WorkingPoint
 from ibrid.analysis.freed_fits import known_of_plant, plant_model
 from ibrid.analysis.linear_model import with_point
 from ibrid.analysis.prediction import require_able
@@ -75,14 +75,11 @@ class PlantPrediction:
         one = self.equivalent
         devices = {name: {op: rest._asdict() for op, rest in rests.items()} for name, rests in self.devices.items()}
         elements = [{"kind": element.kind, **element.values, "unit": "pu"} for element in one.elements]
-        numbers = {"rating": one.rating, "nrmse": one.nrmse, "nrmse_by_point": one.by_point}
+        numbers = {"rating": one.rating, "nrmse": one.nrmse, "nrmse_by_point": one.by_point, "sentence": one.sentence}
         worst = {"frequency_hz": one.worst[0], "error": one.worst[1]}
-        return {
-            "schema": "ibrid.plant/1",
-            "devices": devices,
-            "warnings": list(self.warnings),
-            "equivalent": {"element": elements, **numbers, "worst": worst, "sentence": one.sentence},
-        }
+        equivalent = {"element": elements, **numbers, "worst": worst}
+        warnings = list(self.warnings)
+        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": warnings, "equivalent": equivalent}
 
 
 def predict_plant(record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray) -> PlantPrediction:
@@ -115,8 +112,8 @@ def predict_plant(record: Record, collector: Collector, ops: Sequence[str], freq
 
 
 def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
-    single = equivalent_of(collector.root)
-    plant = plant_model(record, Collector(single), sweep.points)
+    single = equivalent_of(collector)
+    plant = plant_model(record, single, sweep.points)
     whole = np.array([one.admittance for one in sweep.points])
     away, size = (np.linalg.norm(one, axis=(2, 3)) for one in (np.array(plant.responses(plant.x)) - whole, whole))
     errors = np.linalg.norm(away, axis=1) / np.linalg.norm(size, axis=1)
@@ -128,19 +125,18 @@ def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
     )
 
 
-def equivalent_of(root: Branch) -> Branch:
+def equivalent_of(root: Collector) -> Collector:
     """One device behind the elements of the root and, where it has branches, one transformer and one shunt for all of them."""
     if not root.branches:
         return root
-    r, x, ratio, c, rc = _joined(root)
-    line = PortElement("transformer", {"R": r, "L": x, "ratio": ratio}) if ratio != 1 else None
-    line = line or PortElement("series", {"R": r, "L": x})
+    r, x, ratio, c, rc = map(float, _joined(root))
+    line = PortElement("transformer", {"R": r, "L": x, "ratio": ratio})
     shunts = (PortElement("shunt", {"R": rc / c**2, "C": c}),) if c else ()
     inner = (line,) if r or x or ratio != 1 else ()
-    return Branch("device_1", (*root.elements, *inner, *shunts), (), root.rating)
+    return Collector("device_1", (*root.elements, *inner, *shunts), (), root.rating)
 
 
-def _joined(node: Branch) -> tuple[float, float, float, float, float]:
+def _joined(node: Collector) -> np.ndarray:
     """R, L and ratio in front of all devices, the sum of C and of C^2 R behind, seen from the node."""
     total = np.zeros(5)
     for branch in node.branches:
@@ -154,5 +150,4 @@ def _joined(node: Branch) -> tuple[float, float, float, float, float]:
             r, x = values["R"] + turns**2 * r, values["L"] + turns**2 * x
             ratio, c, rc = turns * ratio, c / turns**2, rc / turns**2
         total += [branch.share**2 * r, branch.share**2 * x, branch.share * ratio, c, rc]
-    r, x, ratio, c, rc = (float(one) for one in total)
-    return r, x, ratio, c, rc
+    return total

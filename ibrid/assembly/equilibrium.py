@@ -25,17 +25,6 @@ from ibrid.modules.behaviour import Element
 from ibrid.structure.devices import devices
 from ibrid.structure.wiring import PLANT, Wiring
 
-__all__ = [
-    "Frame",
-    "Pair",
-    "Parameters",
-    "device_equilibria",
-    "device_points",
-    "equilibria",
-    "paper_equilibria",
-    "to_frame",
-]
-
 
 def equilibria(
     wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any], power_node: str, omega_0: float

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.assembly.equilibrium import Pair
 from ibrid.assembly.interconnection import state_names
+from ibrid.assembly.signals_at_rest import Pair
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, motion

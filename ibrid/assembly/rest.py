@@ -14,10 +14,10 @@ from math import atan2
 
 import numpy as np
 
-from ibrid.assembly.equilibrium import Frame, Pair, device_points, equilibria, to_frame
+from ibrid.assembly.equilibrium import device_points, equilibria
 from ibrid.assembly.module_motion import Module, asked, by_port, module_at
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, sources_of, to_frame
 from ibrid.assembly.terminals import Inner, behind_terminals
 from ibrid.errors import IbridError
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind

@@ -46,6 +46,7 @@ def run_drift(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     require_distinct({"--json": arguments.json}, {"RECORD": arguments.record, "DATA": arguments.data})
 
+    from ibrid.analysis.collector_file import read_collector
     from ibrid.analysis.drift import drift
 
     record = inputs.record(arguments.record, arguments.kinds)
@@ -54,7 +55,7 @@ def run_drift(arguments: Namespace) -> int:
         found = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
     else:
         sweep = inputs.measured(arguments.data)
-        found = drift(record, sweep, inputs.collector(arguments.port, sweep))
+        found = drift(record, sweep, read_collector(arguments.port, sweep) if arguments.port else None)
     if not give_json(found.plain(), arguments.json):
         print(f"{found.verdict}: {found.sentence}")
     return 0

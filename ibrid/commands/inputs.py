@@ -13,14 +13,12 @@ from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 
 if TYPE_CHECKING:
-    from ibrid.analysis.collector import Collector
     from ibrid.evaluation.record import Record
     from ibrid.measurement.events import Events
     from ibrid.measurement.sweep import Sweep
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.structure.diagram import Diagram
     from ibrid.structure.outside import Outside
-    from ibrid.structure.port_file import Bases
 
 Number = TypeVar("Number", int, float)
 
@@ -110,13 +108,6 @@ def port(text: str | None, data: "Sweep | Events | None") -> "Outside":
     from ibrid.structure.port_file import read_port
 
     return NOTHING if text is None or data is None else read_port(text, data)
-
-
-def collector(text: str | None, data: "Bases") -> "Collector | None":
-    """The network of a plant in a file, on the base of the data; None without one."""
-    from ibrid.analysis.collector_file import read_collector
-
-    return None if text is None else read_collector(text, data)
 
 
 def require_no_plant(arguments: Namespace) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import ibrid
-from ibrid.analysis.collector import Branch, Collector
+from ibrid.analysis.collector import Collector
 from ibrid.analysis.drift import drift
 from ibrid.analysis.freed_fits import PlantFits, plant_model
 from ibrid.evaluation.record import Record
@@ -45,14 +45,16 @@ def drawn_plant(rng: np.random.Generator) -> Collector:
 
     ratings = rng.uniform(0.5, 1.5, size=int(rng.integers(3, 6)))
     ratings = ratings / ratings.sum()
-    devices = [Branch(f"inverter_{k}", line(0.03, 0.3), (), float(rating)) for k, rating in enumerate(ratings, start=1)]
+    devices = [
+        Collector(f"inverter_{k}", line(0.03, 0.3), (), float(rating)) for k, rating in enumerate(ratings, start=1)
+    ]
     behind = devices[2:]
     whole = sum(one.rating for one in behind)
-    feeder = Branch(
+    feeder = Collector(
         "feeder", line(0.02, 0.1), tuple(replace(one, share=one.rating / whole) for one in behind), whole, whole
     )
     at_bus = tuple(replace(one, share=one.rating) for one in devices[:2])
-    return Collector(Branch("", line(0.04, 0.08), (*at_bus, feeder), 1.0))
+    return Collector("", line(0.04, 0.08), (*at_bus, feeder), 1.0)
 
 
 def case(record: Record, seed: int) -> dict:
@@ -90,7 +92,7 @@ def case(record: Record, seed: int) -> dict:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(prog="ibrid_bench.plants", description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(prog="ibrid_bench.plants", description="Which device of a plant differs.")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.jsonl")

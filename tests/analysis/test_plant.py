@@ -238,7 +238,7 @@ def test_the_equivalent_of_equal_devices_is_exact_and_of_others_says_how_far_it_
     assert equal.equivalent.elements[-1].values["C"] == pytest.approx(0.04)
     collector = network(tmp_path)
     unequal = predict_plant(record, collector, ["p=1,q=0.3", "p=0.4,q=0"], FREQUENCY)
-    single = plant_model(record, Collector(equivalent_of(collector.root)), unequal.sweep.points)
+    single = plant_model(record, equivalent_of(collector), unequal.sweep.points)
     error = [a - b.admittance for a, b in zip(single.responses(single.x), unequal.sweep.points, strict=True)]
     whole = [one.admittance for one in unequal.sweep.points]
     assert unequal.equivalent.nrmse == pytest.approx(np.linalg.norm(error) / np.linalg.norm(whole))

@@ -11,9 +11,9 @@ from random_diagrams import random_legal_diagram
 from scipy.optimize import fsolve
 
 from ibrid.assembly.controller_frame import aligned_channel
-from ibrid.assembly.equilibrium import equilibria, to_frame
+from ibrid.assembly.equilibrium import equilibria
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import carried
+from ibrid.assembly.signals_at_rest import carried, to_frame
 from ibrid.errors import DiagramError, OperatingPointError
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY

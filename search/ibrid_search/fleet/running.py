@@ -98,13 +98,7 @@ class _Course:
     """Devices in their order through the workers, few at a time, and what the next may learn from them."""
 
     def __init__(
-        self,
-        store: Store,
-        folder: Path,
-        steps: list[Step],
-        evaluator: Evaluator,
-        earlier: "Earlier | None",
-        tell: Tell,
+        self, store: Store, folder: Path, steps: list[Step], evaluator: Evaluator, earlier: "Earlier | None", tell: Tell
     ) -> None:
         self._store, self._folder, self._steps = store, folder, steps
         self._evaluator, self._earlier, self._tell = evaluator, earlier, tell
