@@ -51,9 +51,10 @@ class FreedFits(ABC):
     """Fits of a record's model to new data.
 
     `names`, `size` : of the parameters. `x0` : (P,) the record's. `root` : (P, R) one standard deviation each, as the record
-    knows them. `numbers` : measured. `source` : of the noise.
+    knows them. `numbers` : measured. `source` : of the noise. `most` : fits that are tried.
     """
 
+    most: int = 10
     names: Sequence[str]
     coordinates: Coordinates | CollectorCoordinates
     x0: np.ndarray
@@ -211,8 +212,6 @@ class SweepFits(FreedFits):
 class PlantFits(SweepFits):
     """Of a sweep at the PCC of a plant, whose devices are those of the record or differ from it."""
 
-    most = 10
-
     def __init__(self, record: Record, sweep: Sweep, collector: Collector) -> None:
         self._collector, self._sweep = collector, sweep
         super().__init__(record, sweep)
@@ -244,7 +243,9 @@ def plant_model(record: Record, collector: Collector, points: Sequence[PointSwee
 def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
     """(X, R) one standard deviation each of a plant's numbers: what the record knows of every device alike, and tolerances."""
     known = _known(record)[1]
-    return block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
+    return np.asarray(
+        block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
+    )
 
 
 class EventFits(FreedFits):
