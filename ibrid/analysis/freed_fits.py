@@ -243,9 +243,8 @@ def plant_model(record: Record, collector: Collector, points: Sequence[PointSwee
 def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
     """(X, R) one standard deviation each of a plant's numbers: what the record knows of every device alike, and tolerances."""
     known = _known(record)[1]
-    return np.asarray(
-        block_diag(known, np.zeros((len(plant.x) - len(known) - len(plant.spread), 0)), np.diag(plant.spread))
-    )
+    between = np.zeros((len(plant.x) - len(known) - len(plant.spread), 0))
+    return np.asarray(block_diag(known, between, np.diag(plant.spread)))
 
 
 class EventFits(FreedFits):
