@@ -1,4 +1,5 @@
-"""`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn plants; one JSON line each.
+"""`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn plants; one JSON line each. With
+`--alone` the device itself is measured again, each time against a record of its own.
 
 The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of it, with its true values, of
 drawn ratings behind drawn lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20
@@ -16,7 +17,7 @@ import numpy as np
 import ibrid
 from ibrid.analysis.collector import Collector
 from ibrid.analysis.drift import drift
-from ibrid.analysis.freed_fits import PlantFits, plant_model
+from ibrid.analysis.freed_fits import PlantFits, SweepFits, plant_model
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import plant_named
@@ -29,10 +30,10 @@ FACTORS = (0.8, 1.2, 0.5, 1.5)
 SEEN = 20.0
 
 
-def known_device() -> Record:
+def known_device(seed: int = 0) -> Record:
     """The record of a device measured alone."""
     alone = ibrid.add_noise(
-        ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16)), 50, rng=np.random.default_rng(0)
+        ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16)), 50, rng=np.random.default_rng(seed)
     )
     return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), alone)
 
@@ -90,16 +91,41 @@ def case(record: Record, seed: int) -> dict:
     }  # fmt: skip
 
 
+def case_alone(seed: int) -> dict:
+    """The device again at the same points, unchanged in every third case, else one value times 0.8 or 1.2."""
+    rng = np.random.default_rng([seed, 1])
+    record, plant = known_device(seed), plant_named("paper_like")
+    names = sorted(next(iter(record.parameters.values())))
+    name = None if seed % 3 == 0 else str(rng.choice(names))
+    factor = 1.0 if name is None else float(rng.choice(FACTORS[:2]))
+    if name is not None:
+        plant = plant.with_overrides({name: plant.diagram_values[name] * factor})
+    data = ibrid.add_noise(ibrid.sweep(plant, None, np.geomspace(5, 5000, 16)), 50, rng=rng)
+    begun = time.perf_counter()
+    found = drift(record, data)
+    seconds = time.perf_counter() - begun
+    fits = SweepFits(record, data)
+    gain = 0.0 if name is None else fits.fit(()).cost - fits.fit((fits.names.index(name),)).cost
+    said = {one.parameter for one in found.changed}
+    alike = said.union(*(one.alike for one in found.changed))
+    return {
+        "seed": seed, "changed": name, "factor": factor, "seen": bool(gain > SEEN), "verdict": found.verdict,
+        "said": sorted(said), "right": said == ({name} if name else set()), "among": not name or name in alike,
+        "seconds": round(seconds, 1),
+    }  # fmt: skip
+
+
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(prog="ibrid_bench.plants", description="Which device of a plant differs.")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.jsonl")
+    parser.add_argument("--alone", action="store_true")
     options = parser.parse_args()
     record = known_device()
     for seed in range(options.first, options.first + options.cases):
-        row = case(record, seed)
+        row = case_alone(seed) if options.alone else case(record, seed)
         print(json.dumps(row), flush=True)
         with options.out.open("a") as ledger:
             ledger.write(json.dumps(row) + "\n")
