@@ -71,12 +71,12 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     swept = asked.study or described(model, data, asked.events)
     record = record_at(model.diagram, swept, model.refit.values, **({} if asked.study else {"vocabulary": data.kinds}))
     told = seen(model.refit)
-    spread = dict(zip(model.refit.misfit.beliefs.names, np.sqrt(np.diag(told.covariance)).tolist(), strict=True))
+    variance = np.diag(told.covariance).clip(0.0, 1.0)
+    spread = dict(zip(model.refit.misfit.beliefs.names, np.sqrt(variance).tolist(), strict=True))
     limits = []
     for one in data.beside(model):
-        own = {name: f"{one.id}.{name}" for name in one.parameters}
-        values = {name: model.refit.values[full] for name, full in own.items()}
-        deviations = {name: spread[full] for name, full in own.items() if full in spread}
+        values = {name: model.refit.values[f"{one.id}.{name}"] for name in one.parameters}
+        deviations = {name: spread.get(f"{one.id}.{name}", 0.0) for name in one.parameters}
         limits.append({**one.plain(), "parameters": values, "deviations": deviations})
     by_record = {one.record.name: one.nrmse for one in playback.records if one.nrmse is not None}
     record = replace(
