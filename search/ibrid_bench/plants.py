@@ -18,6 +18,7 @@ import ibrid
 from ibrid.analysis.collector import Collector
 from ibrid.analysis.drift import drift
 from ibrid.analysis.freed_fits import PlantFits, SweepFits, plant_model
+from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import plant_named
@@ -94,13 +95,16 @@ def case(record: Record, seed: int) -> dict:
 def case_alone(seed: int) -> dict:
     """The device again at the same points, unchanged in every third case, else one value times 0.8 or 1.2."""
     rng = np.random.default_rng([seed, 1])
-    record, plant = known_device(seed), plant_named("paper_like")
+    record, truth = known_device(seed), dict(plant_named("paper_like").diagram_values)
     names = sorted(next(iter(record.parameters.values())))
     name = None if seed % 3 == 0 else str(rng.choice(names))
     factor = 1.0 if name is None else float(rng.choice(FACTORS[:2]))
     if name is not None:
-        plant = plant.with_overrides({name: plant.diagram_values[name] * factor})
-    data = ibrid.add_noise(ibrid.sweep(plant, None, np.geomspace(5, 5000, 16)), 50, rng=rng)
+        truth[name] *= factor
+    clean = ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16))
+    device = record_at(record.diagram, clean, {one: truth[one] for one in names})
+    answers = [replace(one, admittance=device.response(one.op.name, one.frequency)) for one in clean.points]
+    data = ibrid.add_noise(replace(clean, points=tuple(answers)), 50, rng=rng)
     begun = time.perf_counter()
     found = drift(record, data)
     seconds = time.perf_counter() - begun
