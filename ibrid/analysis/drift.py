@@ -122,7 +122,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
 
 
 def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:
-    """What the gap says of the first device that it explains, those first whose freest fits leave least."""
+    """What the gap says of the first device that it explains, those first whose freest fits leave least; else of the nearest."""
     plant = found.plant
     own = [range(*(plant.parameters * (k + side) for side in (1, 2))) for k in range(len(plant.collector.devices))]
     nearest = sorted(range(len(own)), key=lambda device: found.fit(tuple(own[device])).cost)[:ASKED]
@@ -132,11 +132,11 @@ def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:
         if explained := asked[-1][0].verdict in ("named", *_VERDICTS):
             break
     gap, device = asked[-1 if explained else 0]
-    name = plant.collector.devices[device].name
-    verdict = _VERDICTS.get(gap.verdict, "structure")
+    name, verdict = plant.collector.devices[device].name, _VERDICTS.get(gap.verdict, "structure")
     changed = _moved(gap) if verdict == "parameters" else ()
     changed = tuple(replace(one, parameter=f"{name}.{one.parameter}") for one in changed)
-    return Drift(verdict, f"{name} differs: {gap.sentence}", changed, p_value, found.source, gap, name)
+    said = f"{name} differs: " if explained else f"No device alone explains what differs; {name} is nearest: "
+    return Drift(verdict, said + gap.sentence, changed, p_value, found.source, gap, name if explained else None)
 
 
 def _changed(found: FreedFits) -> tuple[list[int], FreedFit]:

@@ -80,11 +80,11 @@ class FreedFits(ABC):
         return float(chi2.sf(cost, self.numbers))
 
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The best of a scan of the last parameter."""
+        """The best of a scan of the last parameter about each middle: the lower of them may lie in the higher valley."""
         middles = self._middles(len(free), near)
         if not free:
             return middles
-        return np.array([min((self._scanned(free, middle) for middle in middles), key=lambda one: one[0])[1]])
+        return np.array([self._scanned(free, middle)[1] for middle in middles])
 
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
         """Near the noise those with the largest linear gain, far from it those with the best scan."""
