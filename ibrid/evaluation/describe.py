@@ -300,7 +300,7 @@ def _twin_sentence(one: BestFit, twin: np.ndarray) -> str:
         for label, before, after in zip(one.labels, here, there, strict=True)
         if abs(after - before) > 1e-3 * abs(before)
     ]
-    return f"a twin fits as well: {', '.join(moved)}; the one with the smaller R_F is reported"
+    return f"a twin fits as well: {', '.join(moved)}; the more usual one is reported"
 
 
 def _others_sentence(one: BestFit, answer: Visibility, others: Sequence[Minimum]) -> str:

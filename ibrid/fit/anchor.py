@@ -1,10 +1,13 @@
 """Among parameter values that no data can tell apart, those nearest to textbook values.
 
 Where a direction of x changes no response (the scale of an inner loop with unit feedforward, say) the optimum is a line, and
-which of its points a solver returns is chance. The point nearest to the typical values is reported instead.
+which of its points a solver returns is chance. The point nearest to the typical values is reported instead. Where the noise is
+known, directions that it hides are as good as invisible: there a value lies within a `DECADE` of what is typical, as far as
+nothing is seen of it.
 """
 
 from collections.abc import Sequence
+from math import log
 
 import numpy as np
 
@@ -14,6 +17,23 @@ from ibrid.fit.problem import Problem
 NULL = 1e-9
 #: Relative rise of the cost that still counts as no change.
 NO_CHANGE = 1e-6
+#: One standard deviation of the logarithm of a positive number around its typical value.
+DECADE = log(10.0)
+
+
+class Decades:
+    """Positive numbers that all operating points share lie within a `DECADE` of their typical values; `Believed`."""
+
+    def __init__(self, problem: Problem) -> None:
+        parameters = [one.parameter for one in problem.numbers]
+        self._typical = problem.coordinates.to_x(np.array([one.typical for one in parameters], dtype=float))
+        believed = [one.logarithmic and not one.local and one.tolerance is None for one in parameters]
+        self._weight = np.array(believed, dtype=float) / DECADE
+
+    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sum of the squared standard deviations (S,), half its gradient and its curvature (S, P), at x (S, P)."""
+        away = (x - self._typical) * self._weight
+        return (away**2).sum(axis=-1), away * self._weight, np.broadcast_to(self._weight**2, x.shape)
 
 
 def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.ndarray:

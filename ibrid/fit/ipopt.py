@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ibrid.fit.problem import Problem
+from ibrid.fit.problem import Misfit
 
 #: The root is smoothed below this relative error, so that an exact fit ends without line searches in rounding errors.
 _ROUNDING = 1e-7
@@ -23,11 +23,14 @@ class Optimum:
     iterations: int
 
 
-def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, seconds: float) -> Optimum:
-    """Minimise the mean over operating points of the root of the squared error, from x, inside the boxes."""
-    coordinates, size = problem.coordinates, problem.size
-    start = np.clip(x, coordinates.x_low, coordinates.x_high)
-    memory = _Memory(problem, objective, start)
+def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> Optimum:
+    """Minimise the mean over operating points of the root of the squared error, from x, inside the boxes.
+
+    What is believed weighs as in the sum of the squares, whose gradient the mean of the roots has where these are equal.
+    """
+    (low, high), size = misfit.box, misfit.problem.size
+    start = np.clip(x, low, high)
+    memory = _Memory(misfit, start)
     if not size or not np.isfinite(memory.scale):
         return Optimum(start, memory.costs(start), "nothing to optimise", 0)
     symbol = ca.MX.sym("x", size)
@@ -58,11 +61,11 @@ def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, s
             "ipopt.bound_relax_factor": 0.0,
         },
     )
-    answer = solver(x0=start, lbx=coordinates.x_low, ubx=coordinates.x_high)
+    answer = solver(x0=start, lbx=low, ubx=high)
     if memory.interruption is not None:
         raise memory.interruption
     statistics = solver.stats()
-    found = np.clip(np.asarray(answer["x"]).ravel(), coordinates.x_low, coordinates.x_high)
+    found = np.clip(np.asarray(answer["x"]).ravel(), low, high)
     if not memory.value(found) <= memory.value(start):
         found = start
     return Optimum(found, memory.costs(found), str(statistics["return_status"]), int(statistics["iter_count"]))
@@ -71,25 +74,30 @@ def solve(problem: Problem, x: np.ndarray, objective: str, *, iterations: int, s
 class _Memory:
     """One evaluation serves value, gradient and Hessian; the objective is scaled to 1 at the start."""
 
-    def __init__(self, problem: Problem, objective: str, start: np.ndarray) -> None:
-        self.problem, self.objective = problem, objective
+    def __init__(self, misfit: Misfit, start: np.ndarray) -> None:
+        self.misfit = misfit
         self._key: bytes | None = None
         self._result: tuple[float, np.ndarray, np.ndarray] = (np.inf, np.zeros(0), np.zeros(0))
         self._costs = np.zeros(0)
         self.interruption: TimeoutError | KeyboardInterrupt | None = None
-        self.scale = 1.0
+        self.scale = self.root = 1.0
+        self.value(start)
+        self.root = max(float(np.sqrt(self._costs).mean()), _ROUNDING)
+        self._key = None
         self.scale = max(self.value(start), _ROUNDING)
         self._key = None  # what is kept of the start is not scaled
 
     def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if (key := x.tobytes()) != self._key:
-            cost, gradient, hessian = self.problem.normal_equations(x[None], self.objective)
-            root = np.sqrt(cost[0] + _ROUNDING**2)
-            factor = 1.0 / (root * len(root) * self.scale)
-            value = float(root.mean() / self.scale)
-            total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(self.problem.size)
-            curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(self.problem.size)
-            self._key, self._costs, self._result = key, cost[0], (value, total, curvature)
+            cost, gradient, hessian = self.misfit.parts(x[None])
+            number, size = len(self.misfit.problem.points), len(x)
+            root = np.sqrt(cost[0, :number] + _ROUNDING**2)
+            believed = cost[0, number:] / (2 * self.root)  # of one entry, or of none
+            factor = 1.0 / np.concatenate([root, np.full(len(believed), self.root)]) / number / self.scale
+            value = float((root.sum() + believed.sum()) / number / self.scale)
+            total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(size)
+            curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(size)
+            self._key, self._costs, self._result = key, cost[0, :number], (value, total, curvature)
         return self._result
 
     def value(self, x: np.ndarray) -> float:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit import ipopt
-from ibrid.fit.anchor import nearest_to_typical
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.waves import Finished, Search
@@ -68,9 +67,8 @@ def fit(
         return None
     search.hop()
     best, twins = search.most_plausible()
-    best = nearest_to_typical(problem, best, settings.minimised)
     left = settings.seconds - (time.monotonic() - started)
-    optimum = ipopt.solve(problem, best, settings.minimised, iterations=settings.ipopt_iterations, seconds=left)
+    optimum = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations, seconds=left)
     return Solution(
         x=optimum.x,
         errors=np.sqrt(optimum.costs),

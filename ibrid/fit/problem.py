@@ -214,11 +214,14 @@ class Misfit:
     """A problem under one objective as a `SumOfSquares`, what is believed of its numbers included.
 
     Beliefs are in standard deviations, as chi2 is; beside a relative objective they weigh 1 / number of measured numbers.
+    `noise` : chi2 of one in the total cost; None where the objective does not know the noise.
     """
 
     def __init__(self, problem: Problem, objective: str, believed: Believed | None = None) -> None:
         self.problem, self.objective, self.believed = problem, objective, believed
-        self._scale = 1.0 if objective == "chi2" else 1.0 / measured_numbers(problem.points)
+        number = measured_numbers(problem.points)
+        self.noise = {"chi2": 1.0, "sigma": len(problem.points) / number}.get(objective)
+        self._scale = self.noise or 1.0 / number
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -85,10 +85,9 @@ class Exchange(Protocol):
 
 
 def twins_of(problem: Problem, swaps: Sequence[Exchange], x: np.ndarray) -> list[np.ndarray]:
-    """The twins of x that lie in the boxes."""
+    """The twins of x; one outside the boxes is moved to their edges, which the noise may have let it cross."""
     coordinates = problem.coordinates
-    theta = coordinates.to_theta(x)
-    found = [swap.apply(theta) for swap in swaps]
+    found = [swap.apply(coordinates.to_theta(x)) for swap in swaps]
     return [
-        coordinates.to_x(one) for one in found if np.all(one >= coordinates.low) and np.all(one <= coordinates.high)
+        coordinates.to_x(np.clip(one, coordinates.low, coordinates.high)) for one in found if np.isfinite(one).all()
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.fit.anchor import nearest, nearest_to_typical
+from ibrid.fit.anchor import Decades, nearest, nearest_to_typical
 from ibrid.fit.corner_swap import corner_swaps
 from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.problem import Misfit, Problem
@@ -24,6 +24,8 @@ TWIN_TOLERANCE = 1e-6
 SAME_MINIMUM = 0.3
 #: Below this error the fit is so good that agreement proves less: more ends must agree.
 NEARLY_EXACT = 1e-4
+#: Ends that may be the likeliest where the noise is known.
+LIKELY = 4
 #: Iterations that each kicked copy gets before the better ones are carried to the end.
 HOP_ITERATIONS = 12
 
@@ -48,6 +50,7 @@ class Search:
     ) -> None:
         self.problem, self.rng, self.settings = problem, rng, settings
         self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
+        self.believing = Misfit(problem, settings.minimised, Decades(problem)) if self.final.noise else self.final
         self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
@@ -172,13 +175,25 @@ class Search:
 
         Where the data leave a scale open they are of the usual one, since a twin of another may lie outside the boxes.
         """
+        if self.final.noise is not None:
+            return self._likeliest()
         best = nearest_to_typical(self.problem, self.best.x, self.settings.minimised)
         batch = self._twin_batch(best)
         bound = max(float(self._errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
         equal = [best, *batch.x[self._errors(batch.x) <= bound]]
         if len(equal) > 1:
             equal.sort(key=self.swaps[0].implausibility)
-        return equal[0], equal[1:]
+        best = nearest_to_typical(self.problem, equal[0], self.settings.minimised)
+        return best, equal[1:]
+
+    def _likeliest(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The same where the noise is known: by the data and by what is typical; a twin is as good within one of chi2."""
+        ends = [one.x for one in sorted(self.finished, key=lambda one: one.error)[:LIKELY]]
+        starts = np.array([*ends, *twins_of(self.problem, self.swaps, ends[0])])
+        best = self._to_the_end(starts, self.believing).best(1).x[0]
+        twins = self._twin_batch(best, self.believing).x
+        costs = self.problem.costs(np.concatenate([best[None], twins]), self.settings.minimised).sum(axis=1)
+        return best, list(twins[costs[1:] <= costs[0] + (self.final.noise or 0.0)])
 
     def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
         """Twins on the scale of x, so that they differ in what the swap changes alone; not those that end near x."""
@@ -186,12 +201,13 @@ class Search:
         beside = [nearest(self.problem, twin, x, self.settings.minimised, ignoring=entries) for twin in twins]
         return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
-    def _twin_batch(self, x: np.ndarray) -> Batch:
+    def _twin_batch(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
         twins = twins_of(self.problem, self.swaps, x)
-        return self._to_the_end(np.array(twins).reshape(len(twins), self.problem.size))
+        return self._to_the_end(np.array(twins).reshape(len(twins), self.problem.size), misfit)
 
-    def _to_the_end(self, x: np.ndarray) -> Batch:
-        return LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), self.settings.iterations)
+    def _to_the_end(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
+        misfit = misfit or self.final
+        return LEVENBERG.go(misfit, LEVENBERG.begin(misfit, x), self.settings.iterations)
 
     def _errors(self, x: np.ndarray) -> np.ndarray:
         return np.sqrt(self.problem.costs(x, self.settings.minimised)).mean(axis=1)

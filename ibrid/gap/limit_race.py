@@ -7,6 +7,7 @@ the whole record; the others are tried beside what the first of them found for t
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,12 +19,14 @@ from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.release import by_holds, by_moments, by_until
 from ibrid.playback.limits import UNTIL, Limit
 
+What = TypeVar("What")
+
 #: Starts from which a form sets out, about the first origin and about each other one.
 FOLLOWED = (2, 1)
 #: Starts of a form beyond which they are tried in two turns, and how many are kept in between.
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
-HEATS = ((1, 1, 24), (1, 3, 12), (3, 2, 6), (5, 2, 4))
+FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
 #: Rounds beside what the first found, steps of each; and beside a model that explains all, where little is to be gained.
 BESIDE, BRIEFLY = (2, 3), (1, 2)
 
@@ -107,7 +110,14 @@ def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
         for k, origin in enumerate(origins)
         for one in form.begun([origin], FOLLOWED[min(k, 1)])
     ]
-    for rounds, steps, number in HEATS:
+    return in_front(runners, (FIRST_HEAT, *HEATS))
+
+
+def in_front(
+    runners: list[tuple[What, Descending]], heats: Iterable[tuple[int, int, int]] = HEATS
+) -> list[tuple[What, Descending]]:
+    """Those in front after all heats, the first one first."""
+    for rounds, steps, number in heats:
         for _, one in runners:
             one.go(rounds, steps)
         runners = _first(runners, number)
@@ -125,6 +135,6 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
         return None
 
 
-def _first(runners: Iterable[Runner], number: int) -> list[Runner]:
+def _first(runners: Iterable[tuple[What, Descending]], number: int) -> list[tuple[What, Descending]]:
     """Those in front, by the cost of where they are; what has no answer is out."""
     return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]

@@ -11,7 +11,7 @@ from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
-from ibrid.gap.limit_race import race
+from ibrid.gap.limit_race import in_front, race
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, strengths
@@ -24,16 +24,15 @@ from ibrid.structure.diagram import Diagram
 
 #: Draws beside the nominal values, of the given model.
 DRAWS = 3
-#: Edits of a model that are fitted, the first by a glance.
-FITTED = 4
-#: Factor on the misfit of the best glance up to which another edit is fitted where the best one explains all.
+#: Edits of a model that race, the first by a glance; those in front at its end are fitted.
+RACED = 24
+#: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
-#: An edit's effect, change and place; the same with the id of a fit.
+#: An edit's effect, change and place.
 _Edit = tuple[str, str, str]
-_Key = tuple[int, str, str, str]
 
 
 class Records(Data):
@@ -59,9 +58,9 @@ class Records(Data):
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}
-        # each with the fit of its key, so that its id is not used again
-        self._glances: dict[_Key, tuple[EventFit, Model | None, float]] = {}
-        self._fits: dict[_Key, tuple[EventFit, Model | None]] = {}
+        # by ids of fits, each with that fit, so that its id is not used again
+        self._glances: dict[int, tuple[EventFit, dict[_Edit, tuple[Insertion, Model | None]]]] = {}
+        self._fits: dict[int, tuple[EventFit, dict[_Edit, Model]]] = {}
         self._races: dict[int, tuple[EventFit, dict[_Edit, Model | None]]] = {}
         self._predicted: dict[int, tuple[EventFit, Values]] = {}
 
@@ -132,32 +131,36 @@ class Records(Data):
         return self._races[key][1]
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
-        """A model with an edit, fitted from its own and from predicted values with strengths of the effect.
+        """A model with an edit, fitted with all others of its kind at once; None for what lags behind: a fit takes seconds."""
+        fits = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
+        return fits.get(_edit(insertion))
 
-        None for an edit of the program that a glance ranks behind the first few: a fit takes seconds. Limits are fitted together,
-        since what bends the rest of a model, a limit that is missing, makes the glances at it poor.
+    def _fitted(self, model: Model) -> dict[_Edit, Model]:
+        """The model with those edits of the program that are in front of a race of the first by their glances.
+
+        What is missing has bent the rest of the model, so that a glance ranks what explains the data among the first two dozen
+        and no higher.
         """
-        if isinstance(insertion, LimitPlace):
-            return self._raced(model).get(_edit(insertion))
-        key = (id(model.refit), *_edit(insertion))
+        key = id(model.refit)
         if key not in self._fits:
-            glance = self.glanced(model, insertion)
-            fit = self._best_fit(model, insertion, glance) if self._ranks_first(key, model) else None
-            self._fits[key] = model.refit, None if fit is None else replace(self._changed(model, insertion), refit=fit)
+            found: dict[_Edit, Model] = {}
+            self._fits[key] = model.refit, found
+            seen = [(edit, one) for edit, one in self._glances[key][1].values() if one is not None]
+            runners = [
+                ((edit, glance), one)
+                for edit, glance in sorted(seen, key=lambda pair: pair[1].refit.cost)[:RACED]
+                for one in self.fitter.misfit(edit.diagram, self.beside(glance)).racing.best_of(
+                    [glance.refit.values], 1
+                )
+            ]
+            for (edit, glance), one in (front := in_front(runners)):
+                if one.cost > CLOSE * front[0][1].cost and any(other.adequate() for other in found.values()):
+                    break
+                starts = [one.values, *strengths(edit, [model.refit.values])]
+                fit = self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)
+                if fit is not None:
+                    found[_edit(edit)] = replace(glance, refit=fit)
         return self._fits[key][1]
-
-    def _ranks_first(self, key: _Key, model: Model) -> bool:
-        """Whether a glance at an edit is among the first few, or near the best where an edit explains all already."""
-        ranked = sorted(cost for other, (_, _, cost) in self._glances.items() if other[0] == key[0])
-        fits = (fit for other, (_, fit) in self._fits.items() if other[0] == key[0])
-        near = model.refit.cost + CLOSE * (ranked[0] - model.refit.cost)
-        enough = any(fit is not None and fit.adequate() for fit in fits)
-        cost = self._glances[key][2]
-        return np.isfinite(cost) and cost <= (near if enough else ranked[min(FITTED, len(ranked)) - 1])
-
-    def _best_fit(self, model: Model, insertion: Insertion, glance: Model | None) -> EventFit | None:
-        starts = [*strengths(insertion, self._origins(model)), *([] if glance is None else [glance.refit.values])]
-        return self.fitter.fit(insertion.diagram, self.beside(model), starts, led=not model.adequate())
 
     def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
@@ -167,11 +170,10 @@ class Records(Data):
         """
         if isinstance(insertion, LimitPlace):
             return self._raced(model).get(_edit(insertion))
-        key = (id(model.refit), *_edit(insertion))
-        if key not in self._glances:
-            found = self._glance(model, insertion)
-            self._glances[key] = model.refit, found, np.inf if found is None else found.refit.cost
-        return self._glances[key][1]
+        _, glances = self._glances.setdefault(id(model.refit), (model.refit, {}))
+        if (key := _edit(insertion)) not in glances:
+            glances[key] = insertion, self._glance(model, insertion)
+        return glances[key][1]
 
     def _glance(self, model: Model, insertion: Insertion) -> Model | None:
         changed, name = self._changed(model, insertion), self._worst(model)

@@ -1,7 +1,7 @@
 """Does `ibrid next` ask well? Poor data of hidden inverters, one more sweep chosen in four ways at equal cost, both structures
 fitted again: are they told apart, and how much smaller are the deviations?
 
-python -m ibrid_bench.next_sweep [--devices 30] [--seed 1]
+python -m ibrid_bench.next_sweep [--devices 30] [--seed 1] [--count 8]
 
 The device has a filter before its PLL; a rival has another effect of the catalogue in its place, and is taken where eight
 frequencies at one operating point leave it within odds of 20 to 1.
@@ -40,6 +40,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.next_sweep")
     parser.add_argument("--devices", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=8, help="frequencies of the sweep that is chosen")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     told: dict[str, list[bool]] = defaultdict(list)
@@ -54,7 +55,7 @@ def main() -> None:
         if rival is None:
             continue
         try:
-            ways = _ways((known, rival), points, rng)
+            ways = _ways((known, rival), points, arguments.count, rng)
         except (IbridError, StopIteration):  # what is known so far is not stable anywhere
             continue
         words = []
@@ -74,7 +75,7 @@ def main() -> None:
 
 
 def _ways(
-    records: Sequence[Record], points: Sequence[OperatingPoint], rng: np.random.Generator
+    records: Sequence[Record], points: Sequence[OperatingPoint], count: int, rng: np.random.Generator
 ) -> dict[str, tuple[OperatingPoint, np.ndarray]]:
     """What is measured: asked of both structures, asked of the answer alone, at random, and log-spaced at a random point.
 
@@ -85,7 +86,7 @@ def _ways(
     asked, sharp = (
         next(
             one
-            for one in experiments(records[:n], names[:n], Among(count=COUNT))
+            for one in experiments(records[:n], names[:n], Among(count=count, events=()))
             if (one.op.p, one.op.q, one.op.v) in able
         )
         for n in (2, 1)
@@ -94,8 +95,8 @@ def _ways(
     return {
         "next": (asked.op, np.array(asked.frequencies)),
         "sharp": (sharp.op, np.array(sharp.frequencies)),
-        "random": (random, np.sort(np.exp(rng.uniform(np.log(5.0), np.log(5000.0), COUNT)))),
-        "log": (points[int(rng.integers(len(points)))], np.geomspace(5.0, 5000.0, COUNT)),
+        "random": (random, np.sort(np.exp(rng.uniform(np.log(5.0), np.log(5000.0), count)))),
+        "log": (points[int(rng.integers(len(points)))], np.geomspace(5.0, 5000.0, count)),
     }
 
 

@@ -24,6 +24,7 @@ RECIPES = {recipe.name: recipe for recipe in recipes()}
 #: Its C_F of 2.5 lies outside the box that the paper prints, [1e-5, 1].
 OUTSIDE_THE_BOX = "published_sienna_gfl"
 SETTLED = 1e-5  # relative change of an objective that a polished optimum may still leave
+HIDDEN = 1e-4  # the same where the noise is known: less than one of chi2, within which typical values are kept to
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 EXACT = "gfl_pll_filter_exact"
 
@@ -157,9 +158,9 @@ def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_oth
         answers[objective] = x_of(problem, record.parameters[sweep.names[0]])
     box = Bounds(problem.coordinates.x_low, problem.coordinates.x_high)
     for objective, x in answers.items():
-        own = objective_value(problem, x, objective)
+        own, settled = objective_value(problem, x, objective), HIDDEN if objective == "sigma" else SETTLED
         for other in answers.values():
-            assert own <= objective_value(problem, other, objective) * (1 + SETTLED)
+            assert own <= objective_value(problem, other, objective) * (1 + settled)
 
         def value_and_gradient(x, objective=objective):
             cost, gradient, _ = problem.normal_equations(x[None], objective)
@@ -167,7 +168,7 @@ def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_oth
             return root.mean(), (gradient[0] / root[:, None]).mean(axis=0)
 
         polished = minimize(value_and_gradient, x, jac=True, method="L-BFGS-B", bounds=box)
-        assert polished.fun >= own * (1 - SETTLED)
+        assert polished.fun >= own * (1 - settled)
 
 
 def test_the_objective_of_the_settings_holds_unless_one_is_named():
@@ -366,6 +367,19 @@ def test_vector_fitting_seeds_find_the_structure_too():
     assert record.nrmse <= 1e-5
 
 
+def test_what_the_noise_hides_is_near_typical_values():
+    """The scale of the current control, the twin of its cascade and a resistance that the noise would have below zero."""
+    plant, far = PLANTS["paper_like"], []
+    truth, clean = plant.diagram_values, ibrid.sweep(plant, None, np.geomspace(5, 5000, 16))
+    for seed in (2, 11, 62, 76, 107):
+        data = ibrid.add_noise(clean, 50.0, rng=np.random.default_rng(seed))
+        (values,) = ibrid.evaluate(ibrid.textbook(EXACT), data).parameters.values()
+        far += [(seed, name) for name, value in values.items() if not 0.3 < value / truth[name] < 3.0]
+    assert not [
+        (seed, name) for seed, name in far if name not in ("plant.R_F", "current.kI")
+    ]  # these two are hardly seen
+
+
 @pytest.mark.parametrize("plant", ["paper_like", "sienna_lcl", "touti_19kva", "kuleuven_600mva"])
 def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_unchanged(plant):
     inverter = PLANTS[plant]
@@ -381,7 +395,10 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
     assert there["plant.R_F"] == pytest.approx(here["plant.R_F"] + here["current.kP"] - there["current.kP"])
     np.testing.assert_allclose(swap.apply(other), theta, rtol=1e-9, atol=1e-12)  # twice is nothing
     inside = np.all(other >= problem.coordinates.low) and np.all(other <= problem.coordinates.high)
-    assert len(twins_of(problem, (swap,), problem.coordinates.to_x(theta))) == int(inside)
+    (found,) = twins_of(problem, (swap,), problem.coordinates.to_x(theta))
+    np.testing.assert_allclose(
+        problem.coordinates.to_theta(found), np.clip(other, problem.coordinates.low, problem.coordinates.high)
+    )
     if inside:
         x, twin = problem.coordinates.to_x(theta), problem.coordinates.to_x(other)
         assert relative_errors(problem, x, twin) < 1e-9  # rounding of the solves

@@ -521,7 +521,6 @@ STARTS = {
     "insight.py": ("textbook", "textbook_text", "shipped_names"),
     "start.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
-    "fleet/usual.py": ("published_names", "published_values"),
 }
 FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))

@@ -25,7 +25,6 @@ from ibrid_search.diagnosis import Edited, Looker, RankedEdit
 from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
 from ibrid_search.fleet.prior import DeviceFamily, Prior, joined
-from ibrid_search.fleet.usual import more_usual
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
@@ -86,8 +85,6 @@ class Examiner:
         expected = record is not None
         if record is None:
             record = self._examined(study)
-        structure = structure_hash(record.diagram, study.kinds)
-        record = more_usual(record, looker, _label(structure), job.prior.of(structure))
         return told(record, study, job.prior, expected)
 
     def _examined(self, study: Study) -> Record:
