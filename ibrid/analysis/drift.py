@@ -36,6 +36,8 @@ FALSE_ALARM, ADEQUATE = 0.01, 1e-3
 MOST, PAIRED, ASKED = 3, 8, 3
 #: Difference of T within which another parameter explains the change as well.
 ALIKE = 6.0
+#: Size of a usual change of a parameter, of its logarithm: one of d counts (d / USUAL)^2 beside T.
+USUAL = 0.3
 #: What a gap says, whose tolerances are wide, of data that the record's own values do not answer.
 _VERDICTS = {"no-gap": "parameters", "parameters-only": "parameters", "data-convention": "labels"}
 
@@ -104,7 +106,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         )
     found = fits_of(record, data, collector)
     added, fit = _changed(found)
-    p_value = found.p_value(fit.cost)
+    p_value, gap = found.p_value(fit.cost), None
     if p_value <= ADEQUATE or len(added) >= MOST:
         if isinstance(found, PlantFits):
             return _in_one_device(found, record, p_value)
@@ -112,12 +114,13 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         gap = find_gap(record, swept, events=events, progress="silent")
         verdict = _VERDICTS.get(gap.verdict, "structure")
         changed = _moved(gap) if verdict == "parameters" else ()
-        return Drift(verdict, gap.sentence, changed, p_value, found.source, gap)
+        if verdict != "parameters" or changed or not added:
+            return Drift(verdict, gap.sentence, changed, p_value, found.source, gap)
     changed = tuple(_change(found, k, added, fit) for k in range(len(added)))
     named = {name.split(".")[0] for one in changed for name in (one.parameter, *one.alike) if f".{PORT}." not in name}
     device = named.pop() if collector and len(named) == 1 and "all" not in named else None
     return Drift(
-        "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, device=device
+        "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, gap, device
     )
 
 
@@ -147,9 +150,9 @@ def _changed(found: FreedFits) -> tuple[list[int], FreedFit]:
     while len(added) < min(MOST, found.size):
         tried = {j: found.fit((*added, j), last) for j in found.likely(added, last)}
         least = min((one.cost for one in tried.values()), default=last.cost)
-        moved = {j: found.move(j, float(one.w[-1])) for j, one in tried.items() if one.cost < least + ALIKE}
         if last.cost - least > level:
-            best = min(moved, key=moved.__getitem__)
+            worth = {j: one.cost + (found.move(j, float(one.w[-1])) / USUAL) ** 2 for j, one in tried.items()}
+            best = min(worth, key=worth.__getitem__)
             added, last = [*added, best], tried[best]
             continue
         if added or found.p_value(last.cost) > ADEQUATE:

@@ -16,13 +16,14 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
+from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
 from ibrid.gap.event_question import NO_REST, Asked, asked
 from ibrid.gap.event_record import played, record_of
 from ibrid.gap.noise import ADEQUATE
-from ibrid.gap.prior import Nominal
+from ibrid.gap.prior import Belief, Nominal, Prior
 from ibrid.gap.records import Records
 from ibrid.gap.trial import LIKELY, Model
 from ibrid.measurement.events import Events
@@ -81,23 +82,30 @@ def weighed_by_events(question: Asked, settings: FitSettings | None = None) -> t
         )
     data, effort = question.records({}), settings or FitSettings()
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
+    held = question.records(_typical(question, data, nominal))
     twins: list[Values] = []
     if question.study is None:
-        fits = _explaining(_drawn(question, data, nominal), question, data, effort.seconds)
+        fits = _explaining(_drawn(question, data, nominal), question, held, effort.seconds)
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
-        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, data, led=False)
+        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held, led=False)
     if not fits:
         raise IbridError(NO_REST)
     least = min(fit.cost for fit in fits)
-    best = next(fit for fit in fits if fit.cost - least < LIKELY)
+    best = next(data.fitter.at(fit.diagram, fit.limits, fit.x) for fit in fits if fit.cost - least < LIKELY)
     found = Model(question.diagram, Convention(), best)
     record = record_of(found, data, question, played(found, data, question.events))
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)
     return replace(record, seconds=time.perf_counter() - started), found.bic()
+
+
+def _typical(question: Asked, data: Records, nominal: Values) -> Prior:
+    """Positive values lie within a decade of nominal or typical ones: so says what the data leave open, and only that."""
+    free = (one.parameter for one in data.fitter.misfit(question.diagram, question.limits).numbers)
+    return {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
 
 
 def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bool = True) -> list[EventFit]:

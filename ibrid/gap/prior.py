@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.fit.anchor import DECADE
 from ibrid.fit.problem import Coordinates
 from ibrid.modules.kind import Range
 from ibrid.structure.parameters import Parameter, ParameterTable
@@ -27,8 +28,6 @@ FAR = 3.0
 KNEE = 0.05
 #: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
 BEYOND = 10.0
-#: Width of a draw of a parameter of which nothing is believed, of its logarithm: a decade.
-DECADE = log(10.0)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import in_front, race
+from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, strengths
@@ -59,7 +60,6 @@ class Records(Data):
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}
         # by ids of fits, each with that fit, so that its id is not used again
-        self._glances: dict[int, tuple[EventFit, dict[_Edit, tuple[Insertion, Model | None]]]] = {}
         self._fits: dict[int, tuple[EventFit, dict[_Edit, Model]]] = {}
         self._races: dict[int, tuple[EventFit, dict[_Edit, Model | None]]] = {}
         self._predicted: dict[int, tuple[EventFit, Values]] = {}
@@ -131,51 +131,48 @@ class Records(Data):
         return self._races[key][1]
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
-        """A model with an edit, fitted with all others of its kind at once; None for what lags behind: a fit takes seconds."""
-        fits = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
-        return fits.get(_edit(insertion))
+        """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
+        fit takes seconds."""
+        tried = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
+        return tried.get(_edit(insertion))
+
+    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+        """The same: what is tried at once needs no further glance."""
+        return self.edited(model, insertion)
 
     def _fitted(self, model: Model) -> dict[_Edit, Model]:
-        """The model with those edits of the program that are in front of a race of the first by their glances.
+        """The model with every edit of the program; those in front of a race of the first by their glances are fitted.
 
         What is missing has bent the rest of the model, so that a glance ranks what explains the data among the first two dozen
         and no higher.
         """
         key = id(model.refit)
         if key not in self._fits:
-            found: dict[_Edit, Model] = {}
-            self._fits[key] = model.refit, found
-            seen = [(edit, one) for edit, one in self._glances[key][1].values() if one is not None]
+            edits = insertions(model.diagram, self.kinds, self.catalogue)
+            glances = [(edit, one) for edit in edits if (one := self._glance(model, edit)) is not None]
             runners = [
                 ((edit, glance), one)
-                for edit, glance in sorted(seen, key=lambda pair: pair[1].refit.cost)[:RACED]
+                for edit, glance in sorted(glances, key=lambda pair: pair[1].refit.cost)[:RACED]
                 for one in self.fitter.misfit(edit.diagram, self.beside(glance)).racing.best_of(
                     [glance.refit.values], 1
                 )
             ]
+            found, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
             for (edit, glance), one in (front := in_front(runners)):
-                if one.cost > CLOSE * front[0][1].cost and any(other.adequate() for other in found.values()):
+                if one.cost > CLOSE * front[0][1].cost and any(fit.p_value() > ADEQUATE for fit in fits):
                     break
                 starts = [one.values, *strengths(edit, [model.refit.values])]
-                fit = self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)
-                if fit is not None:
+                if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
+                    fits.append(fit)
                     found[_edit(edit)] = replace(glance, refit=fit)
+            self._fits[key] = model.refit, found
         return self._fits[key][1]
 
-    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+    def _glance(self, model: Model, insertion: Insertion) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.
 
-        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit. Limits are
-        fitted at once.
+        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
         """
-        if isinstance(insertion, LimitPlace):
-            return self._raced(model).get(_edit(insertion))
-        _, glances = self._glances.setdefault(id(model.refit), (model.refit, {}))
-        if (key := _edit(insertion)) not in glances:
-            glances[key] = insertion, self._glance(model, insertion)
-        return glances[key][1]
-
-    def _glance(self, model: Model, insertion: Insertion) -> Model | None:
         changed, name = self._changed(model, insertion), self._worst(model)
         if name not in self._alone:
             self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
