@@ -1,7 +1,17 @@
-"""The bench of simulated hardware: which cases it draws, and what its table counts; no gap is looked for here."""
+"""The bench of simulated hardware: the cases it draws, what its table counts, what its devices are; no gap is looked for here."""
 
+from dataclasses import replace
+
+import numpy as np
 from ibrid_bench.gap.hardware import design, report
+from ibrid_bench.hidden.device import admittance
+from ibrid_bench.hidden.further import FURTHER
 from ibrid_bench.hidden.hardware import HARDWARE, draw_hardware
+
+import ibrid
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import CATALOGUE, insertions
+from ibrid.structure.program import parse_program
 
 ROW = {"holdout": 1.2, "all_named": None, "seconds": 10.0, "named_first": True}
 
@@ -31,3 +41,23 @@ def test_the_table_counts_by_what_is_hidden():
     assert "| alone | 2 | 1 of 2 |  | 1 of 2 | 2.10 | 10 |" in told
     assert "| in pairs | 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1.20 | 10 |" in told
     assert "| dead_time:add:converter | 2 | 2 of 2 | 1 of 1 | 2 of 2 | 1.20 | 10 |" in told
+
+
+def test_what_else_is_hidden_answers_as_the_catalogue_says():
+    """The device's own equations against a fit of the model with the catalogue's edit, drawn and assembled by other code."""
+    wrong = []
+    for effect in FURTHER:
+        case = draw_hardware(3, [effect.key], frequencies=16, points=2, pool=FURTHER)
+        exact = [
+            replace(one, admittance=admittance(case.device, one.op, one.frequency, power_node=case.sweep.power_node))
+            for one in case.sweep.points
+        ]
+        sweep, model = replace(case.sweep, points=tuple(replace(one, sigma=None) for one in exact)), case.program
+        edits = [one for one in insertions(parse_program(model), VOCABULARY, CATALOGUE) if one.effect == effect.id]
+        errors = [
+            ibrid.evaluate(one.diagram, sweep, restarts=1).nrmse or np.inf
+            for one in edits
+            if one.change == effect.change
+        ]
+        wrong += [(effect.key, errors)] if not min(errors, default=np.inf) < 1e-9 else []
+    assert not wrong

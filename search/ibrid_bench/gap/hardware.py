@@ -1,7 +1,8 @@
 """`python -m ibrid_bench.gap.hardware --out OUT`: what built devices have, hidden alone and in pairs, and how often it is named.
 
 As `make bench-gap`, one line a case in OUT/results.jsonl; the table counts what was named first, and held-out errors over the
-noise floor. p and q a factor of sqrt 2 too large counts as named where the verdict says so of the labels.
+noise floor. p and q a factor of sqrt 2 too large counts as named where the verdict says so of the labels. With `--further` what
+else the catalogue has is hidden.
 """
 
 import argparse
@@ -16,6 +17,8 @@ from ibrid_bench.gap.diagnosis import diagnose
 from ibrid_bench.gap.held_out import MOST, held_out_ratio
 from ibrid_bench.gap.scoring import Row, score
 from ibrid_bench.hidden.case import write_case
+from ibrid_bench.hidden.declaration import HiddenEffect
+from ibrid_bench.hidden.further import FURTHER
 from ibrid_bench.hidden.hardware import HARDWARE, draw_hardware
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table
@@ -25,11 +28,11 @@ from ibrid.errors import IbridError
 NOISE = (60.0, 50.0, 40.0)
 
 
-def design(cases: int, seed: int) -> list[tuple[str, ...]]:
+def design(cases: int, seed: int, pool: Sequence[HiddenEffect] = HARDWARE) -> list[tuple[str, ...]]:
     """Effects of so many cases: each alone and each pair that goes together, round after round in an order of its own."""
-    keys = [one.key for one in HARDWARE]
-    pairs = [(one.key, other.key) for one, other in combinations(HARDWARE, 2) if one.id != other.id]
-    pairs = [pair for pair in pairs if _drawable(pair)]
+    keys = [one.key for one in pool]
+    pairs = [(one.key, other.key) for one, other in combinations(pool, 2) if one.id != other.id]
+    pairs = [pair for pair in pairs if _drawable(pair, pool)]
     rng = np.random.default_rng(seed)
     found: list[tuple[str, ...]] = []
     while len(found) < cases:
@@ -44,6 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.gap.hardware", description="Simulated hardware.")
     parser.add_argument("--cases", type=int, default=44)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--further", action="store_true")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args(arguments)
     return resumable("bench-hardware", options.out, lambda: _benchmark(options))
@@ -51,21 +55,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _benchmark(options: argparse.Namespace) -> int:
     ledger = Ledger(options.out)
-    keys = []
-    for number, effects in enumerate(design(options.cases, options.seed)):
+    keys, pool = [], FURTHER if options.further else HARDWARE
+    for number, effects in enumerate(design(options.cases, options.seed, pool)):
         noise, seed = NOISE[number % len(NOISE)], 1000 * options.seed + number
         key = f"{'+'.join(effects)}/{noise:g}dB/{seed}"
         keys.append(key)
         if key not in ledger.rows:
-            ledger.add({"key": key, **_answer(effects, noise, seed)})
+            ledger.add({"key": key, **_answer(effects, noise, seed, pool)})
         row = ledger.rows[key]
         print(key, row["verdict"], row["answer"], f"named {row['named_first']}, held out {row['holdout']}", flush=True)
     print(report([dict(ledger.rows[key]) for key in keys]))
     return 0
 
 
-def _answer(effects: Sequence[str], noise: float, seed: int) -> Row:
-    case = draw_hardware(seed, effects, noise_db=noise)
+def _answer(effects: Sequence[str], noise: float, seed: int, pool: Sequence[HiddenEffect]) -> Row:
+    case = draw_hardware(seed, effects, noise_db=noise, pool=pool)
     with tempfile.TemporaryDirectory() as folder:
         write_case(case, Path(folder) / "case", Path(folder) / "truth")
         diagnosis = diagnose(Path(folder) / "case")
@@ -116,9 +120,9 @@ def report(rows: Sequence[Row]) -> str:
     return markdown_table(head, lines)
 
 
-def _drawable(pair: Sequence[str]) -> bool:
+def _drawable(pair: Sequence[str], pool: Sequence[HiddenEffect]) -> bool:
     try:
-        draw_hardware(0, pair, frequencies=4, points=1)
+        draw_hardware(0, pair, frequencies=4, points=1, pool=pool)
     except IbridError:
         return False
     return True

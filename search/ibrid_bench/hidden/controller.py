@@ -10,9 +10,11 @@ from ibrid.plants.dynamics import J, States, low_pass
 
 @dataclass(frozen=True)
 class Measured:
-    """What the controller sees, in its frame: e, i_ti, i_g (2,); delta_omega, deviation of the frame's frequency, rad/s."""
+    """What the controller sees, in its frame: e, i_ti, i_g (2,), v (2,) at the PCC; delta_omega, deviation of the frame's
+    frequency, rad/s."""
 
     e: ca.SX
+    v: ca.SX
     i_ti: ca.SX
     i_g: ca.SX
     delta_omega: ca.SX
@@ -67,16 +69,20 @@ def current_reference(m: Symbols, states: States, seen: Measured, u: ca.SX, r: c
         states.moves(v_dc, (r[0] - ca.dot(u, seen.i_ti)) / (m.C_dc * v_dc))
         i_d = _pi(states, "p_integral", m.kP_p, m.kI_p, v_dc - 1)
     if m.q_loop == "power":
-        i_q = -_pi(states, "q_integral", m.kP_q, m.kI_q, r[1] - power["q"])
+        i_q = -_pi(states, "q_integral", m.kP_q, m.kI_q, r[1] - _voltage_droop(m, states, seen) - power["q"])
     elif m.q_loop == "voltage":
         i_q = -_pi(states, "q_integral", m.kP_q, m.kI_q, r[1] - ca.norm_2(seen.e))
-    i_ref = ca.vertcat(i_d, i_q)
+    if "reference" in (m.p_loop, m.q_loop):
+        size = ca.norm_2(low_pass(states, "magnitude", m.omega_c_magnitude, seen.e))
+        i_d, i_q = r[0] / size if m.p_loop == "reference" else i_d, -r[1] / size if m.q_loop == "reference" else i_q
+    i_ref = low_pass(states, "reference_filter", m.omega_c_reference, ca.vertcat(i_d, i_q))
     return i_ref - _virtual_drop(m, seen) if m.virtual_impedance == "current_reference" else i_ref
 
 
 def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, repeated: ca.SX) -> tuple[ca.SX, ca.SX]:
     """(2,) command before its delay, and (2,) what the comb gets to hear again; `repeated` is what it hears."""
-    filtered = low_pass(states, "current_filter", m.omega_c_current, seen.i_ti)
+    current = seen.i_g if m.sensed_current == "i_g" else seen.i_ti
+    filtered = low_pass(states, "current_filter", m.omega_c_current, current)
     error = i_ref - filtered
     heard = error if m.comb_gain is None else error + m.comb_gain * repeated
     integral = states.add("current_integral", 2)
@@ -85,7 +91,7 @@ def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, re
     command = m.kP_current * shaped + m.kI_current * integral
     if m.k_resonant is not None:
         command += m.k_resonant * band_pass(states, "resonant", m.omega_resonant, 2 * m.width_resonant, error)
-    forward = low_pass(states, "feedforward", m.omega_c_ff, seen.e)
+    forward = low_pass(states, "feedforward", m.omega_c_ff, seen.v if m.sensed_voltage == "pcc" else seen.e)
     if m.k_sogi is not None:
         band = SecondOrder(states, "sogi")
         band.hears(m, m.k_sogi, forward, seen.delta_omega)
@@ -93,14 +99,16 @@ def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, re
     command += m.k_ff * notch(states, "feedforward_notch", m.omega_n_ff, m.Q_ff, forward)
     if m.decoupling != "none":
         speed = 1 + seen.delta_omega / m.omega_0 if m.decoupling == "pll" else 1.0
-        command += speed * m.L_decoupling * J(filtered if m.current_filter == "both" else seen.i_ti)
+        command += speed * m.L_decoupling * J(filtered if m.current_filter == "both" else current)
     if m.k_damping is not None:
         i_C = seen.i_ti - seen.i_g
         slow = 0.0 if m.omega_c_damping is None else low_pass(states, "damping", m.omega_c_damping, i_C)
         command -= m.k_damping * (i_C - slow)
     if m.virtual_impedance == "command":
         command -= _virtual_drop(m, seen)
-    return command, heard
+    if m.k_reference is not None:
+        command += m.k_reference * i_ref
+    return low_pass(states, "command_filter", m.omega_c_command, command), heard
 
 
 def _pi(states: States, name: str, kP: ca.SX, kI: ca.SX, error: ca.SX) -> ca.SX:
@@ -113,6 +121,12 @@ def _droop(m: Symbols, states: States, seen: Measured) -> ca.SX:
     if m.k_droop is None:
         return ca.SX(0)
     return m.k_droop / m.omega_0 * low_pass(states, "droop", m.omega_c_droop, seen.delta_omega)
+
+
+def _voltage_droop(m: Symbols, states: States, seen: Measured) -> ca.SX:
+    if m.k_droop_v is None:
+        return ca.SX(0)
+    return m.k_droop_v * low_pass(states, "droop_v", m.omega_c_droop_v, ca.norm_2(seen.e))
 
 
 def _virtual_drop(m: Symbols, seen: Measured) -> ca.SX:

@@ -15,7 +15,7 @@ from ibrid_bench.hidden.nonlinear import dead_zone, limited
 from ibrid_bench.hidden.parameters import Device, Structure
 from ibrid_bench.hidden.plant import arriving, beside_the_inverter, l_filter, lcl_filter
 
-from ibrid.plants.dynamics import J, R, States
+from ibrid.plants.dynamics import J, R, States, low_pass
 
 _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 
@@ -53,15 +53,19 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     locked = m.kP_pll is not None
     delta = states.add("delta") if locked else ca.SX(0)
     rotation = R(delta)
-    plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, rotation @ v_DQ, arriving(m, u))
+    v = rotation @ v_DQ
+    plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, v, arriving(m, u))
+    e, i_ti, i_g = (
+        low_pass(states, f"sensor_{name}", m.omega_c_sensor, getattr(plant, name)) for name in ("e", "i_ti", "i_g")
+    )
     sequence = None if m.k_dsogi is None else SecondOrder(states, "dsogi")
-    locked_to = plant.e if sequence is None else sequence.positive
+    locked_to = e if sequence is None else sequence.positive
     e_q = dead_zone(locked_to[1], m.deadband) if nonlinear else locked_to[1]
     delta_omega = phase_locked_loop(m, states, e_q, delta) if locked else ca.SX(0)
     plant.turn(m.omega_0 + delta_omega)
     if sequence is not None and m.k_dsogi is not None:
-        sequence.hears(m, m.k_dsogi, plant.e, delta_omega)
-    seen = Measured(plant.e, plant.i_ti, plant.i_g, delta_omega)
+        sequence.hears(m, m.k_dsogi, e, delta_omega)
+    seen = Measured(e, v, i_ti, i_g, delta_omega)
     i_ref = current_reference(m, states, seen, u, r)
     if nonlinear:
         i_ref = limited(i_ref, m.limit)

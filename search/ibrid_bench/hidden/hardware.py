@@ -61,14 +61,15 @@ def draw_hardware(
     severity: Severity = "clear",
     frequencies: int = 30,
     points: int = 4,
+    pool: Sequence[HiddenEffect] = HARDWARE,
 ) -> Case:
-    """A case that hides one effect of `HARDWARE` or two; the same arguments give the same case.
+    """A case that hides one effect of a pool or two; the same arguments give the same case.
 
     Four operating points by default, since dead time shows in how the response depends on the current.
     """
     rng = np.random.default_rng([seed, 17])
     ops = operating_points(points, rng)
-    chosen = choose(HARDWARE, effects, len(effects), rng)
+    chosen = choose(pool, effects, len(effects), rng)
     hiding = hide(chosen, severity, (*ops, HELD_OUT), 2 * pi * F0_HZ, rng)
     diagram = block_diagram(hiding.model, 2 * pi * F0_HZ)
     values, far_off = nominal_values(diagram.values, rng, error=0.15, gross=False)

@@ -7,15 +7,17 @@ from typing import Literal
 from ibrid.errors import IbridError
 
 FilterKind = Literal["LCL", "L"]
-ActiveLoop = Literal["power", "dc_link", "none"]
-ReactiveLoop = Literal["power", "voltage", "none"]
+ActiveLoop = Literal["power", "dc_link", "reference", "none"]
+ReactiveLoop = Literal["power", "voltage", "reference", "none"]
 Decoupling = Literal["pll", "nominal", "none"]
 FilteredCurrent = Literal["both", "loop"]
 SogiTuning = Literal["pll", "nominal"]
+SensedVoltage = Literal["e", "pcc"]
+SensedCurrent = Literal["i_ti", "i_g"]
 VirtualImpedance = Literal["command", "current_reference"]
 Structure = tuple[tuple[str, str | bool], ...]
 
-_MAY_BE_NEGATIVE = {"k_ff", "k_damping", "delay_angle", "comb_gain", "R_virtual", "X_virtual"}
+_MAY_BE_NEGATIVE = {"k_ff", "k_damping", "k_reference", "delay_angle", "comb_gain", "R_virtual", "X_virtual"}
 _MAY_BE_ZERO = _MAY_BE_NEGATIVE | {
     *("R_F", "L_g", "R_g", "R_C", "L_series", "R_series", "load_R", "T_d", "k_droop", "k_resonant"),
     *("kP_pll", "kP_p", "kP_q", "kP_current"),
@@ -34,6 +36,7 @@ _TOGETHER = (
     ("omega_zero", "omega_pole"),
     ("comb_gain", "comb_delay"),
     ("D_dead_time", "a_dead_time"),
+    ("L_t", "R_t", "C_t"),
 )
 
 
@@ -44,20 +47,24 @@ class Device:
     Filter. filter : "LCL", or "L" where the controller measures the current and the voltage of its terminals.
     L_F, R_F, C_F, L_g, R_g : as in the LCL. R_C : in series with C_F. R_branch, C_branch : in series, beside C_F.
     L_series, R_series : between the inverter's terminals and the PCC; behind an L filter the voltage is measured before.
-    R_shunt, C_shunt : in series from the PCC to neutral. load_R, load_L, load_C : the same, a series resonant load.
+    L_t, R_t, C_t : a trap in series, beside C_F. R_shunt, C_shunt : in series from the PCC to neutral.
+    load_R, load_L, load_C : the same, a series resonant load.
 
     Synchronisation. kP_pll, kI_pll : None: the controller works in the frame of the PCC voltage. omega_c_pll : low-pass,
     omega_n_pll, Q_pll : notch on e_q.
 
-    Outer loops. p_loop : "power", "dc_link" (kP_p, kI_p act on v_dc - 1; C_dc in s) or "none", a fixed reference.
-    q_loop : "power", "voltage" (on |e|) or "none". omega_c_power : low-pass on p and q.
-    k_droop, omega_c_droop : p* -= k_droop delta_omega / omega_0, with a low-pass or without.
+    Outer loops. p_loop : "power", "dc_link" (kP_p, kI_p act on v_dc - 1; C_dc in s), "reference" (p* / |e|, e filtered with
+    omega_c_magnitude where given) or "none", a fixed reference. q_loop : "power", "voltage" (on |e|), "reference" or "none".
+    omega_c_power : low-pass on p and q. k_droop, omega_c_droop : p* -= k_droop delta_omega / omega_0, with a low-pass or
+    without; k_droop_v, omega_c_droop_v : q* -= k_droop_v |e|. omega_c_reference : low-pass on the current reference.
 
     Current loop. kP_current, kI_current : 1 and 1/s. omega_c_current : low-pass on the measured current, for loop and
     decoupling or the loop alone (current_filter). k_ff, omega_c_ff, omega_n_ff, Q_ff : gain, low-pass, notch of the
     voltage feedforward. decoupling : L_decoupling J i, "pll" times omega / omega_0. k_damping : u_r -= k (i_ti - i_g),
     less its low-pass at omega_c_damping where given. R_virtual, X_virtual : times i_g, subtracted from the voltage
-    command or the current reference (virtual_impedance). T_d : delay of the whole command, s.
+    command or the current reference (virtual_impedance). k_reference : u_r += k i_ref. omega_c_command : low-pass on the
+    whole command. sensed_voltage : that of the feedforward; sensed_current : that of the loop and the decoupling.
+    omega_c_sensor : low-pass on every voltage and current that the controller sees. T_d : delay of the whole command, s.
 
     Hardware. D_dead_time, a_dead_time : the converter's voltage loses D i_ti/sqrt(|i_ti|^2 + a^2). delay_angle : rad by which
     the command arrives turned. k_sogi : the feedforward passes a SOGI of this gain, k_dsogi : the PLL sees the positive
@@ -83,6 +90,9 @@ class Device:
     C_branch: float | None = None
     L_series: float = 0.0
     R_series: float = 0.0
+    L_t: float | None = None
+    R_t: float | None = None
+    C_t: float | None = None
     R_shunt: float | None = None
     C_shunt: float | None = None
     load_R: float | None = None
@@ -105,6 +115,10 @@ class Device:
     omega_c_power: float | None = None
     k_droop: float | None = None
     omega_c_droop: float | None = None
+    k_droop_v: float | None = None
+    omega_c_droop_v: float | None = None
+    omega_c_magnitude: float | None = None
+    omega_c_reference: float | None = None
 
     kP_current: float
     kI_current: float
@@ -121,6 +135,11 @@ class Device:
     R_virtual: float | None = None
     X_virtual: float | None = None
     virtual_impedance: VirtualImpedance = "command"
+    k_reference: float | None = None
+    omega_c_command: float | None = None
+    omega_c_sensor: float | None = None
+    sensed_voltage: SensedVoltage = "e"
+    sensed_current: SensedCurrent = "i_ti"
     T_d: float = 0.0
 
     k_resonant: float | None = None
@@ -154,8 +173,8 @@ class Device:
     def _needed(self) -> list[tuple[str, ...]]:
         """Names that must all be given: a parameter that is always given, with those that a switch asks for."""
         needed = [("L_F", "C_F")] if self.filter == "LCL" else []
-        needed += [("L_F", "kI_p")] if self.p_loop != "none" else []
-        needed += [("L_F", "kI_q")] if self.q_loop != "none" else []
+        needed += [("L_F", "kI_p")] if self.p_loop in ("power", "dc_link") else []
+        needed += [("L_F", "kI_q")] if self.q_loop in ("power", "voltage") else []
         needed += [("L_F", "C_dc")] if self.p_loop == "dc_link" else []
         needed += [("L_F", "L_decoupling")] if self.decoupling != "none" else []
         needed += [("L_F", "kI_pll")] if self.decoupling == "pll" or self.k_droop is not None else []

@@ -24,7 +24,7 @@ class OutputFilter:
 
 
 def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
-    """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch, at it; L_g, R_g to the PCC."""
+    """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch or trap, at it; L_g, R_g to the PCC."""
     i_ti, v_C, i_g = states.add("i_ti", 2), states.add("v_C", 2), states.add("i_g", 2)
     L_g, R_g = m.L_g + m.L_series, m.R_g + m.R_series
     R_branch, v_branch = m.R_branch, None
@@ -35,6 +35,9 @@ def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
         # e = v_C + R_C (i_ti - i_g - (e - v_branch) / R_branch), solved for e
         e = (v_C + m.R_C * (i_ti - i_g + v_branch / R_branch)) / (1 + m.R_C / R_branch)
         i_branch = (e - v_branch) / R_branch
+    if m.L_t is not None:
+        i_trap, v_trap = states.add("i_trap", 2), states.add("v_trap", 2)
+        i_branch += i_trap
 
     def turn(omega: ca.SX) -> None:
         states.moves(i_ti, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(i_ti))
@@ -42,6 +45,9 @@ def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
         states.moves(i_g, m.omega_0 / L_g * (e - v - R_g * i_g) - omega * J(i_g))
         if v_branch is not None:
             states.moves(v_branch, m.omega_0 / m.C_branch * i_branch - omega * J(v_branch))
+        if m.L_t is not None:
+            states.moves(i_trap, m.omega_0 / m.L_t * (e - v_trap - m.R_t * i_trap) - omega * J(i_trap))
+            states.moves(v_trap, m.omega_0 / m.C_t * i_trap - omega * J(v_trap))
 
     return OutputFilter(e, i_ti, i_g, turn)
 

@@ -14,7 +14,10 @@ from ibrid_bench.hidden.program_lines import Lines
 
 from ibrid.errors import IbridError
 
-_IN_NO_PROGRAM = ("load_L", "omega_n_ff", "omega_zero", "comb_gain")
+_IN_NO_PROGRAM = (
+    *("load_L", "omega_n_ff", "omega_zero", "comb_gain", "k_droop_v", "omega_c_magnitude", "omega_c_reference", "L_t"),
+    *("k_reference", "omega_c_command", "omega_c_sensor"),
+)
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,11 @@ class BlockDiagram:
 def block_diagram(device: Device, omega_0: float) -> BlockDiagram:
     """The block diagram of a device; omega_0 in rad/s.
 
-    Raises IbridError for a device with a part that no module stands for.
+    Raises IbridError for a device with a part that is not written here: no module stands for it, or it is only ever hidden.
     """
     foreign = [name for name in _IN_NO_PROGRAM if getattr(device, name) is not None]
+    foreign += [name for name in ("p_loop", "q_loop") if getattr(device, name) == "reference"]
+    foreign += [name for name in ("sensed_voltage", "sensed_current") if getattr(device, name) not in ("e", "i_ti")]
     if foreign:
         raise IbridError(f"a device with {', '.join(foreign)} has no block diagram; leave these out of the model.")
     lines = Lines()

@@ -75,6 +75,8 @@ def _guess(device: Device, eq: Equations, op: OperatingPoint, power_node: PowerN
     guess = {"v_dc": 1.0, "delta": float(np.angle(1 / turn))}
     for name, value in phasors.items():
         guess |= {f"{name}_d": value.real, f"{name}_q": value.imag}
+    for name, value in (("sensor_e", e), ("sensor_i_ti", i_ti), ("sensor_i_g", i), ("magnitude", e), ("v_trap", e)):
+        guess |= {f"{name}_d": (value * turn).real, f"{name}_q": (value * turn).imag}
     for name in ("sogi", "dsogi"):  # y = e, z = -J y
         guess |= {f"{name}_y_d": abs(e), f"{name}_z_q": -abs(e)} if m.kP_pll is not None else {}
     x = np.array([guess.get(name, 0.0) for name in eq.states])

@@ -1,0 +1,73 @@
+"""Effects of the catalogue beyond the tables of `effects` and `hardware`: what the devices alone have, written in no program."""
+
+from math import pi
+
+from ibrid_bench.hidden.declaration import ABSENT, PRESENT, HiddenEffect, Strength, always
+
+_HZ = 2 * pi
+_DROOP = Strength((0.3, 0.6), (1.5, 3.0), (5.0, 8.0))
+_LOOPS, _LCL, _PROMPT = {"p_loop": "power", "q_loop": "power"}, {"filter": "LCL"}, {"T_d": ABSENT}
+_NO_GAINS = {"kP_p": None, "kI_p": None, "kP_q": None, "kI_q": None}
+_OPEN = {"p_loop": "reference", "q_loop": "reference", **_NO_GAINS}
+_TRAP = {
+    "L_t": Strength((0.0008, 0.001), (0.002, 0.003), (0.006, 0.008)),
+    "R_t": always(0.002, 0.01),
+    "C_t": always(0.02, 0.04),
+}
+
+#: Each as the catalogue calls it.
+FURTHER: tuple[HiddenEffect, ...] = (
+    HiddenEffect("voltage_droop", "plain", "add", {"k_droop_v": _DROOP}, base=_LOOPS),
+    HiddenEffect(
+        "voltage_droop",
+        "filtered",
+        "add",
+        {"k_droop_v": _DROOP, "omega_c_droop_v": always(_HZ * 3, _HZ * 10)},
+        base=_LOOPS,
+    ),
+    HiddenEffect(
+        "reference_filter",
+        "low_pass",
+        "add",
+        {"omega_c_reference": Strength((_HZ * 150, _HZ * 300), (_HZ * 30, _HZ * 80), (_HZ * 8, _HZ * 15))},
+        base=_LOOPS,
+    ),
+    HiddenEffect(
+        "reference_feedforward",
+        "less",
+        "add",
+        {"k_reference": Strength((-0.05, -0.1), (-0.15, -0.3), (-0.35, -0.5))},
+        base=_LOOPS,
+    ),
+    HiddenEffect(
+        "command_filter",
+        "low_pass",
+        "add",
+        {"omega_c_command": Strength((_HZ * 4000, _HZ * 6000), (_HZ * 1500, _HZ * 2500), (_HZ * 700, _HZ * 1000))},
+        base=_PROMPT,
+    ),
+    HiddenEffect(
+        "measurement_filter",
+        "all",
+        "add",
+        {"omega_c_sensor": Strength((_HZ * 5000, _HZ * 8000), (_HZ * 1500, _HZ * 2500), (_HZ * 500, _HZ * 900))},
+        base={"kP_pll": PRESENT},
+    ),
+    HiddenEffect(
+        "voltage_sensor",
+        "feedforward",
+        "replace",
+        {"sensed_voltage": "pcc"},
+        base={**_LCL, "k_ff": PRESENT, "kP_pll": PRESENT},
+    ),
+    HiddenEffect("current_sensor", "loop", "replace", {"sensed_current": "i_g"}, base=_LCL),
+    HiddenEffect("power_reference", "plain", "replace", _OPEN, base=_LOOPS),
+    HiddenEffect(
+        "power_reference",
+        "filtered",
+        "replace",
+        {**_OPEN, "omega_c_magnitude": Strength((_HZ * 100, _HZ * 200), (_HZ * 20, _HZ * 60), (_HZ * 5, _HZ * 10))},
+        base=_LOOPS,
+    ),
+    HiddenEffect("trap_filter", "beside", "add", _TRAP, base=_LCL),
+)
