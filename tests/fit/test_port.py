@@ -14,6 +14,7 @@ from ibrid.assembly.numeric import closed_loop
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.cli import main
 from ibrid.errors import SweepError
+from ibrid.evaluation.evaluate import record_at
 from ibrid.fit.kernel import respond
 from ibrid.fit.problem import Problem
 from ibrid.measurement.csv_file import write_sweep
@@ -202,6 +203,42 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
     export = ["export", str(folder / "record.json"), "--op", "p=1", "--format", "modelica", "--nonlinear"]
     assert main([*export, "--out", str(folder / "device.mo")]) == 0
     assert "put the port's elements into the network" in capsys.readouterr().err
+
+
+def test_search_and_gap_see_the_port(fitted):
+    folder, values, _ = fitted
+    data, port, run = str(folder / "data.csv"), ["--port", str(folder / "port.toml")], folder / "run"
+    assert main(["search", data, *port, "--budget", "4", "--out", str(run)]) == 0
+    best = json.loads((run / "best.json").read_text())
+    assert best["grade"] == "explains"
+    assert best["parameters"]["p=1"]["port.1.L"] == pytest.approx(0.063, rel=0.02)
+    lacking = ibrid.program_text(textbook("gfl_l_filter")).replace('    g.connect("plant.e", "plant.u_r")\n', "")
+    (folder / "lacking.py").write_text(lacking)
+    (folder / "values.json").write_text(json.dumps(values))
+    gap = ["gap", str(folder / "lacking.py"), data, *port, "--values", str(folder / "values.json")]
+    assert main([*gap, "--out", str(folder / "gap")]) == 0
+    found = json.loads((folder / "gap" / "gap.json").read_text())
+    assert [found["verdict"], found["effects"][0]["id"]] == ["named", "voltage_feedforward"]
+
+
+def test_stability_counts_the_port_to_the_device(fitted):
+    folder, values, _ = fitted
+    told = [
+        "stability",
+        str(folder / "record.json"),
+        "--scr",
+        "1.5:8:6",
+        "--op",
+        "p=1",
+        "--json",
+        str(folder / "grid.json"),
+    ]
+    assert main(told) == 0
+    true = record_at(textbook("gfl_l_filter").behind(TRUE), ibrid.read_sweep(folder / "data.csv"), values)
+    (exact,) = ibrid.stability(true, np.geomspace(1.5, 8, 6), op="p=1").points
+    (point,) = json.loads((folder / "grid.json").read_text())["points"]
+    poles = [case["modes"][0]["pole"][0] for case in point["grids"]]
+    assert poles == pytest.approx([case.modes[0].pole.real for case in exact.cases], rel=0.05)
 
 
 BAD = {
