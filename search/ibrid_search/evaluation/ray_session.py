@@ -238,14 +238,14 @@ def _line(error: BaseException) -> str:
 
 
 BROKEN_OFF = (
-    "ibrid: the search broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
+    "ibrid: the run broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
     "stored is kept, go on with the same command and --resume"
 )
 _WAIT = f"import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or print({BROKEN_OFF!r})"
 
 
 class LastWords:
-    """Tells on standard error that the search broke off, unless `goodbye` comes first: Ray ends its process with its node, a
+    """Tells on standard error that the run broke off, unless `goodbye` comes first: Ray ends its process with its node, a
     scheduler by SIGKILL, before it can say anything. A small process of Python waits at a pipe for the goodbye."""
 
     def __init__(self) -> None:
