@@ -10,7 +10,7 @@ _LOOPS, _LCL, _PROMPT = {"p_loop": "power", "q_loop": "power"}, {"filter": "LCL"
 _NO_GAINS = {"kP_p": None, "kI_p": None, "kP_q": None, "kI_q": None}
 _OPEN = {"p_loop": "reference", "q_loop": "reference", **_NO_GAINS}
 _TRAP = {
-    "L_t": Strength((0.003, 0.004), (0.007, 0.01), (0.015, 0.02)),  # tuned inside the band of a sweep
+    "L_t": Strength((0.0008, 0.001), (0.002, 0.003), (0.006, 0.008)),
     "R_t": always(0.002, 0.01),
     "C_t": always(0.02, 0.04),
 }
