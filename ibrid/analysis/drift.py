@@ -120,7 +120,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
     named = {name.split(".")[0] for one in changed for name in (one.parameter, *one.alike) if f".{PORT}." not in name}
     device = named.pop() if collector and len(named) == 1 and "all" not in named else None
     return Drift(
-        "parameters" if changed else "same", _sentence(changed, found), changed, p_value, found.source, gap, device
+        "parameters" if changed else "same", _sentence(changed, found, gap), changed, p_value, found.source, gap, device
     )
 
 
@@ -206,7 +206,7 @@ def _moved(gap: Gap) -> tuple[Change, ...]:
     )
 
 
-def _sentence(changed: Sequence[Change], found: FreedFits) -> str:
+def _sentence(changed: Sequence[Change], found: FreedFits, gap: Gap | None) -> str:
     if not changed:
         return (
             f"The same within the noise ({found.source}): no parameter changed "
@@ -218,4 +218,5 @@ def _sentence(changed: Sequence[Change], found: FreedFits) -> str:
         interval = "" if one.interval is None else f" ({one.interval[0]:.4g} to {one.interval[1]:.4g})"
         alike = f", or {' or '.join(one.alike)}, which the data cannot tell from it" if one.alike else ""
         words.append(f"{one.parameter} went from {one.before:.4g} to {one.after:.4g}{interval}{factor}{alike}")
-    return f"{'; '.join(words)}; nothing else changed."
+    rest = "nothing else changed" if gap is None else "what else differs is within the tolerances of a gap"
+    return f"{'; '.join(words)}; {rest}."

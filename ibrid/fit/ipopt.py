@@ -72,7 +72,7 @@ def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> 
 
 
 class _Memory:
-    """One evaluation serves value, gradient and Hessian; the objective is scaled to 1 at the start."""
+    """One evaluation serves value, gradient and Hessian; the error is scaled to 1 at the start."""
 
     def __init__(self, misfit: Misfit, start: np.ndarray) -> None:
         self.misfit = misfit
@@ -80,11 +80,9 @@ class _Memory:
         self._result: tuple[float, np.ndarray, np.ndarray] = (np.inf, np.zeros(0), np.zeros(0))
         self._costs = np.zeros(0)
         self.interruption: TimeoutError | KeyboardInterrupt | None = None
-        self.scale = self.root = 1.0
-        self.value(start)
-        self.root = max(float(np.sqrt(self._costs).mean()), _ROUNDING)
-        self._key = None
-        self.scale = max(self.value(start), _ROUNDING)
+        self.scale = 1.0
+        self._evaluate(start)
+        self.scale = max(float(np.sqrt(self._costs + _ROUNDING**2).mean()), _ROUNDING)
         self._key = None  # what is kept of the start is not scaled
 
     def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -92,8 +90,8 @@ class _Memory:
             cost, gradient, hessian = self.misfit.parts(x[None])
             number, size = len(self.misfit.problem.points), len(x)
             root = np.sqrt(cost[0, :number] + _ROUNDING**2)
-            believed = cost[0, number:] / (2 * self.root)  # of one entry, or of none
-            factor = 1.0 / np.concatenate([root, np.full(len(believed), self.root)]) / number / self.scale
+            believed = cost[0, number:] / (2 * self.scale)  # of one entry, or of none
+            factor = 1.0 / np.concatenate([root, np.full(len(believed), self.scale)]) / number / self.scale
             value = float((root.sum() + believed.sum()) / number / self.scale)
             total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(size)
             curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(size)
