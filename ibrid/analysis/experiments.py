@@ -11,12 +11,14 @@ and with a rival that answers r = (Y_rival - Y) / s differently, where the param
 
 what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination among mechanistic models,
 1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are less linear than their covariance says, so both
-are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most. A record of an event is
-the same with the samples of the nonlinear model (`ibrid.analysis.event_answers`).
+are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most: at one operating point
+(`experiments`), or of all operating points at once (`campaign`), where a rival has to follow at several with one set of
+parameters. A record of an event is the same with the samples of the nonlinear model (`ibrid.analysis.event_answers`).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Any
 
@@ -68,33 +70,56 @@ class Among:
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation after it over that before.
-    `information` : bits on the parameters. `separates` : (structure, structure, bits)."""
+class Told:
+    """What would be told. `gain` : parameter -> standard deviation afterwards over that before. `information` : bits on the
+    parameters. `separates` : (structure, structure, bits)."""
 
-    op: OperatingPoint
-    frequencies: tuple[float, ...]
     gain: dict[str, float]
     information: float
     separates: tuple[tuple[str, str, float], ...]
-    event: str = ""
 
-    @property
-    def decides(self) -> float:
-        """Bits between the two structures that it tells apart least; infinite where there is nothing to tell apart."""
-        return min((bits for _, _, bits in self.separates), default=float("inf"))
+    def decides(self, without: Collection[tuple[str, str]] = ()) -> float:
+        """Bits between the two structures that it tells apart least, some pairs left out; infinite where there are none."""
+        return min((bits for *pair, bits in self.separates if tuple(pair) not in without), default=float("inf"))
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        what = {"event": self.event} if self.event else {"frequencies": list(self.frequencies)}
-        return {
-            "kind": "event" if self.event else "sweep",
-            **what,
-            "op": {"name": self.op.name, "p": self.op.p, "q": self.op.q, "v": self.op.v},
-            "gain": self.gain,
-            "information": self.information,
-            "separates": [list(pair) for pair in self.separates],
-        }
+        pairs = [list(pair) for pair in self.separates]
+        return {"gain": self.gain, "information": self.information, "separates": pairs}
+
+
+@dataclass(frozen=True)
+class Experiment(Told):
+    """A sweep of `frequencies` at an operating point, Hz, or a record of an `event` there."""
+
+    op: OperatingPoint
+    frequencies: tuple[float, ...] = ()
+    event: str = ""
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        what = (
+            {"kind": "event", "event": self.event}
+            if self.event
+            else {"kind": "sweep", "frequencies": list(self.frequencies)}
+        )
+        return {**what, "op": _plain_point(self.op), **super().plain()}
+
+
+@dataclass(frozen=True)
+class Campaign(Told):
+    """Frequencies, Hz, at one or more operating points, that are measured before anything is fitted again."""
+
+    sweeps: tuple[tuple[OperatingPoint, tuple[float, ...]], ...]
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON."""
+        sweeps = [{"op": _plain_point(op), "frequencies": list(frequencies)} for op, frequencies in self.sweeps]
+        return {"sweeps": sweeps, **super().plain()}
+
+
+def _plain_point(op: OperatingPoint) -> dict[str, Any]:
+    return {"name": op.name, "p": op.p, "q": op.q, "v": op.v}
 
 
 @dataclass(frozen=True)
@@ -119,7 +144,7 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     answer = records[0]
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
-    found, why = [], "none was asked"
+    found, why = list[Experiment](), "none was asked"
     for op in among.points():
         for event in ("", *among.events):
             try:
@@ -127,25 +152,69 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
                     structures = [_structure(record, op) for record in records]
                     if event:
                         known = _recorded(structures, names, event, among.record_noise)
-                        found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
+                        told = _told(known, np.arange(len(known[0].answer)))
+                        found.append(Experiment(**vars(told), op=op, event=event))
                     else:
                         known = _swept(structures, names, op, frequency, noise)
-                        found.append(_told(known, op, _chosen(known, among.count), frequency))
+                        chosen = _chosen(known, among.count)
+                        asked = tuple(float(hz) for hz in frequency[chosen])
+                        found.append(Experiment(**vars(_told(known, chosen)), op=op, frequencies=asked))
             except IbridError as error:
                 why = str(error)
     if not found:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
-    return tuple(sorted(found, key=lambda one: (-min(one.decides, DECISIVE * 8), -one.information)))
+    blind = hopeless(found)
+    return tuple(sorted(found, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
+
+
+def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[Record, ...]]:
+    """The structures, and beside them the other values of the answer's that fit as well, named "twin 1 of HASH" and so on.
+
+    A twin is given the covariance of the answer, which holds relative deviations.
+    """
+    answer = records[0]
+    twins = [
+        replace(answer, parameters={op: {**values, **twin} for op, values in answer.parameters.items()})
+        for twin in answer.twins
+    ]
+    told = [f"twin {number} of {names[0]}" for number in range(1, len(twins) + 1)]
+    return (*names, *told), (*records, *twins)
+
+
+def campaign(records: Sequence[Record], names: Sequence[str], among: Among) -> Campaign | None:
+    """The `among.count` frequencies that tell most together, at whichever operating points; None where no sweep can be asked.
+
+    records, names : as for `experiments`.
+    """
+    frequency = _frequencies(records[0], among)
+    noise = among.noise or _noise(records[0])
+    ops, swept = [], []
+    for op in among.points():
+        with suppress(IbridError), whole_record():
+            swept.append(_swept([_structure(record, op) for record in records], names, op, frequency, noise))
+            ops.append(op)
+    if not ops:
+        return None
+    known = [_everywhere(structure) for structure in zip(*swept, strict=True)]
+    chosen = _chosen(known, among.count)
+    at = [(op, chosen[chosen // len(frequency) == k] % len(frequency)) for k, op in enumerate(ops)]
+    sweeps = tuple((op, tuple(float(hz) for hz in frequency[places])) for op, places in at if len(places))
+    return Campaign(**vars(_told(known, chosen)), sweeps=sweeps)
+
+
+def _everywhere(known: Sequence[_Known]) -> _Known:
+    """A structure at several operating points, with one set of parameters."""
+    answers, slopes = ([getattr(one, what) for one in known] for what in ("answer", "slopes"))
+    return replace(known[0], answer=np.concatenate(answers), slopes=np.concatenate(slopes))
 
 
 def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing; and
     events in which a model has no answer anywhere."""
-    pairs = {tuple(pair[:2]): max(_bits(one, pair) for one in found) for pair in found[0].separates}
     said = [
         f"nothing you can do at the terminals will tell {one} from {other}, of all that was asked: at most {bits:.1g} bits; a "
         "record of an event that reaches a limit may"
-        for (one, other), bits in pairs.items()
+        for (one, other), bits in _most_bits(found).items()
         if bits < DECISIVE
     ]
     if lost := [event for event in among.events if all(one.event != event for one in found)]:
@@ -158,8 +227,19 @@ def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _bits(found: Experiment, pair: tuple[str, str, float]) -> float:
-    return next(bits for one, other, bits in found.separates if (one, other) == pair[:2])
+def _most_bits(found: Sequence[Told]) -> dict[tuple[str, str], float]:
+    """Pair of structures -> bits by which the best experiment tells them apart."""
+    bits: dict[tuple[str, str], float] = {}
+    for one, other, more in (pair for told in found for pair in told.separates):
+        bits[one, other] = max(more, bits.get((one, other), 0.0))
+    return bits
+
+
+def hopeless(found: Sequence[Told]) -> set[tuple[str, str]]:
+    """Pairs that nothing tells apart, which must not hide what tells others; none where all are so."""
+    bits = _most_bits(found)
+    apart = {pair for pair, most in bits.items() if most < DECISIVE}
+    return apart if len(apart) < len(bits) else set()
 
 
 def _frequencies(record: Record, among: Among) -> np.ndarray:
@@ -230,26 +310,17 @@ def _chosen(known: Sequence[_Known], count: int) -> np.ndarray:
     return _for_structures(known, pairs, count) if pairs else _for_parameters(known[0], count)
 
 
-def _told(
-    known: Sequence[_Known],
-    op: OperatingPoint,
-    chosen: np.ndarray,
-    frequency: Sequence[float] | np.ndarray = (),
-    *,
-    event: str = "",
-) -> Experiment:
-    """What is told by the chosen frequencies, or by the event."""
-    pairs = list(combinations(range(len(known)), 2))
+def _told(known: Sequence[_Known], chosen: np.ndarray) -> Told:
+    """What is told by the chosen frequencies, or samples."""
     answer = known[0]
     after = _posterior(answer.slopes[chosen])
     before = (answer.sure.directions**2).sum(axis=1)
     left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
     gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
-    information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
-    separates = tuple((known[i].name, known[j].name, _apart(known[i], known[j], chosen)) for i, j in pairs)
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
-    asked = () if event else tuple(float(frequency[k]) for k in chosen)
-    return Experiment(op, asked, gains, information, separates, event)
+    information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
+    separates = tuple((one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2))
+    return Told(gains, information, separates)
 
 
 def _posterior(slopes: np.ndarray) -> np.ndarray:
@@ -278,11 +349,14 @@ def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> 
 
 
 def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], count: int) -> np.ndarray:
-    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far.
+    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far, of those that all
+    frequencies together tell apart.
 
     Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the parameters of both follow.
     """
-    follow = [_Following(known[i], known[j]) for i, j in pairs]
+    every = np.arange(len(known[0].answer))
+    able = [(i, j) for i, j in pairs if _apart(known[i], known[j], every) >= DECISIVE]
+    follow = [_Following(known[i], known[j]) for i, j in able or pairs]
     chosen: list[int] = []
     for _ in range(count):
         worst = min(follow, key=lambda one: one.told)

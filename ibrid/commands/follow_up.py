@@ -19,7 +19,7 @@ def run_next(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     among = _among(arguments.among)
 
-    from ibrid.analysis.experiments import experiments, sentences
+    from ibrid.analysis.experiments import campaign, experiments, sentences, with_twins
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.report.experiments_text import format_experiments
 
@@ -33,11 +33,13 @@ def run_next(arguments: Namespace) -> int:
 
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
+    names, records = with_twins(names, records)
     found = experiments(records, names, among)
-    said = sentences(found, among)
+    said, together = sentences(found, among), campaign(records, names, among)
     content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
+    content |= {"campaign": together.plain()} if together else {}
     if not give_json(content, arguments.json):
-        print(format_experiments(found, said))
+        print(format_experiments(found, said, together))
     return 0
 
 

@@ -235,7 +235,7 @@ def other_minima(problem: Problem, solution: Solution, deviations: Sequence[np.n
 
     best = whitened(solution.x)
     chi2 = float((np.abs(best) ** 2).sum())
-    worth = float(np.mean(solution.errors)) * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
+    worth = solution.error * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
     found = [
         (end.x, residual, max(float((np.abs(residual) ** 2).sum()) - chi2, 0.0))
         for end in solution.finished

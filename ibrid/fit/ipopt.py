@@ -7,7 +7,8 @@ import numpy as np
 
 from ibrid.fit.problem import Misfit
 
-#: The root is smoothed below this relative error, so that an exact fit ends without line searches in rounding errors.
+#: The root is smoothed below this relative error, and no scale is smaller, so that an exact fit ends without line searches in
+#: rounding errors.
 _ROUNDING = 1e-7
 #: Added to the Hessian of the scaled objective, so that a direction which changes no response is not stepped along.
 _DAMPING = 1e-5
@@ -24,9 +25,8 @@ class Optimum:
 
 
 def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> Optimum:
-    """Minimise the mean over operating points of the root of the squared error, from x, inside the boxes.
-
-    What is believed weighs as in the sum of the squares, whose gradient the mean of the roots has where these are equal.
+    """Minimise the error from x, inside the boxes: where the noise is known the sum of the squares and of what is believed, which
+    is the maximum likelihood; else the mean over operating points of the root of the squared error, as it is scored.
     """
     (low, high), size = misfit.box, misfit.problem.size
     start = np.clip(x, low, high)
@@ -82,17 +82,19 @@ class _Memory:
         self.interruption: TimeoutError | KeyboardInterrupt | None = None
         self.scale = 1.0
         self._evaluate(start)
-        self.scale = max(float(np.sqrt(self._costs + _ROUNDING**2).mean()), _ROUNDING)
+        self.scale = max(self._result[0], _ROUNDING)
         self._key = None  # what is kept of the start is not scaled
 
     def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if (key := x.tobytes()) != self._key:
             cost, gradient, hessian = self.misfit.parts(x[None])
             number, size = len(self.misfit.problem.points), len(x)
-            root = np.sqrt(cost[0, :number] + _ROUNDING**2)
-            believed = cost[0, number:] / (2 * self.scale)  # of one entry, or of none
-            factor = 1.0 / np.concatenate([root, np.full(len(believed), self.scale)]) / number / self.scale
-            value = float((root.sum() + believed.sum()) / number / self.scale)
+            if self.misfit.noise is None:
+                root = np.sqrt(cost[0] + _ROUNDING**2)
+                value, factor = float(root.mean()) / self.scale, 1.0 / root / number / self.scale
+            else:
+                value = float(cost[0].sum()) / number / self.scale
+                factor = np.full(cost.shape[1], 2.0 / number / self.scale)
             total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(size)
             curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(size)
             self._key, self._costs, self._result = key, cost[0, :number], (value, total, curvature)

@@ -20,12 +20,14 @@ from ibrid.structure.wiring import Wiring
 class Solution:
     """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what supports it.
 
+    `error` : of x, as those of the ends.
     `twins` : other x that fit equally well. `finished` : all ends, best first. `independent` : how many of them began
     independently. `agreeing` : how many of those are within `agreement` of the best.
     """
 
     x: np.ndarray
     errors: np.ndarray
+    error: float
     twins: tuple[np.ndarray, ...]
     finished: tuple[Finished, ...]
     independent: int
@@ -72,6 +74,7 @@ def fit(
     return Solution(
         x=optimum.x,
         errors=np.sqrt(optimum.costs),
+        error=float(search.errors(optimum.x[None])[0]),
         twins=search.distinct(twins, optimum.x),
         finished=tuple(sorted(search.finished, key=lambda one: one.error)),
         independent=len(search.independent),

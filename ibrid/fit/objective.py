@@ -1,12 +1,12 @@
 """What a fit minimises: the weight of each measured number, and whether the residual is a difference or a logarithm."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweep import PointSweep, measured_numbers
 
 #: `nrmse` is the paper's; `log` finds the right minimum most often; `sigma` is whitened by the measured noise;
 #: `relative` weighs frequencies equally, `band` weighs bands and entries equally; `chi2` is `sigma` times the number of
@@ -40,11 +40,27 @@ def band_index(frequency: np.ndarray) -> np.ndarray:
     return np.searchsorted(BAND_EDGES, frequency, side="right")
 
 
-def residual(point: PointSweep, objective: str) -> Residual:
-    """Weights at one operating point, such that the sum of |r|^2 is a squared relative error.
+def mean_error(costs: np.ndarray, objective: str) -> np.ndarray:
+    """Error (S,) of starts with squared errors (S, M) at operating points: the mean of their roots, as scores are; under `sigma`
+    the root of their mean, which orders by likelihood."""
+    return np.sqrt(costs.mean(axis=1)) if objective == "sigma" else np.sqrt(costs).mean(axis=1)
 
-    Raises SweepError when the measurement is zero, or when `sigma` is asked for and not known.
+
+def residuals(points: Sequence[PointSweep], objective: str) -> list[Residual]:
+    """Weights at each operating point, such that the sum of |r|^2 there is a squared relative error.
+
+    Under `sigma` the sum over all of them is chi2 * points / numbers: a number weighs by its noise alone, however many others
+    there are at its operating point.
+
+    Raises SweepError when a measurement is zero, or when `sigma` is asked for and not known.
     """
+    if objective != "sigma":
+        return [_residual(point, objective) for point in points]
+    mean = np.sqrt(measured_numbers(points) / len(points))
+    return [Residual(_residual(point, "chi2").weight / mean) for point in points]
+
+
+def _residual(point: PointSweep, objective: str) -> Residual:
     magnitude = np.abs(point.admittance)
     per_frequency = np.sqrt((magnitude**2).sum(axis=(1, 2)))
     if not per_frequency.all():
@@ -58,12 +74,12 @@ def residual(point: PointSweep, objective: str) -> Residual:
         return Residual(ones / per_frequency[:, None, None] / np.sqrt(count))
     if objective == "log":
         return Residual(magnitude / per_frequency[:, None, None] / np.sqrt(count), logarithmic=True)
-    if objective in ("sigma", "chi2"):
+    if objective == "chi2":
         if point.sigma is None:
             raise SweepError(
                 f"the noise of {point.op.name} is not known; give sigma or repeats, or choose another objective"
             )
-        return Residual(1.0 / point.sigma / (np.sqrt(magnitude.size * 2) if objective == "sigma" else 1.0))
+        return Residual(1.0 / point.sigma)
     if objective == "band":
         weight = np.zeros_like(magnitude)
         bands = band_index(point.frequency)

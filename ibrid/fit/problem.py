@@ -15,7 +15,7 @@ import numpy as np
 from ibrid.assembly.symbolic import SymbolicModel
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import Points
-from ibrid.fit.objective import Residual, residual
+from ibrid.fit.objective import Residual, residuals
 from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.structure.parameters import Parameter
 
@@ -107,7 +107,7 @@ class Problem:
     def residuals(self, objective: str) -> list[Residual]:
         """Weights of every operating point under an objective."""
         if objective not in self._residuals:
-            self._residuals[objective] = [residual(point, objective) for point in self.points]
+            self._residuals[objective] = residuals(self.points, objective)
         return self._residuals[objective]
 
     def costs(self, x: np.ndarray, objective: str) -> np.ndarray:

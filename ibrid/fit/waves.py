@@ -9,6 +9,7 @@ import numpy as np
 from ibrid.fit.anchor import Decades, nearest, nearest_to_typical
 from ibrid.fit.corner_swap import corner_swaps
 from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.objective import mean_error
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
@@ -32,7 +33,7 @@ HOP_ITERATIONS = 12
 
 @dataclass(frozen=True)
 class Finished:
-    """A start carried to its end: x (P,) and its error, the mean over operating points of the root of the squared error.
+    """A start carried to its end: x (P,) and its error (`ibrid.fit.objective.mean_error`).
 
     `wave` : the wave of independent starts it came from; None for what was derived from another end.
     """
@@ -179,8 +180,8 @@ class Search:
             return self._likeliest()
         best = nearest_to_typical(self.problem, self.best.x, self.settings.minimised)
         batch = self._twin_batch(best)
-        bound = max(float(self._errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
-        equal = [best, *batch.x[self._errors(batch.x) <= bound]]
+        bound = max(float(self.errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
+        equal = [best, *batch.x[self.errors(batch.x) <= bound]]
         if len(equal) > 1:
             equal.sort(key=self.swaps[0].implausibility)
         best = nearest_to_typical(self.problem, equal[0], self.settings.minimised)
@@ -209,11 +210,12 @@ class Search:
         misfit = misfit or self.final
         return LEVENBERG.go(misfit, LEVENBERG.begin(misfit, x), self.settings.iterations)
 
-    def _errors(self, x: np.ndarray) -> np.ndarray:
-        return np.sqrt(self.problem.costs(x, self.settings.minimised)).mean(axis=1)
+    def errors(self, x: np.ndarray) -> np.ndarray:
+        """Of points x (S, P), as those of ends: (S,)."""
+        return mean_error(self.problem.costs(x, self.settings.minimised), self.settings.minimised)
 
     def _keep(self, batch: Batch, wave: int | None) -> None:
-        for x, error in zip(batch.x, self._errors(batch.x), strict=True):
+        for x, error in zip(batch.x, self.errors(batch.x), strict=True):
             if np.isfinite(error):
                 self.finished.append(Finished(x.copy(), float(error), wave))
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.analysis.experiments import DECISIVE, Experiment
+from ibrid.analysis.experiments import DECISIVE, Campaign, Experiment, Told, hopeless
 from ibrid.report.numbers import number
 from ibrid.report.text import table, wrapped
 
@@ -12,37 +12,50 @@ from ibrid.report.text import table, wrapped
 LISTED, NAMED = 6, 4
 
 
-def format_experiments(found: Sequence[Experiment], said: Sequence[str]) -> str:
-    """The best in words, a table, and what stays open."""
+def format_experiments(found: Sequence[Experiment], said: Sequence[str], together: Campaign | None = None) -> str:
+    """The best in words, a table, the same number of frequencies spread over operating points, and what stays open."""
     best = found[0]
-    pairs = [f"{one[:8]} from {other[:8]} by {bits:.1f} bits" for one, other, bits in best.separates]
-    worth = (
-        f"it tells {', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)"
-        if pairs
-        else f"it tells most of {_most(best)}"
-    )
     do = f"record {best.event}" if best.event else "measure"
-    told = ", ".join(f"{hz:g}" for hz in best.frequencies)
-    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: {worth}", "  "))]
-    parts += ["\n".join(wrapped(f"frequencies (Hz): {told}", "  "))] if told else []
+    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best)}", "  "))]
+    parts += [_hertz("frequencies (Hz)", best.frequencies)] if best.frequencies else []
     parts.append("\n".join(_table(found)))
+    if together and len(together.sweeps) > 1:
+        spread = f"as many frequencies, spread over operating points, tell {_worth(together)}:"
+        parts.append("\n".join(wrapped(spread, "  ")))
+        parts[-1] += "".join("\n" + _hertz(f"  {op.name}", frequencies) for op, frequencies in together.sweeps)
     parts += ["\n".join(wrapped(sentence, "  ")) for sentence in said]
     return "\n\n".join(parts) + "\n"
 
 
-def _most(one: Experiment) -> str:
+def _hertz(what: str, frequencies: Sequence[float]) -> str:
+    return "\n".join(wrapped(f"{what}: {', '.join(f'{hz:g}' for hz in frequencies)}", "    "))
+
+
+def _worth(one: Told) -> str:
+    """Pairs of structures in bits; without any, the parameters that gain most."""
+    pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in one.separates]
+    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(one)}"
+
+
+def _short(name: str) -> str:
+    """A hash by its first eight digits, also that of a twin."""
+    *words, code = name.split(" ")
+    return " ".join((*words, code[:8]))
+
+
+def _most(one: Told) -> str:
     """The parameters whose deviation falls most, with the factor."""
     names = sorted(one.gain, key=lambda name: one.gain[name])[:NAMED]
     return ", ".join(f"{name} (deviation x {number(one.gain[name], 2)})" for name in names)
 
 
 def _table(found: Sequence[Experiment]) -> list[str]:
-    best = {one.event: one for one in reversed(found)}
+    best, blind = {one.event: one for one in reversed(found)}, hopeless(found)
     rows = [
         [
             one.op.name,
             one.event or "sweep",
-            number(one.decides, 3) if one.separates else "-",
+            number(one.decides(blind), 3) if one.separates else "-",
             number(one.information, 3),
             number(float(np.median(list(one.gain.values()))) if one.gain else 1.0, 2),
         ]

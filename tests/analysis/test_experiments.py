@@ -9,7 +9,7 @@ from fitted import benchmark, evaluated
 from sharing import shared
 
 import ibrid
-from ibrid.analysis.experiments import ASSUMED_NOISE, Among, experiments, sentences
+from ibrid.analysis.experiments import ASSUMED_NOISE, Among, campaign, experiments, sentences, with_twins
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -17,6 +17,7 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.joint_fit import evaluate_events
 from ibrid.plants.sweeping import operating_point, plant_named
 from ibrid.playback.recording import event_of, record_events
+from ibrid.report.experiments_text import format_experiments
 from ibrid.schemas import breach
 
 HERE = Among(p=(1.0,), q=(0.3,), count=6, of=12, noise=0.01, events=())
@@ -78,8 +79,51 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     name = "pll.kP_pll"
     one, other = (only_uncertain(evaluated("gfl_pll_filter_exact"), name, 10.0) for _ in range(2))
     found = experiments([one, with_value(other, name, 1.001)], ["a", "b"], HERE)
-    assert found[0].decides < 0.01
+    assert found[0].decides() < 0.01
     assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
+
+
+def test_a_campaign_at_one_operating_point_is_its_sweep():
+    record = noisy()
+    (sweep,) = experiments([record], ["a"], HERE)
+    together = campaign([record], ["a"], HERE)
+    assert together.sweeps == ((sweep.op, sweep.frequencies),)
+    assert together.gain == pytest.approx(sweep.gain)
+    assert together.information == pytest.approx(sweep.information)
+
+
+def test_a_campaign_tells_more_than_its_best_sweep():
+    data = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(0))
+    one, other = noisy(), ibrid.evaluate(ibrid.textbook("gfl_exact"), data, objective="sigma")
+    for records in ([one], [one, other]):
+        among = Among(p=(0.5, 1.0), count=4, of=12, events=())
+        together, best = (what(records, ["a", "b"][: len(records)], among) for what in (campaign, experiments))
+        assert len(together.sweeps) > 1
+        assert sum(len(frequencies) for _, frequencies in together.sweeps) == 4
+        assert "as many frequencies, spread over operating points, tell" in format_experiments(best, (), together)
+        if len(records) == 1:
+            assert together.information > max(one.information for one in best)
+        else:
+            assert together.decides() > max(one.decides() for one in best)
+
+
+def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_another():
+    record = noisy()
+    value = next(iter(record.parameters.values()))["pll.kP_pll"]
+    among = Among(p=(0.5, 1.0), count=4, of=12, events=())
+    far, same = {"pll.kP_pll": 3.0 * value}, {"pll.kP_pll": value}
+    answers = {}
+    for twins in ((far,), (far, same)):
+        names, records = with_twins(["a"], [replace(record, twins=twins)])
+        assert names == ("a", "twin 1 of a", "twin 2 of a")[: len(names)]
+        answers[len(twins)] = experiments(records, names, among)
+        assert sum("will tell" in one for one in sentences(answers[len(twins)], among)) == len(twins) - 1
+    assert [(one.op, one.frequencies) for one in answers[2]] == [(one.op, one.frequencies) for one in answers[1]]
+    assert ("a", "twin 2 of a", pytest.approx(0.0, abs=1e-9)) in answers[2][0].separates
+
+
+def test_where_no_sweep_can_be_asked_there_is_no_campaign():
+    assert campaign([noisy()], ["a"], Among(p=(9.0,), q=(0.0,))) is None
 
 
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
@@ -138,12 +182,15 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     (tmp_path / "among.toml").write_text("p = [0.5, 1]\nq = 0\ncount = 4\n", encoding="utf-8")
     words = ["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]
     assert main(words) == 0
-    assert capsys.readouterr().out.startswith("record dip:0.7 at p=")
+    told = capsys.readouterr().out
+    assert told.startswith("record dip:0.7 at p=")
+    assert "will tell" in told  # the two PI controllers may have changed places, which no sweep tells
     assert main([*words, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert breach(content, "next") is None
     sweeps = [one for one in content["experiments"] if one["kind"] == "sweep"]
     assert [len(one["frequencies"]) for one in sweeps] == [4, 4]
+    assert sum(len(one["frequencies"]) for one in content["campaign"]["sweeps"]) == 4
     events = {one["event"] for one in content["experiments"] if one["kind"] == "event"}
     assert events == {"dip:0.7", "phase:20"}
 

@@ -13,7 +13,7 @@ import ibrid
 from ibrid.errors import SweepError
 from ibrid.fit.anchor import Decades, nearest_to_typical, null_directions
 from ibrid.fit.multistart import fit
-from ibrid.fit.objective import FINAL_OBJECTIVES
+from ibrid.fit.objective import FINAL_OBJECTIVES, mean_error
 from ibrid.fit.problem import Misfit
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import StartDrawer, high_frequency_seed
@@ -159,21 +159,30 @@ def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_oth
     box = Bounds(problem.coordinates.x_low, problem.coordinates.x_high)
     for objective, x in answers.items():
         misfit = Misfit(problem, objective, Decades(problem) if objective == "sigma" else None)
-        mean, number = objective_value(problem, x, objective), len(problem.points)
 
-        def value_and_gradient(x, misfit=misfit, mean=mean, number=number):
-            """The mean of the roots, and what is typical beside it with the weight that it has beside their squares."""
+        def value_and_gradient(x, misfit=misfit, likelihood=objective == "sigma"):
+            """Of the score, the mean of the roots; with the noise known, of the sum of the squares and of what is typical."""
             cost, gradient, _ = misfit.parts(x[None])
-            root = np.sqrt(cost[0, :number])
-            weight = np.append(root, np.full(cost.shape[1] - number, mean))
-            value = root.mean() + cost[0, number:].sum() / (2 * mean * number)
-            return value, (gradient[0] / weight[:, None]).sum(axis=0) / number
+            if likelihood:
+                return cost.sum(), 2 * gradient[0].sum(axis=0)
+            root = np.sqrt(cost[0])
+            return root.mean(), (gradient[0] / root[:, None]).mean(axis=0)
 
         own = value_and_gradient(x)[0]
         for other in answers.values():
             assert own <= value_and_gradient(other)[0] * (1 + SETTLED)
         polished = minimize(value_and_gradient, x, jac=True, method="L-BFGS-B", bounds=box)
         assert polished.fun >= own * (1 - SETTLED)
+
+
+def test_where_the_noise_is_known_a_number_weighs_by_it_alone_however_many_others_stand_at_its_operating_point():
+    whole = noisy()
+    thin = [one.at(np.arange(len(one.frequency)) % (place * 20 + 1) == 0) for place, one in enumerate(whole.points)]
+    problem, wiring = problem_of(ibrid.textbook(EXACT), dataclasses.replace(whole, points=tuple(thin)))
+    x = StartDrawer(problem, wiring, whole.omega_0).draw(np.random.default_rng(0), 5, 0.3)
+    chi2 = problem.costs(x, "chi2").sum(axis=1)
+    assert problem.costs(x, "sigma").sum(axis=1) / Misfit(problem, "sigma").noise == pytest.approx(chi2)
+    assert np.array_equal(np.argsort(mean_error(problem.costs(x, "sigma"), "sigma")), np.argsort(chi2))
 
 
 def test_the_objective_of_the_settings_holds_unless_one_is_named():
