@@ -11,13 +11,11 @@ and with a rival that answers r = (Y_rival - Y) / s differently, where the param
 
 what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination among mechanistic models,
 1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are less linear than their covariance says, so both
-are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most: at one operating point
-(`experiments`), or of all operating points at once (`campaign`), where a rival has to follow at several with one set of
-parameters. A record of an event is the same with the samples of the nonlinear model (`ibrid.analysis.event_answers`).
+are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most. A record of an event is
+the same with the samples of the nonlinear model (`ibrid.analysis.event_answers`).
 """
 
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Any
@@ -27,7 +25,7 @@ import numpy as np
 from ibrid.analysis.event_answers import Structure, event_answers
 from ibrid.analysis.linear_model import linear_model, whole_record, with_point
 from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint
 
@@ -48,7 +46,7 @@ class Among:
     """What the user can do: operating points `p`, `q`, `v` (per unit, all combinations), `count` frequencies of those between
     `low` and `high` (Hz; None: the range of the record), with relative noise `noise` (None: that of the record); `events` at the
     same points, written as `ibrid record` takes them, with the noise `record_noise` of each sample, relative to the rms of what
-    happens."""
+    happens. `parameters` : names of the answer's that are asked for, all of them when none is named."""
 
     p: tuple[float, ...] = (0.0, 0.5, 1.0)
     q: tuple[float, ...] = (-0.3, 0.0, 0.3)
@@ -59,6 +57,7 @@ class Among:
     noise: float | None = None
     events: tuple[str, ...] = ("dip:0.7", "phase:20")
     record_noise: float = 0.01
+    parameters: tuple[str, ...] = ()
     of: int = 48
 
     def points(self) -> tuple[OperatingPoint, ...]:
@@ -70,13 +69,16 @@ class Among:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What would be told. `gain` : parameter -> standard deviation afterwards over that before. `information` : bits on the
-    parameters. `separates` : (structure, structure, bits)."""
+class Experiment:
+    """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation after it over that before.
+    `information` : bits on the parameters. `separates` : (structure, structure, bits)."""
 
+    op: OperatingPoint
+    frequencies: tuple[float, ...]
     gain: dict[str, float]
     information: float
     separates: tuple[tuple[str, str, float], ...]
+    event: str = ""
 
     def decides(self, without: Collection[tuple[str, str]] = ()) -> float:
         """Bits between the two structures that it tells apart least, some pairs left out; infinite where there are none."""
@@ -84,42 +86,15 @@ class Told:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        pairs = [list(pair) for pair in self.separates]
-        return {"gain": self.gain, "information": self.information, "separates": pairs}
-
-
-@dataclass(frozen=True)
-class Experiment(Told):
-    """A sweep of `frequencies` at an operating point, Hz, or a record of an `event` there."""
-
-    op: OperatingPoint
-    frequencies: tuple[float, ...] = ()
-    event: str = ""
-
-    def plain(self) -> dict[str, Any]:
-        """For JSON."""
-        what = (
-            {"kind": "event", "event": self.event}
-            if self.event
-            else {"kind": "sweep", "frequencies": list(self.frequencies)}
-        )
-        return {**what, "op": _plain_point(self.op), **super().plain()}
-
-
-@dataclass(frozen=True)
-class Campaign(Told):
-    """Frequencies, Hz, at one or more operating points, that are measured before anything is fitted again."""
-
-    sweeps: tuple[tuple[OperatingPoint, tuple[float, ...]], ...]
-
-    def plain(self) -> dict[str, Any]:
-        """For JSON."""
-        sweeps = [{"op": _plain_point(op), "frequencies": list(frequencies)} for op, frequencies in self.sweeps]
-        return {"sweeps": sweeps, **super().plain()}
-
-
-def _plain_point(op: OperatingPoint) -> dict[str, Any]:
-    return {"name": op.name, "p": op.p, "q": op.q, "v": op.v}
+        what = {"event": self.event} if self.event else {"frequencies": list(self.frequencies)}
+        return {
+            "kind": "event" if self.event else "sweep",
+            **what,
+            "op": {"name": self.op.name, "p": self.op.p, "q": self.op.q, "v": self.op.v},
+            "gain": self.gain,
+            "information": self.information,
+            "separates": [list(pair) for pair in self.separates],
+        }
 
 
 @dataclass(frozen=True)
@@ -136,12 +111,14 @@ class _Known:
 def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -> tuple[Experiment, ...]:
     """Sweeps and events at all operating points of `among` at which every record has an answer, the most telling first.
 
-    records : the answer, then its rivals; `names` : what each structure is called (its hash). With rivals the one that leaves
-    the least doubt between them comes first, else the one with most information on the answer's parameters.
+    records : the answer, then its rivals; `names` : what each structure is called (its hash). Where parameters are named the one
+    that leaves their deviations smallest comes first; else with rivals the one that leaves the least doubt between them, without
+    any the one with most information on the answer's parameters.
 
-    Raises IbridError where the answer cannot predict, or no operating point can be asked.
+    Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point can be asked.
     """
     answer = records[0]
+    _require_parameters(answer, among.parameters)
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
     found, why = list[Experiment](), "none was asked"
@@ -152,19 +129,25 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
                     structures = [_structure(record, op) for record in records]
                     if event:
                         known = _recorded(structures, names, event, among.record_noise)
-                        told = _told(known, np.arange(len(known[0].answer)))
-                        found.append(Experiment(**vars(told), op=op, event=event))
+                        found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
                     else:
                         known = _swept(structures, names, op, frequency, noise)
-                        chosen = _chosen(known, among.count)
-                        asked = tuple(float(hz) for hz in frequency[chosen])
-                        found.append(Experiment(**vars(_told(known, chosen)), op=op, frequencies=asked))
+                        found.append(_told(known, op, _chosen(known, among), frequency))
             except IbridError as error:
                 why = str(error)
     if not found:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
+    if among.parameters:
+        return tuple(sorted(found, key=lambda one: np.prod([one.gain[name] for name in among.parameters])))
     blind = hopeless(found)
     return tuple(sorted(found, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
+
+
+def _require_parameters(answer: Record, named: Sequence[str]) -> None:
+    known = answer.covariance.get("names", ())
+    for name in named:
+        if name not in known:
+            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, known)}")
 
 
 def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[Record, ...]]:
@@ -179,33 +162,6 @@ def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[s
     ]
     told = [f"twin {number} of {names[0]}" for number in range(1, len(twins) + 1)]
     return (*names, *told), (*records, *twins)
-
-
-def campaign(records: Sequence[Record], names: Sequence[str], among: Among) -> Campaign | None:
-    """The `among.count` frequencies that tell most together, at whichever operating points; None where no sweep can be asked.
-
-    records, names : as for `experiments`.
-    """
-    frequency = _frequencies(records[0], among)
-    noise = among.noise or _noise(records[0])
-    ops, swept = [], []
-    for op in among.points():
-        with suppress(IbridError), whole_record():
-            swept.append(_swept([_structure(record, op) for record in records], names, op, frequency, noise))
-            ops.append(op)
-    if not ops:
-        return None
-    known = [_everywhere(structure) for structure in zip(*swept, strict=True)]
-    chosen = _chosen(known, among.count)
-    at = [(op, chosen[chosen // len(frequency) == k] % len(frequency)) for k, op in enumerate(ops)]
-    sweeps = tuple((op, tuple(float(hz) for hz in frequency[places])) for op, places in at if len(places))
-    return Campaign(**vars(_told(known, chosen)), sweeps=sweeps)
-
-
-def _everywhere(known: Sequence[_Known]) -> _Known:
-    """A structure at several operating points, with one set of parameters."""
-    answers, slopes = ([getattr(one, what) for one in known] for what in ("answer", "slopes"))
-    return replace(known[0], answer=np.concatenate(answers), slopes=np.concatenate(slopes))
 
 
 def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
@@ -227,7 +183,7 @@ def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _most_bits(found: Sequence[Told]) -> dict[tuple[str, str], float]:
+def _most_bits(found: Sequence[Experiment]) -> dict[tuple[str, str], float]:
     """Pair of structures -> bits by which the best experiment tells them apart."""
     bits: dict[tuple[str, str], float] = {}
     for one, other, more in (pair for told in found for pair in told.separates):
@@ -235,7 +191,7 @@ def _most_bits(found: Sequence[Told]) -> dict[tuple[str, str], float]:
     return bits
 
 
-def hopeless(found: Sequence[Told]) -> set[tuple[str, str]]:
+def hopeless(found: Sequence[Experiment]) -> set[tuple[str, str]]:
     """Pairs that nothing tells apart, which must not hide what tells others; none where all are so."""
     bits = _most_bits(found)
     apart = {pair for pair, most in bits.items() if most < DECISIVE}
@@ -304,23 +260,33 @@ def _real(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.real(values), np.imag(values)], axis=1)
 
 
-def _chosen(known: Sequence[_Known], count: int) -> np.ndarray:
+def _chosen(known: Sequence[_Known], among: Among) -> np.ndarray:
     """The frequencies that tell most."""
+    if len(known) == 1 or among.parameters:
+        return _for_parameters(known[0], among)
+    return _for_structures(known, list(combinations(range(len(known)), 2)), among.count)
+
+
+def _told(
+    known: Sequence[_Known],
+    op: OperatingPoint,
+    chosen: np.ndarray,
+    frequency: Sequence[float] | np.ndarray = (),
+    *,
+    event: str = "",
+) -> Experiment:
+    """What is told by the chosen frequencies, or by the event."""
     pairs = list(combinations(range(len(known)), 2))
-    return _for_structures(known, pairs, count) if pairs else _for_parameters(known[0], count)
-
-
-def _told(known: Sequence[_Known], chosen: np.ndarray) -> Told:
-    """What is told by the chosen frequencies, or samples."""
     answer = known[0]
     after = _posterior(answer.slopes[chosen])
     before = (answer.sure.directions**2).sum(axis=1)
     left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
     gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
-    gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
     information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
-    separates = tuple((one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2))
-    return Told(gains, information, separates)
+    separates = tuple((known[i].name, known[j].name, _apart(known[i], known[j], chosen)) for i, j in pairs)
+    gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
+    asked = () if event else tuple(float(frequency[k]) for k in chosen)
+    return Experiment(op, asked, gains, information, separates, event)
 
 
 def _posterior(slopes: np.ndarray) -> np.ndarray:
@@ -329,13 +295,21 @@ def _posterior(slopes: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)
 
 
-def _for_parameters(known: _Known, count: int) -> np.ndarray:
-    """Frequencies, one by one, each with the most information on the parameters (D-optimal)."""
+def _for_parameters(known: _Known, among: Among) -> np.ndarray:
+    """Frequencies, one by one, each with the most information on the parameters (D-optimal), or after which the product of the
+    named ones' deviations is smallest."""
     chosen: list[int] = []
     covariance = np.eye(known.slopes.shape[-1])
-    for _ in range(count):
+    named = known.sure.directions[[known.sure.names.index(name) for name in among.parameters]]
+    for _ in range(among.count):
         inside = np.eye(8) + known.slopes @ covariance @ known.slopes.transpose(0, 2, 1)
-        worth = np.linalg.slogdet(inside)[1]
+        if among.parameters:
+            follows = named @ covariance @ known.slopes.transpose(0, 2, 1)  # (K, named, 8)
+            gone = (follows * np.linalg.solve(inside, follows.transpose(0, 2, 1)).transpose(0, 2, 1)).sum(axis=2)
+            variance = np.einsum("pr,rs,ps->p", named, covariance, named)
+            worth = -np.log(np.maximum(variance - gone, np.finfo(float).tiny)).sum(axis=1)
+        else:
+            worth = np.linalg.slogdet(inside)[1]
         worth[chosen] = -np.inf
         best = int(np.argmax(worth))
         chosen.append(best)

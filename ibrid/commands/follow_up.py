@@ -19,7 +19,7 @@ def run_next(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     among = _among(arguments.among)
 
-    from ibrid.analysis.experiments import campaign, experiments, sentences, with_twins
+    from ibrid.analysis.experiments import experiments, sentences, with_twins
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.report.experiments_text import format_experiments
 
@@ -33,13 +33,15 @@ def run_next(arguments: Namespace) -> int:
 
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
-    names, records = with_twins(names, records)
+    if among.parameters:  # that is what is asked for, and no rival
+        names, records = names[:1], records[:1]
+    else:
+        names, records = with_twins(names, records)
     found = experiments(records, names, among)
-    said, together = sentences(found, among), campaign(records, names, among)
+    said = sentences(found, among)
     content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
-    content |= {"campaign": together.plain()} if together else {}
     if not give_json(content, arguments.json):
-        print(format_experiments(found, said, together))
+        print(format_experiments(found, said, among.parameters))
     return 0
 
 
@@ -86,6 +88,10 @@ def _checked(path: str, name: str, value: Any) -> Any:
         if 0 < len(numbers) <= 20 and all(_number(one) and (name != "v" or one > 0) for one in numbers):
             return tuple(float(one) for one in numbers)
         raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
+    if name == "parameters":
+        if isinstance(value, list) and len(value) <= 50 and all(isinstance(one, str) for one in value):
+            return tuple(value)
+        raise IbridError(f'{path}: parameters must be a list such as ["pll.kI_pll"], found {str(value)[:60]}')
     if name == "events":
         from ibrid.playback.recording import event_of
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.analysis.experiments import DECISIVE, Campaign, Experiment, Told, hopeless
+from ibrid.analysis.experiments import DECISIVE, Experiment, hopeless
 from ibrid.report.numbers import number
 from ibrid.report.text import table, wrapped
 
@@ -12,29 +12,22 @@ from ibrid.report.text import table, wrapped
 LISTED, NAMED = 6, 4
 
 
-def format_experiments(found: Sequence[Experiment], said: Sequence[str], together: Campaign | None = None) -> str:
-    """The best in words, a table, the same number of frequencies spread over operating points, and what stays open."""
+def format_experiments(found: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()) -> str:
+    """The best in words, a table, and what stays open; `named` : parameters that were asked for."""
     best = found[0]
     do = f"record {best.event}" if best.event else "measure"
-    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best)}", "  "))]
-    parts += [_hertz("frequencies (Hz)", best.frequencies)] if best.frequencies else []
+    told = ", ".join(f"{hz:g}" for hz in best.frequencies)
+    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best, named)}", "  "))]
+    parts += ["\n".join(wrapped(f"frequencies (Hz): {told}", "  "))] if told else []
     parts.append("\n".join(_table(found)))
-    if together and len(together.sweeps) > 1:
-        spread = f"as many frequencies, spread over operating points, tell {_worth(together)}:"
-        parts.append("\n".join(wrapped(spread, "  ")))
-        parts[-1] += "".join("\n" + _hertz(f"  {op.name}", frequencies) for op, frequencies in together.sweeps)
     parts += ["\n".join(wrapped(sentence, "  ")) for sentence in said]
     return "\n\n".join(parts) + "\n"
 
 
-def _hertz(what: str, frequencies: Sequence[float]) -> str:
-    return "\n".join(wrapped(f"{what}: {', '.join(f'{hz:g}' for hz in frequencies)}", "    "))
-
-
-def _worth(one: Told) -> str:
+def _worth(one: Experiment, named: Sequence[str]) -> str:
     """Pairs of structures in bits; without any, the parameters that gain most."""
     pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in one.separates]
-    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(one)}"
+    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(one, named)}"
 
 
 def _short(name: str) -> str:
@@ -43,9 +36,9 @@ def _short(name: str) -> str:
     return " ".join((*words, code[:8]))
 
 
-def _most(one: Told) -> str:
-    """The parameters whose deviation falls most, with the factor."""
-    names = sorted(one.gain, key=lambda name: one.gain[name])[:NAMED]
+def _most(one: Experiment, named: Sequence[str]) -> str:
+    """The named parameters, or those whose deviation falls most, with the factor."""
+    names = named or sorted(one.gain, key=lambda name: one.gain[name])[:NAMED]
     return ", ".join(f"{name} (deviation x {number(one.gain[name], 2)})" for name in names)
 
 

@@ -1,15 +1,13 @@
-"""Does `ibrid next` ask well? Poor data of hidden inverters, as many more frequencies chosen in seven ways, both structures
+"""Does `ibrid next` ask well? Poor data of hidden inverters, as many more frequencies chosen in five ways, both structures
 fitted again: are they told apart, and how much smaller are the deviations?
 
 python -m ibrid_bench.next_sweep [--devices 30] [--seed 1] [--count 2 4 8]
 
-sweep     : the first of the ranking, at one operating point, asked of both structures
-campaign  : spread over operating points, asked of both
-twice     : the same in two halves, fitted in between
-sharp     : spread, asked for the parameters of the answer alone
-random    : random frequencies at a random operating point
-scattered : each at an operating point of its own, both at random
-log       : log-spaced at a random operating point
+structures : the first of the ranking, asked of both
+parameters : asked for all parameters of the answer
+named      : asked for one of them, drawn
+random     : random frequencies at a random operating point
+log        : log-spaced there
 
 The device has a filter before its PLL; a rival has another effect of the catalogue in its place, and is taken where eight
 frequencies at one operating point leave it within odds of 20 to 1, and 16 at each of nine do not.
@@ -24,7 +22,7 @@ from itertools import islice
 
 import numpy as np
 
-from ibrid.analysis.experiments import Among, campaign, experiments
+from ibrid.analysis.experiments import Among, experiments
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
@@ -45,10 +43,10 @@ FIRST = "p=0.5,q=0"
 LOW, HIGH = 5.0, 5000.0
 #: Odds, as a difference of the Bayesian information criterion.
 DECIDED = {odds: 2 * np.log(odds) for odds in (20.0, 150.0)}
-WAYS = ("sweep", "campaign", "twice", "sharp", "random", "scattered", "log")
+WAYS = ("structures", "parameters", "named", "random", "log")
 
 _Pair = tuple[Record, Record]
-_Plan = list[tuple[OperatingPoint, np.ndarray]]
+_Asked = tuple[OperatingPoint, np.ndarray]
 
 
 def main() -> None:
@@ -58,7 +56,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, nargs="+", default=(2, 4, 8), help="frequencies that are chosen")
     arguments = parser.parse_args()
-    found: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
+    found: dict[tuple[int, str], list[tuple[float, float, float]]] = defaultdict(list)
     for number, case in enumerate(islice(_cases(arguments.seed), arguments.devices), 1):
         words = []
         for count in arguments.count:
@@ -68,21 +66,24 @@ def main() -> None:
                 words.append(f"{way} {found[count, way][-1][0]:.0f}")
         print(f"{number:3d} {' '.join(words)}", flush=True)
     for (count, way), outcomes in found.items():
-        apart, deviations = np.array(outcomes).T
+        apart, *deviations = np.array(outcomes).T
         shares = ", ".join(f"{np.mean(apart > above):.0%} at {odds:g}:1" for odds, above in DECIDED.items())
-        smaller = np.median(deviations / np.array(found[count, "log"])[:, 1])
-        print(f"{count} frequencies, {way:9s} told apart {shares}   deviations x {smaller:.2f} of log-spaced")
+        all_of_them, named = np.median(np.array(deviations) / np.array(found[count, "log"])[:, 1:].T, axis=1)
+        words = f"{count} frequencies, {way:10s} told apart {shares}   of log-spaced: deviations x {all_of_them:.2f}"
+        print(f"{words}, of the drawn one x {named:.2f}")
 
 
 @dataclass(frozen=True)
 class _Case:
-    """A hidden device, its structure and a rival, both fitted to poor data; `points` where it can be measured."""
+    """A hidden device, its structure and a rival, both fitted to poor data. `points` : where it can be measured. `named` : a
+    parameter that somebody asks for."""
 
     plant: ReferenceInverter
     points: tuple[OperatingPoint, ...]
     poor: Sweep
     known: Record
     rival: Record
+    named: str
     seed: int
 
 
@@ -101,42 +102,36 @@ def _cases(seed: int) -> Iterator[_Case]:
         if rival is None:
             continue
         rich = [(op, np.geomspace(LOW, HIGH, 16)) for op in points]
-        case = _Case(plant, points, poor, known, rival, int(rng.integers(2**31)))
+        case = _Case(plant, points, poor, known, rival, str(rng.choice(_seen(known))), int(rng.integers(2**31)))
         after, data = _again(case, (known, rival), poor, rich, rng)
         if _difference(after, data) < DECIDED[20.0]:  # nothing that can be measured tells
             continue
         with suppress(IbridError):  # raised where what is known so far is not stable anywhere
-            _asked(case, (known, rival), 1)
+            _chosen(case, "structures", 1, rng)
             yield case
 
 
-def _outcome(case: _Case, way: str, count: int) -> tuple[float, float]:
-    """By how much the criterion of the rival exceeds that of the truth, fitted again, and the deviation of the truth."""
+def _outcome(case: _Case, way: str, count: int) -> tuple[float, float, float]:
+    """By how much the criterion of the rival exceeds that of the truth, fitted again; the mean deviation of the truth's
+    parameters, and that of the named one."""
     rng = np.random.default_rng(case.seed)
-    pair, data = (case.known, case.rival), case.poor
-    for part in (count - count // 2, count // 2) if way == "twice" else (count,):
-        try:
-            chosen = _chosen(case, pair, way, part, rng)
-        except IbridError:  # both models are unstable now wherever the device is not: a question that has no answer
-            chosen = []
-        pair, data = _again(case, pair, data, chosen, rng)
-    return _difference(pair, data), _deviation(pair[0])
+    pair, data = _again(case, (case.known, case.rival), case.poor, [_chosen(case, way, count, rng)], rng)
+    names, deviations = _deviations(pair[0])
+    mean = float(np.exp(np.mean(np.log(deviations))))
+    return _difference(pair, data), mean, float(deviations[names.index(case.named)])
 
 
-def _chosen(case: _Case, pair: _Pair, way: str, count: int, rng: np.random.Generator) -> _Plan:
-    """Operating points with the frequencies that are measured there."""
-    if way == "sweep":
-        best = experiments(pair, _names(pair), _Able(count=count, events=(), able=case.points))[0]
-        return [(best.op, np.array(best.frequencies))]
-    if way in ("campaign", "twice"):
-        return _asked(case, pair, count)
-    if way == "sharp":
-        return _asked(case, pair[:1], count)
-    ops = [case.points[int(k)] for k in rng.integers(len(case.points), size=count)]
+def _chosen(case: _Case, way: str, count: int, rng: np.random.Generator) -> _Asked:
+    """The operating point and the frequencies that are measured."""
+    if way in ("structures", "parameters", "named"):
+        asked = (case.known, case.rival) if way == "structures" else (case.known,)
+        named = (case.named,) if way == "named" else ()
+        among = _Able(count=count, events=(), parameters=named, able=case.points)
+        best = experiments(asked, [structure_hash(one.diagram) for one in asked], among)[0]
+        return best.op, np.array(best.frequencies)
+    op = case.points[int(rng.integers(len(case.points)))]
     frequencies = np.sort(np.exp(rng.uniform(np.log(LOW), np.log(HIGH), count)))
-    if way == "scattered":
-        return [(op, frequencies[k : k + 1]) for k, op in enumerate(ops)]
-    return [(ops[0], frequencies if way == "random" else np.geomspace(LOW, HIGH, count))]
+    return op, frequencies if way == "random" else np.geomspace(LOW, HIGH, count)
 
 
 @dataclass(frozen=True)
@@ -149,23 +144,13 @@ class _Able(Among):
         return self.able
 
 
-def _asked(case: _Case, records: Sequence[Record], count: int) -> _Plan:
-    found = campaign(records, _names(records), _Able(count=count, events=(), able=case.points))
-    if found is None:
-        raise IbridError("no operating point can be asked")
-    return [(op, np.array(frequencies)) for op, frequencies in found.sweeps]
-
-
-def _names(records: Sequence[Record]) -> list[str]:
-    return [structure_hash(one.diagram) for one in records]
-
-
-def _again(case: _Case, pair: _Pair, data: Sweep, plan: _Plan, rng: np.random.Generator) -> tuple[_Pair, Sweep]:
+def _again(
+    case: _Case, pair: _Pair, data: Sweep, plan: Sequence[_Asked], rng: np.random.Generator
+) -> tuple[_Pair, Sweep]:
     """Measure the plan, and fit both to all data."""
     points = list(data.points)
     for op, frequency in plan:
-        named = replace(op, name=f"{op.name} {len(points)}")  # an operating point may be measured twice
-        points += _measured(case.plant, named, frequency, rng).points
+        points += _measured(case.plant, op, frequency, rng).points
     data = replace(data, points=tuple(points))
     one, other = (evaluate(each.diagram, data, objective="sigma") for each in pair)
     return (one, other), data
@@ -206,12 +191,17 @@ def _bic(record: Record, data: Sweep) -> float:
     return numbers * record.over_noise**2 + np.log(numbers) * record.free_parameters
 
 
-def _deviation(record: Record) -> float:
-    """Geometric mean of the deviations that the data see."""
+def _deviations(record: Record) -> tuple[list[str], np.ndarray]:
+    """Names and relative deviations of the free parameters."""
     matrix = np.diag(np.array(record.covariance.get("matrix", [[1.0]]), dtype=float))
     if not matrix.size:
         raise IbridError("the record holds no covariance")
-    return float(np.exp(np.mean(np.log(np.sqrt(np.maximum(matrix, 1e-12))))))
+    return list(record.covariance["names"]), np.sqrt(np.maximum(matrix, 1e-12))
+
+
+def _seen(record: Record) -> list[str]:
+    """Parameters that the data tell to a factor of three."""
+    return [name for name, deviation in zip(*_deviations(record), strict=True) if deviation < np.log(3.0)]
 
 
 if __name__ == "__main__":

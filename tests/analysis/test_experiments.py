@@ -9,7 +9,7 @@ from fitted import benchmark, evaluated
 from sharing import shared
 
 import ibrid
-from ibrid.analysis.experiments import ASSUMED_NOISE, Among, campaign, experiments, sentences, with_twins
+from ibrid.analysis.experiments import ASSUMED_NOISE, Among, experiments, sentences, with_twins
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -83,28 +83,15 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
 
 
-def test_a_campaign_at_one_operating_point_is_its_sweep():
-    record = noisy()
-    (sweep,) = experiments([record], ["a"], HERE)
-    together = campaign([record], ["a"], HERE)
-    assert together.sweeps == ((sweep.op, sweep.frequencies),)
-    assert together.gain == pytest.approx(sweep.gain)
-    assert together.information == pytest.approx(sweep.information)
-
-
-def test_a_campaign_tells_more_than_its_best_sweep():
-    data = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(0))
-    one, other = noisy(), ibrid.evaluate(ibrid.textbook("gfl_exact"), data, objective="sigma")
-    for records in ([one], [one, other]):
-        among = Among(p=(0.5, 1.0), count=4, of=12, events=())
-        together, best = (what(records, ["a", "b"][: len(records)], among) for what in (campaign, experiments))
-        assert len(together.sweeps) > 1
-        assert sum(len(frequencies) for _, frequencies in together.sweeps) == 4
-        assert "as many frequencies, spread over operating points, tell" in format_experiments(best, (), together)
-        if len(records) == 1:
-            assert together.information > max(one.information for one in best)
-        else:
-            assert together.decides() > max(one.decides() for one in best)
+def test_what_is_asked_for_a_named_parameter_tells_most_of_it():
+    record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
+    for name in ("pll.kI_pll", "power.kI", "current.kI"):
+        asked = replace(among, parameters=(name,))
+        best = experiments([record], ["a"], asked)[0]
+        assert f"it tells most of {name} (deviation x" in format_experiments([best], (), (name,))
+        assert best.gain[name] < experiments([record], ["a"], among)[0].gain[name]
+    with pytest.raises(IbridError, match=r"no free parameter 'pll\.kI'"):
+        experiments([record], ["a"], replace(among, parameters=("pll.kI",)))
 
 
 def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_another():
@@ -120,10 +107,6 @@ def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_an
         assert sum("will tell" in one for one in sentences(answers[len(twins)], among)) == len(twins) - 1
     assert [(one.op, one.frequencies) for one in answers[2]] == [(one.op, one.frequencies) for one in answers[1]]
     assert ("a", "twin 2 of a", pytest.approx(0.0, abs=1e-9)) in answers[2][0].separates
-
-
-def test_where_no_sweep_can_be_asked_there_is_no_campaign():
-    assert campaign([noisy()], ["a"], Among(p=(9.0,), q=(0.0,))) is None
 
 
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
@@ -190,7 +173,6 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     assert breach(content, "next") is None
     sweeps = [one for one in content["experiments"] if one["kind"] == "sweep"]
     assert [len(one["frequencies"]) for one in sweeps] == [4, 4]
-    assert sum(len(one["frequencies"]) for one in content["campaign"]["sweeps"]) == 4
     events = {one["event"] for one in content["experiments"] if one["kind"] == "event"}
     assert events == {"dip:0.7", "phase:20"}
 
@@ -199,12 +181,14 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     ("text", "words"),
     [
         ("p = [", "must be toml"),
-        ("power = 1", "knows count, events, high, low, noise, p, q, record_noise, v"),
+        ("power = 1", "knows count, events, high, low, noise, p, parameters, q, record_noise, v"),
         ("p = [99]", "p must be one to twenty numbers"),
         ("v = [0]", "v must be"),
         ("count = 0", "count must be a whole number"),
         ('events = ["dip"]', "an event is written dip:0.6"),
         ("events = 3", "events must be a list such as"),
+        ('parameters = "pll.kI_pll"', "parameters must be a list such as"),
+        ('parameters = ["pll.kI"]', "no free parameter 'pll.kI'"),
         ("noise = -1", "noise must be a positive number"),
     ],
 )
