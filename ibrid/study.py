@@ -178,7 +178,6 @@ class Study:
             "objective": fit.minimised,
             "restarts": fit.restarts,
             "starts": fit.starts,
-            "seeds": fit.seeds,
             "seed": self.seed,
             **({} if self.labels == "exact" else {"labels": self.labels}),
             "seconds": fit.seconds,

@@ -118,7 +118,10 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point can be asked.
     """
     answer = records[0]
-    _require_parameters(answer, among.parameters)
+    known = answer.covariance.get("names", ())
+    for name in among.parameters:
+        if name not in known:
+            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, known)}")
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
     found, why = list[Experiment](), "none was asked"
@@ -141,13 +144,6 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
         return tuple(sorted(found, key=lambda one: np.prod([one.gain[name] for name in among.parameters])))
     blind = hopeless(found)
     return tuple(sorted(found, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
-
-
-def _require_parameters(answer: Record, named: Sequence[str]) -> None:
-    known = answer.covariance.get("names", ())
-    for name in named:
-        if name not in known:
-            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, known)}")
 
 
 def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[Record, ...]]:

@@ -1,7 +1,6 @@
 """`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep, to records of events or to both, and show the record."""
 
 from argparse import Namespace
-from dataclasses import replace
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
@@ -46,8 +45,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _settings(arguments: Namespace) -> FitSettings:
-    settings = FitSettings(seeds=arguments.seeds)
-    return settings if arguments.seconds is None else replace(settings, seconds=arguments.seconds)
+    return FitSettings() if arguments.seconds is None else FitSettings(seconds=arguments.seconds)
 
 
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:

@@ -33,10 +33,7 @@ def run_next(arguments: Namespace) -> int:
 
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
-    if among.parameters:  # that is what is asked for, and no rival
-        names, records = names[:1], records[:1]
-    else:
-        names, records = with_twins(names, records)
+    names, records = (names[:1], records[:1]) if among.parameters else with_twins(names, records)
     found = experiments(records, names, among)
     said = sentences(found, among)
     content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
@@ -88,20 +85,14 @@ def _checked(path: str, name: str, value: Any) -> Any:
         if 0 < len(numbers) <= 20 and all(_number(one) and (name != "v" or one > 0) for one in numbers):
             return tuple(float(one) for one in numbers)
         raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
-    if name == "parameters":
-        if isinstance(value, list) and len(value) <= 50 and all(isinstance(one, str) for one in value):
-            return tuple(value)
-        raise IbridError(f'{path}: parameters must be a list such as ["pll.kI_pll"], found {str(value)[:60]}')
-    if name == "events":
+    if name in ("events", "parameters"):
         from ibrid.playback.recording import event_of
 
-        if (
-            isinstance(value, list)
-            and len(value) <= 20
-            and all(isinstance(one, str) and event_of(one) for one in value)
-        ):
+        known = event_of if name == "events" else bool
+        if isinstance(value, list) and len(value) <= 50 and all(isinstance(one, str) and known(one) for one in value):
             return tuple(value)
-        raise IbridError(f'{path}: events must be a list such as ["dip:0.6", "phase:20"], found {str(value)[:60]}')
+        such = '["dip:0.6", "phase:20"]' if name == "events" else '["pll.kI_pll"]'
+        raise IbridError(f"{path}: {name} must be a list such as {such}, found {str(value)[:60]}")
     if name == "count":
         if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= 200:
             return value

@@ -17,7 +17,6 @@ from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
 from ibrid.fit.multistart import Solution, fit
-from ibrid.fit.objective import mean_error
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import Sweep
@@ -163,18 +162,5 @@ def record_at(
     problem = Problem(symbolic_model(wiring, **study.physics), study.fitted.points)
     x = problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
-    costs = problem.costs(x[None], effort.minimised)
-    solution = Solution(
-        x=x,
-        errors=np.sqrt(costs[0]),
-        error=float(mean_error(costs, effort.minimised)[0]),
-        twins=(),
-        finished=(),
-        independent=1,
-        agreeing=1,
-        waves=0,
-        evaluations=0,
-        ipopt_status="nothing fitted",
-        ipopt_iterations=0,
-    )
+    solution = Solution(x=x, errors=np.sqrt(problem.costs(x[None], effort.minimised)[0]))
     return replace(describe(diagram, wiring, study, effort.minimised, base, [BestFit(problem, solution)]), reasons=())

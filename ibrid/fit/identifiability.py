@@ -36,14 +36,12 @@ class Visibility:
     """Answer of `visibility`.
 
     `noise` : where the assumed noise comes from, in words. `intervals` : free number -> (low, high), 95 %, or None when a
-    null direction moves it. `standard_errors` : free number -> relative (logarithmic) one, None likewise.
-    `null_directions` : relative changes per free number that leave every response unchanged.
+    null direction moves it. `null_directions` : relative changes per free number that leave every response unchanged.
     `covariance` : (P, P) of x, without the null directions.
     """
 
     noise: str
     intervals: dict[str, tuple[float, float] | None]
-    standard_errors: dict[str, float | None]
     null_directions: tuple[dict[str, float], ...]
     covariance: np.ndarray
     sentences: tuple[str, ...]
@@ -52,11 +50,11 @@ class Visibility:
 def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: str | None = None) -> Visibility:
     """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in the sentences.
 
-    objective : that x minimises; None: one that weighs the data by their noise.
+    objective : that x minimises; None, as sigma: one that weighs the data by their noise.
     """
     size = problem.size
     deviations, source = noise_of(problem, x)
-    nothing = Visibility(source, {}, {}, (), np.zeros((size, size)), ())
+    nothing = Visibility(source, {}, (), np.zeros((size, size)), ())
     if not size:
         return nothing
     rows = []
@@ -67,7 +65,7 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     jacobian = np.concatenate(rows)
     if not np.isfinite(jacobian).all():
         return nothing
-    factor = None if objective is None else _weight_times_noise(problem, x, deviations, objective)
+    factor = None if objective in (None, "sigma") else _weight_times_noise(problem, x, deviations, objective)
     return visible_by(jacobian, x, problem.coordinates, labels, source, factor=factor)
 
 
@@ -107,24 +105,24 @@ def visible_by(
     theta = coordinates.to_theta(x)
     relative = coordinates.slope(theta) / np.where(theta == 0, 1.0, theta)
     intervals: dict[str, tuple[float, float] | None] = {}
-    errors: dict[str, float | None] = {}
+    wide = []
     for index, label in enumerate(labels):
         deviation = float(np.sqrt(covariance[index, index]))
         if moved[index]:
-            intervals[label], errors[label] = None, None
+            intervals[label] = None
             continue
         ends = coordinates.to_theta(
             np.stack([x, x]) + np.outer([-1.0, 1.0], np.eye(size)[index] * min(QUANTILE * deviation, 50.0))
         )[:, index]
         intervals[label] = (float(ends.min()), float(ends.max()))
-        errors[label] = deviation * abs(float(relative[index]))
+        if QUANTILE * deviation * abs(float(relative[index])) > np.log(BARELY_VISIBLE):
+            wide.append(label)
     named = tuple(_named(direction * relative, labels) for direction in _sparse_basis(directions).T)
     sentences = [_sentence(direction) for direction in named]
-    wide = [label for label, error in errors.items() if error is not None and QUANTILE * error > np.log(BARELY_VISIBLE)]
     if wide:
         sentences.append(f"{_listed(wide)}: the data barely see {'it' if len(wide) == 1 else 'them'}; the 95 % interval "
                          f"spans more than a factor {BARELY_VISIBLE:g} each way")  # fmt: skip
-    return Visibility(source, intervals, errors, named, covariance, tuple(sentences))
+    return Visibility(source, intervals, named, covariance, tuple(sentences))
 
 
 def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
@@ -235,7 +233,8 @@ def other_minima(problem: Problem, solution: Solution, deviations: Sequence[np.n
 
     best = whitened(solution.x)
     chi2 = float((np.abs(best) ** 2).sum())
-    worth = solution.error * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
+    least = min((end.error for end in solution.finished), default=0.0)
+    worth = least * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
     found = [
         (end.x, residual, max(float((np.abs(residual) ** 2).sum()) - chi2, 0.0))
         for end in solution.finished

@@ -19,23 +19,20 @@ from ibrid.structure.wiring import Wiring
 @dataclass(frozen=True)
 class Solution:
     """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what supports it.
-
-    `error` : of x, as those of the ends.
     `twins` : other x that fit equally well. `finished` : all ends, best first. `independent` : how many of them began
     independently. `agreeing` : how many of those are within `agreement` of the best.
     """
 
     x: np.ndarray
     errors: np.ndarray
-    error: float
-    twins: tuple[np.ndarray, ...]
-    finished: tuple[Finished, ...]
-    independent: int
-    agreeing: int
-    waves: int
-    evaluations: int
-    ipopt_status: str
-    ipopt_iterations: int
+    twins: tuple[np.ndarray, ...] = ()
+    finished: tuple[Finished, ...] = ()
+    independent: int = 1
+    agreeing: int = 1
+    waves: int = 0
+    evaluations: int = 0
+    ipopt_status: str = "nothing fitted"
+    ipopt_iterations: int = 0
 
 
 def fit(
@@ -74,7 +71,6 @@ def fit(
     return Solution(
         x=optimum.x,
         errors=np.sqrt(optimum.costs),
-        error=float(search.errors(optimum.x[None])[0]),
         twins=search.distinct(twins, optimum.x),
         finished=tuple(sorted(search.finished, key=lambda one: one.error)),
         independent=len(search.independent),

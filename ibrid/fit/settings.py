@@ -9,9 +9,6 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.fit.objective import FINAL_OBJECTIVES
 
-#: How starts are ranked: by the misfit of textbook values, or by their poles' distance from vector-fitted ones.
-SEEDS = ("textbook", "vector-fitting")
-
 #: Least value of each count.
 _LEAST = {
     **dict.fromkeys(("restarts", "hops", "iterations", "ipopt_iterations"), 0),
@@ -59,10 +56,8 @@ class FitSettings:
     iterations: int = 80
     ipopt_iterations: int = 40
     seconds: float = 60.0
-    seeds: str = "textbook"
 
     def __post_init__(self) -> None:
-        require_one_of("seeds", self.seeds, SEEDS)
         require_one_of("objective", self.minimised, FINAL_OBJECTIVES)
         for name, least in _LEAST.items():
             value = getattr(self, name)

@@ -14,7 +14,6 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
-from ibrid.measurement.vector_fit import fitted_poles
 from ibrid.structure.wiring import Wiring
 
 #: Part of the hard limit after which nothing new begins.
@@ -56,7 +55,6 @@ class Search:
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
         self.swaps = (*self.cascades, *self.corners)
-        self.measured_poles = measured_poles(problem) if settings.seeds == "vector-fitting" else None
         self.finished: list[Finished] = []
 
     @property
@@ -100,8 +98,6 @@ class Search:
         seeded = number % len(TEXTBOOK_DECADES) == 0 or not self.finished
         x = self.drawer.draw(self.rng, settings.starts, decades, seeded=seeded)
         costs = problem.costs(x, "log").sum(axis=1)
-        if self.measured_poles is not None:
-            costs = np.where(np.isfinite(costs), pole_distances(problem, x, self.measured_poles), np.inf)
         usable = np.flatnonzero(np.isfinite(costs))
         if not usable.size:
             return
@@ -180,8 +176,8 @@ class Search:
             return self._likeliest()
         best = nearest_to_typical(self.problem, self.best.x, self.settings.minimised)
         batch = self._twin_batch(best)
-        bound = max(float(self.errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
-        equal = [best, *batch.x[self.errors(batch.x) <= bound]]
+        bound = max(float(self._errors(best[None])[0]) * (1 + TWIN_TOLERANCE), self.settings.solved)
+        equal = [best, *batch.x[self._errors(batch.x) <= bound]]
         if len(equal) > 1:
             equal.sort(key=self.swaps[0].implausibility)
         best = nearest_to_typical(self.problem, equal[0], self.settings.minimised)
@@ -210,37 +206,10 @@ class Search:
         misfit = misfit or self.final
         return LEVENBERG.go(misfit, LEVENBERG.begin(misfit, x), self.settings.iterations)
 
-    def errors(self, x: np.ndarray) -> np.ndarray:
-        """Of points x (S, P), as those of ends: (S,)."""
+    def _errors(self, x: np.ndarray) -> np.ndarray:
         return mean_error(self.problem.costs(x, self.settings.minimised), self.settings.minimised)
 
     def _keep(self, batch: Batch, wave: int | None) -> None:
-        for x, error in zip(batch.x, self.errors(batch.x), strict=True):
+        for x, error in zip(batch.x, self._errors(batch.x), strict=True):
             if np.isfinite(error):
                 self.finished.append(Finished(x.copy(), float(error), wave))
-
-
-#: Poles of the rational fit at most, and frequencies for each.
-POLES, FREQUENCIES = 11, 2
-
-
-def measured_poles(problem: Problem) -> list[np.ndarray]:
-    """Stable poles (rad/s) of a rational fit to each operating point's four entries."""
-    found = []
-    for point in problem.points:
-        order = min(POLES, len(point.frequency) // FREQUENCIES)
-        poles = fitted_poles(point.frequency, point.admittance, order) if order else np.zeros(0, dtype=complex)
-        found.append(poles[np.abs(poles) > 0])
-    return found
-
-
-def pole_distances(problem: Problem, x: np.ndarray, measured: list[np.ndarray]) -> np.ndarray:
-    """Sum over measured poles of |log(pole / nearest model pole)|, for starts x (S, P) -> (S,)."""
-    total = np.zeros(len(x))
-    for m, poles in enumerate(measured):
-        model = np.linalg.eigvals(problem.state_matrices(x, m)).astype(complex)
-        model = np.where(np.abs(model) > 0, model, 1e-9)
-        upper = np.where(np.imag(model) < 0, np.conj(model), model)
-        ratio = poles[None, :, None] / upper[:, None, :]
-        total += np.hypot(np.log(np.abs(ratio)), np.angle(ratio)).min(axis=2).sum(axis=1)
-    return total

@@ -12,24 +12,10 @@ from ibrid.measurement.csv_columns import require_once
 from ibrid.measurement.csv_table import comments_and_body, fields_of, require_body, require_cells
 from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
 from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.files import read_lines, write_atomically
+from ibrid.measurement.files import write_atomically
 from ibrid.measurement.header import number_of, read_keys, values_of
 
 COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")}
-
-
-def read_event_csv(path: str | Path, **keys: object) -> Events:
-    """Read records of voltage and current in time.
-
-    Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz) or v_a,v_b,v_c,i_a,i_b,i_c (frame: abc); optional
-    sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
-    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), s_base_va, v_base_v say how they are meant.
-
-    keys : keys that the file lacks or has wrong; they win over the file.
-
-    Raises SweepError naming file and line, or the record (event_rest, event_samples).
-    """
-    return parse_event_csv(read_lines(Path(path)), str(path), keys)
 
 
 def is_event_csv(lines: Sequence[str]) -> bool:
@@ -40,7 +26,16 @@ def is_event_csv(lines: Sequence[str]) -> bool:
 
 
 def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]) -> Events:
-    """The same from the lines of a file; where : for errors, and the source of the events."""
+    """Records of voltage and current in time, from the lines of a file.
+
+    Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz) or v_a,v_b,v_c,i_a,i_b,i_c (frame: abc); optional
+    sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
+    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), s_base_va, v_base_v say how they are meant.
+
+    where : for errors, and the source of the events. keys : keys that the file lacks or has wrong; they win over the file.
+
+    Raises SweepError naming file and line, or the record (event_rest, event_samples).
+    """
     comments, body = comments_and_body(lines)
     found, notes = read_keys(comments, where, KEYS, CHOICES)
     for key in keys:

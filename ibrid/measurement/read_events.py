@@ -25,7 +25,7 @@ WORKBOOKS = (".xlsx", ".xlsm", ".parquet")
 def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
     """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
 
-    path : a CSV of the project (event_csv.read_event_csv), a COMTRADE record (.cfg beside .dat, .cff), another table (text,
+    path : a CSV of the project (docs/events.md), a COMTRADE record (.cfg beside .dat, .cff), another table (text,
         xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel.
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
         of tables also t and record.

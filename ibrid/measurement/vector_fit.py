@@ -32,30 +32,17 @@ def vector_fit(frequency: np.ndarray, response: np.ndarray, order: int, weight: 
 
     frequency : (K,) Hz. response : complex, (K, 2, 2). weight : (K,), of each frequency's error. Returns (K, 2, 2).
     """
-    return _fitted(frequency, response, order, weight)[0]
-
-
-def fitted_poles(frequency: np.ndarray, response: np.ndarray, order: int) -> np.ndarray:
-    """The poles (rad/s) of such a function, stable, of a pair the upper one alone; weighed by 1/|Y|_F."""
-    weight = 1.0 / np.linalg.norm(response, axis=(1, 2))
-    return 2 * np.pi * frequency[-1] * _fitted(frequency, response, order, weight)[1]
-
-
-def _fitted(
-    frequency: np.ndarray, response: np.ndarray, order: int, weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The values (K, 2, 2) of the function, and its poles over the highest frequency."""
     s = 1j * frequency / frequency[-1]
     poles = _starting_poles(frequency / frequency[-1], order)
     values = response.reshape(len(s), 4)
-    best, its_poles, least = values * np.nan, poles, np.inf
+    best, least = values * np.nan, np.inf
     for _ in range(ROUNDS):
         fitted = _residues(s, values, poles, weight)
         left = float((np.abs(weight[:, None] * (fitted - values)) ** 2).sum())
         if left < least:
-            best, its_poles, least = fitted, poles, left
+            best, least = fitted, left
         poles = _relocated(s, values, poles, weight)
-    return best.reshape(response.shape), its_poles
+    return best.reshape(response.shape)
 
 
 @dataclass(frozen=True, eq=False)

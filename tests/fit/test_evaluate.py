@@ -272,7 +272,6 @@ def test_a_wrong_option_is_one_sentence_that_names_the_near_ones(options, words)
 @each_of(
     ("options", "words"),
     [
-        ({"seeds": "vector-fiting"}, "did you mean vector-fitting"),
         ({"objective": "relativ"}, "did you mean relative"),
         ({"seconds": 0}, "seconds must be above 0"),
         ({"seconds": math.nan}, "seconds must be above 0"),

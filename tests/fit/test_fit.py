@@ -374,13 +374,6 @@ def test_starts_lie_in_the_boxes():
         assert (x <= problem.coordinates.x_high).all()
 
 
-def test_vector_fitting_seeds_find_the_structure_too():
-    record = evaluated(EXACT, settings=FitSettings(seeds="vector-fitting"))
-    assert record.settings["seeds"] == "vector-fitting"
-    assert record.nrmse is not None
-    assert record.nrmse <= 1e-5
-
-
 def test_what_the_noise_hides_is_near_typical_values():
     """The scale of the current control, the twin of its cascade and a resistance that the noise would have below zero."""
     plant, far = PLANTS["paper_like"], []

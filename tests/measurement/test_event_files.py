@@ -7,7 +7,7 @@ import pytest
 
 import ibrid
 from ibrid.errors import SweepError
-from ibrid.measurement.event_csv import COLUMNS, read_event_csv, write_events
+from ibrid.measurement.event_csv import COLUMNS, write_events
 from ibrid.measurement.events import EventRecord
 
 F0, BEGIN, END = 50.0, 0.1, 0.2
@@ -96,21 +96,21 @@ def test_phases_that_turn_the_wrong_way_are_refused(tmp_path: Path):
     v, i = dip(TIME)
     values = np.concatenate([phases(v, TIME)[[0, 2, 1]], phases(i, TIME)[[0, 2, 1]]])
     with pytest.raises(SweepError, match="the phases turn the wrong way"):
-        read_event_csv(write(tmp_path / "a.csv", values, TIME))
+        ibrid.read_events(write(tmp_path / "a.csv", values, TIME))
 
 
 def test_another_nominal_frequency_is_named(tmp_path: Path):
     v, i = dip(TIME)
     values = np.concatenate([phases(v, TIME), phases(i, TIME)])
     with pytest.raises(SweepError, match=r"f0_hz = 60; found 50.00 Hz"):
-        read_event_csv(write(tmp_path / "a.csv", values, TIME), f0_hz=60)
+        ibrid.read_events(write(tmp_path / "a.csv", values, TIME), f0_hz=60)
 
 
 def test_a_record_without_rest_is_refused(tmp_path: Path):
     v, i = dip(TIME + BEGIN - 0.03)
     values = np.stack([v.real, v.imag, i.real, i.imag])
     with pytest.raises(SweepError, match="must begin at rest for two cycles"):
-        read_event_csv(write(tmp_path / "a.csv", values, TIME))
+        ibrid.read_events(write(tmp_path / "a.csv", values, TIME))
 
 
 def test_a_negative_sequence_of_five_percent_is_reported_as_that(tmp_path: Path):

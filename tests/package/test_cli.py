@@ -346,7 +346,6 @@ WRONG = [
     (["evaluate", "gfl", "paper_like", "--vocabulary", "papr"], "did you mean paper"),
     (["evaluate", "gfl", "paper_like", "--objective", "nrsme"], "did you mean nrmse"),
     (["evaluate", "gfl", "paper_like", "--objective", "sigma"], "noise"),
-    (["evaluate", "gfl", "paper_like", "--seeds", "vector"], "vector-fitting"),
     (["evaluate", "gfl", "paper_like", "--restarts", "-1"], "must be a whole number"),
     (["evaluate", "gfl", "paper_like", "--seconds", "0"], "must be a positive number"),
     (["evaluate", "gfl", "paper_like", "--holdout-op", "p=1"], "did you mean p=1"),
@@ -441,7 +440,7 @@ def test_a_record_with_a_damaged_value_is_neither_shown_nor_exported(
 
 
 def test_a_list_of_choices_is_told_once(capsys: pytest.CaptureFixture[str]):
-    for option, known in (("--objective", "relative"), ("--seeds", "vector-fitting"), ("--parameters", "per-op")):
+    for option, known in (("--objective", "relative"), ("--parameters", "per-op")):
         assert cli.main(["evaluate", "gfl", "paper_like", option, "zzz"]) == 2
         assert assert_one_sentence(capsys).count(known) == 1
 

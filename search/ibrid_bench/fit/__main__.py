@@ -9,7 +9,6 @@ from ibrid_bench.fit.unmeasured import inverters, predicted
 from ibrid_bench.fit.weak_grid import critical_ratios
 
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.fit.settings import FitSettings
 from ibrid.measurement.read import read_sweep
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.library import textbook
@@ -61,14 +60,12 @@ def _known_structure() -> None:
     _title("Known structure from default starts: right minimum found (4 seeds x 25 devices each)")
     for population in ("textbook", "wide"):
         found = devices(25, population)
-        for how in ("textbook", "vector-fitting"):
-            clean = solved(found, 4, how=FitSettings(seeds=how))
-            right = int((clean.errors <= 1e-5).sum())
-            print(
-                f"{population:9s} clean, {how + ' seeds':22s} {right:3d} of {clean.errors.size}   "
-                f"median {clean.median_seconds:.3f} s",
-                flush=True,
-            )
+        clean = solved(found, 4)
+        right = int((clean.errors <= 1e-5).sum())
+        print(
+            f"{population:9s} clean: {right:3d} of {clean.errors.size}   median {clean.median_seconds:.3f} s",
+            flush=True,
+        )
         for decibel in (60, 40):
             answer = noisy(found, 4, decibel)
             print(
