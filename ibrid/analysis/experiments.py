@@ -118,10 +118,10 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point can be asked.
     """
     answer = records[0]
-    known = answer.covariance.get("names", ())
+    free = answer.covariance.get("names", ())
     for name in among.parameters:
-        if name not in known:
-            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, known)}")
+        if name not in free:
+            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, free)}")
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
     found, why = list[Experiment](), "none was asked"
