@@ -18,7 +18,7 @@ from ibrid.analysis.collector_model import CollectorCoordinates, CollectorModel
 from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.fit.least_squares import Descent, Points
+from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
@@ -30,6 +30,8 @@ from ibrid.playback.compare import model_of_record
 
 #: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows sets the scale of w.
 STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enough=1e-6, small=1e-6)
+#: What a descent from an end at a kink, where a limit begins to act, must gain in T to be followed by one more.
+KINK = 1e-2
 #: The linear gain in T below which no parameter is tried; T of a number from which on nothing is linear.
 LEAST, FAR = 4.0, 10.0
 #: Points of a finer scan, and logarithms of factors at which a parameter is scanned.
@@ -131,12 +133,15 @@ class FreedFits(ABC):
         return {j: gain[j] for j in sorted(gain, key=lambda j: -gain[j])}
 
     def fit(self, free: Sequence[int], near: FreedFit | None = None) -> FreedFit:
-        """The least T with these parameters free, by damped least squares from some starts."""
-        model = Freed(self, free)
-        least = DESCENT.go(model, DESCENT.begin(model, self.starts(free, near)), STEPS).best(1).points
+        """The least T with these parameters free, by damped least squares from some starts; again from an end at a kink."""
+        model, before = Freed(self, free), np.inf
+        least = DESCENT.go(model, DESCENT.begin(model, self.starts(free, near)), STEPS).best(1)
+        while least.ended[0] in (Ending.STALLED, Ending.DAMPED) and least.cost[0] < before - KINK:
+            before, least = least.cost[0], DESCENT.go(model, DESCENT.begin(model, least.x), STEPS)
         if not np.isfinite(least.cost[0]):
             raise IbridError("the record's model has no finite answer at the operating points of the data")
-        return FreedFit(least.x[0], model.parameters(least.x)[0], float(least.cost[0]), model.normal(least)[1][0])
+        values, normal = model.parameters(least.x)[0], model.normal(least.points)[1][0]
+        return FreedFit(least.x[0], values, float(least.cost[0]), normal)
 
 
 class Freed:
