@@ -67,7 +67,7 @@ def draw_trajectory(axes: Sequence[Axes], shown: Trajectory) -> None:
     spots = [(x, float(np.clip(y, low, high)), words) for x, y, words in shown.milestones]
     plane.plot([x for x, _, _ in spots], [y for _, y, _ in spots], linestyle="none", marker="o", markersize=4.5,
                color=SERIES_STAND_INS[0], gid="milestones")  # fmt: skip
-    label_points(plane, _worth_a_label(spots), _stairs(x, y) + [(0.0, one, last, one) for one in levels])
+    _label(plane, _worth_a_label(spots), _stairs(x, y) + [(0.0, one, last, one) for one in levels])
 
 
 def draw_front(axes: Sequence[Axes], shown: ErrorAgainstCost) -> None:
@@ -163,101 +163,33 @@ def _stairs(x: np.ndarray, y: np.ndarray) -> list[Line]:
     return found + [(float(a), float(b), float(a), float(c)) for a, b, c in zip(x[1:], y[:-1], y[1:], strict=True)]
 
 
-#: Size of the letters in points; a character and a line are generous because the reader's font is not known.
-SIZE = 9.0
-CHARACTER, LINE = 4.9, 12.0
-#: Characters of a label at most.
-LONGEST = 48
-#: Places that are tried: points to the right, or with a minus to the left, and lines up.
-RIGHT = (10, 24, 45, 80, 130, 190, -10, -24, -45, -80)
-UP = (0, 1, 2, 3, -1, 4, 5, -2, 6, 8, 10, 12, -3)
-
-#: Points of detour that a place on the left, under a falling curve, is worth: what is not the best lies on the right.
-AWAY = 40
-
-Box = tuple[float, float, float, float]
+#: Size of the letters in points, and characters of a label at most.
+SIZE, LONGEST = 9.0, 48
 
 
-def label_points(plane: Axes, points: Sequence[tuple[float, float, str]], curve: Sequence[Line]) -> None:
-    """Put a label beside each of `points` (x, y, words in data coordinates), in their order, with a line that leads to it.
+def _label(plane: Axes, points: Sequence[tuple[float, float, str]], curve: Sequence[Line]) -> None:
+    """Put a label beside each of `points` (x, y, words), with a line that leads to it; one that finds no place gets none.
 
-    `curve` : straight pieces in data coordinates that no label may cover, best of a line that falls to the right. A point
-    that finds no place gets no label.
+    `curve` : straight pieces that no label may cover. All in data coordinates.
     """
-    from matplotlib.figure import Figure
+    import textalloc  # as matplotlib: only who draws needs it
 
-    figure = plane.figure
-    if not points or not isinstance(figure, Figure):
+    if not points:
         return
-    figure.draw_without_rendering()  # settles the layout, so that places are known
-    scale = 72.0 / figure.dpi
-    width, height = (scale * one for one in plane.get_window_extent().size)
-
-    def place(x: float, y: float) -> tuple[float, float]:
-        across, down = plane.transAxes.inverted().transform(plane.transData.transform((x, y)))
-        return float(across) * width, float(down) * height
-
-    lines: list[Line] = [(*place(a, b), *place(c, d)) for a, b, c, d in curve]
-    boxes: list[Box] = []
-    for x, y, words in points:
-        at, text = place(x, y), _shortened(words)
-        found = _free_place(at, text, boxes, lines, (width, height))
-        if found is None:
-            continue
-        box, lead = found
-        boxes.append(box)
-        lines.append(lead)
-        side = 0 if lead[2] > at[0] else 2  # the end of the label that looks at its point
-        plane.annotate(text, (x, y), (box[side] - at[0], (box[1] + box[3]) / 2 - at[1]), textcoords="offset points",
-                       ha=("left", "", "right")[side], fontsize=SIZE, color=INK, va="center", annotation_clip=False,
-                       arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 2,
-                                   "relpos": (side / 2, 0.5)}, parse_math=False).set_in_layout(False)  # fmt: skip
+    plane.figure.draw_without_rendering()  # settles the layout, so that places are known
+    x, y, words = map(list, zip(*points, strict=True))
+    across, up = [[a, c] for a, _, c, _ in curve], [[b, d] for _, b, _, d in curve]
+    _, _, labels, leads = textalloc.allocate(
+        plane, x, y, [_shortened(one) for one in words], x_scatter=x, y_scatter=y, x_lines=across, y_lines=up, textsize=SIZE,
+        textcolor=INK, linecolor=MUTED, linewidth=0.7, margin=0.004, min_distance=0.01, max_distance=0.25, nbr_candidates=600,
+        draw_all=False, avoid_label_lines_overlap=True, avoid_crossing_label_lines=True, parse_math=False,
+    )  # fmt: skip
+    for one in (*labels, *leads):
+        if one is not None:
+            one.set_in_layout(False)
 
 
 def _shortened(words: str) -> str:
     """At most `LONGEST` characters, of those that the font of the layout knows."""
     words = "".join(one if one.isprintable() and (ord(one) < 0x250 or one in "–…→") else "?" for one in words)
     return words if len(words) <= LONGEST else words[: LONGEST - 1].rstrip() + "…"
-
-
-def _free_place(
-    at: tuple[float, float], text: str, boxes: Sequence[Box], lines: Sequence[Line], size: tuple[float, float]
-) -> tuple[Box, Line] | None:
-    """The nearest place beside a point for a label, and the line that leads to it."""
-    long = CHARACTER * len(text) + 4
-    offsets = [(dx, LINE * dy) for dx in RIGHT for dy in UP if dx < 0 or dy]  # level to the right is the curve
-    for dx, dy in sorted(offsets, key=lambda one: math.hypot(one[0], 1.6 * one[1]) + (AWAY if one[0] > 0 else 0)):
-        x, y = at[0] + dx, at[1] + dy
-        left = x if dx > 0 else x - long
-        box = (left, y - LINE / 2, left + long, y + LINE / 2)
-        lead = (at[0] + math.copysign(3, dx), at[1] + math.copysign(min(3.0, abs(dy)), dy), x - math.copysign(1, dx), y)
-        if box[0] < 0 or box[2] > size[0] or box[1] < 0 or box[3] > size[1]:
-            continue
-        if any(_overlap(box, other) or _meets(lead, other) for other in boxes):
-            continue
-        if any(_meets(line, box) for line in lines) or any(_cross(lead, line) for line in lines):
-            continue
-        return box, lead
-    return None
-
-
-def _overlap(one: Box, other: Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
-
-
-def _meets(line: Line, box: Box) -> bool:
-    """Whether a line has a point in a box: it begins or ends there, or crosses a side."""
-    left, low, right, high = box
-    if any(left <= x <= right and low <= y <= high for x, y in (line[:2], line[2:])):
-        return True
-    sides = ((left, low, right, low), (left, high, right, high), (left, low, left, high), (right, low, right, high))
-    return any(_cross(line, side) for side in sides)
-
-
-def _cross(one: Line, other: Line) -> bool:
-    """Whether two pieces of straight line have a point in common, other than by touching."""
-
-    def side(line: Line, x: float, y: float) -> float:
-        return (line[2] - line[0]) * (y - line[1]) - (line[3] - line[1]) * (x - line[0])
-
-    return side(one, *other[:2]) * side(one, *other[2:]) < 0 and side(other, *one[:2]) * side(other, *one[2:]) < 0
