@@ -176,17 +176,14 @@ def _label(plane: Axes, points: Sequence[tuple[float, float, str]], curve: Seque
 
     if not points:
         return
-    plane.figure.draw_without_rendering()  # settles the layout, so that places are known
-    x, y, words = map(list, zip(*points, strict=True))
-    across, up = [[a, c] for a, _, c, _ in curve], [[b, d] for _, b, _, d in curve]
-    _, _, labels, leads = textalloc.allocate(
-        plane, x, y, [_shortened(one) for one in words], x_scatter=x, y_scatter=y, x_lines=across, y_lines=up, textsize=SIZE,
-        textcolor=INK, linecolor=MUTED, linewidth=0.7, margin=0.004, min_distance=0.01, max_distance=0.25, nbr_candidates=600,
-        draw_all=False, avoid_label_lines_overlap=True, avoid_crossing_label_lines=True, parse_math=False,
+    x, y = np.array([one[:2] for one in points]).T
+    lines = np.array(curve).reshape(-1, 2, 2)  # pieces, ends, (x, y)
+    textalloc.allocate(
+        plane, x, y, [_shortened(words) for _, _, words in points], x_scatter=x, y_scatter=y, x_lines=list(lines[..., 0]),
+        y_lines=list(lines[..., 1]), textsize=SIZE, textcolor=INK, linecolor=MUTED, linewidth=0.7, margin=0.004,
+        min_distance=0.01, max_distance=0.25, nbr_candidates=600, draw_all=False, avoid_label_lines_overlap=True,
+        avoid_crossing_label_lines=True, parse_math=False,
     )  # fmt: skip
-    for one in (*labels, *leads):
-        if one is not None:
-            one.set_in_layout(False)
 
 
 def _shortened(words: str) -> str:
