@@ -5,6 +5,7 @@ from ibrid_bench.events.cases import EventCase, draw
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
 from ibrid.gap.trial import Model
+from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.structure.library import textbook
 
 
@@ -40,3 +41,15 @@ def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decide
         name: best.refit.values[f"momentary_cessation.{name}"] / told[name] for name in ("v_block", "t_hold", "ramp")
     }
     assert all(abs(ratio - 1.0) < 5e-3 for ratio in found.values()), found
+
+
+def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
+    monkeypatch.setattr("ibrid.gap.records.RACED", 1)
+    case = draw("pll_filter", 3, None, swept=True)
+    question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    records = question.records(question.prior(), CATALOGUE)
+    given = records.given(question.diagram)
+    assert given is not None
+    edits = insertions(given.diagram, records.kinds, CATALOGUE)
+    filters = [records.edited(given, one) for one in edits if one.effect == "pll_prefilter"]
+    assert any(one is not None and one.adequate() for one in filters)
