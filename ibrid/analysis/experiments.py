@@ -119,8 +119,9 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     """
     answer = records[0]
     free = answer.covariance.get("names", ())
-    if strange := [name for name in among.parameters if name not in free]:
-        raise IbridError(f"the answer has no free parameter {strange[0]!r}; {near(strange[0], free)}")
+    for name in among.parameters:
+        if name not in free:
+            raise IbridError(f"the answer has no free parameter {name!r}; {near(name, free)}")
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
     found, why = list[Experiment](), "none was asked"
@@ -180,8 +181,10 @@ def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
 
 def _most_bits(found: Sequence[Experiment]) -> dict[tuple[str, str], float]:
     """Pair of structures -> bits by which the best experiment tells them apart."""
-    pairs = [pair for told in found for pair in told.separates]
-    return {pair[:2]: max(bits for *same, bits in pairs if tuple(same) == pair[:2]) for pair in pairs}
+    most: dict[tuple[str, str], float] = {}
+    for one, other, bits in (pair for told in found for pair in told.separates):
+        most[one, other] = max(bits, most.get((one, other), 0.0))
+    return most
 
 
 def hopeless(found: Sequence[Experiment]) -> set[tuple[str, str]]:

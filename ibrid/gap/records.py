@@ -25,8 +25,8 @@ from ibrid.structure.diagram import Diagram
 
 #: Draws beside the nominal values, of the given model.
 DRAWS = 3
-#: Edits of a model that race, the first by a glance, and of those that the first by the sweep beside; those in front at its end
-#: are fitted.
+#: Edits of a model that race: the first by a glance at the records, and the first by one at the sweep beside them. Those in front
+#: at the end are fitted.
 RACED, SWEPT = 32, 8
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
@@ -144,20 +144,20 @@ class Records(Data):
     def _fitted(self, model: Model) -> dict[_Edit, Model]:
         """The model with every edit of the program; those in front of a race of the first by their glances are fitted.
 
-        What is missing has bent the rest of the model, so that a glance ranks what explains the data among the first two dozen
-        and no higher. A sweep beside the records ranks it better, where it shows there.
+        What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
+        thirty and no higher. A sweep beside them ranks it better, where it shows there.
         """
         key = id(model.refit)
         if key not in self._fits:
             edits = insertions(model.diagram, self.kinds, self.catalogue)
             glances = [(edit, one) for edit in edits if (one := self._glance(model, edit)) is not None]
-            swept, first = self._swept(model, edits), sorted(glances, key=lambda pair: pair[1].refit.cost)[:RACED]
-            first += [pair for pair in glances if _edit(pair[0]) in swept and pair not in first]
+            swept = self._swept(model, edits)
             runners = [
                 ((edit, glance), one)
-                for edit, glance in first
+                for place, (edit, glance) in enumerate(sorted(glances, key=lambda pair: pair[1].refit.cost))
+                if place < RACED or _edit(edit) in swept
                 for one in self.fitter.misfit(edit.diagram, self.beside(glance)).racing.best_of(
-                    [glance.refit.values, *swept.get(_edit(edit), ())], 1
+                    [one for one in (glance.refit.values, swept.get(_edit(edit))) if one is not None], 1
                 )
             ]
             found, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
@@ -171,13 +171,13 @@ class Records(Data):
             self._fits[key] = model.refit, found
         return self._fits[key][1]
 
-    def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[_Edit, tuple[Values]]:
+    def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[_Edit, Values]:
         """The edits that explain most of the sweep at a glance, with their values there; none without a sweep."""
         if (refitter := self.fitter.refitter) is None:
             return {}
         looks = [(one, refitter.glance(one.diagram, strengths(one, (model.refit.values, {})))) for one in edits]
         found = sorted(((one, look) for one, look in looks if look is not None), key=lambda pair: pair[1].cost)
-        return {_edit(one): (look.values,) for one, look in found[:SWEPT]}
+        return {_edit(one): look.values for one, look in found[:SWEPT]}
 
     def _glance(self, model: Model, insertion: Insertion) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, after a step.

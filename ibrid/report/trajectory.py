@@ -172,10 +172,10 @@ def _label(plane: Axes, points: Sequence[tuple[float, float, str]], curve: Seque
 
     `curve` : straight pieces that no label may cover. All in data coordinates.
     """
-    import textalloc  # as matplotlib: only who draws needs it
-
     if not points:
         return
+    import textalloc  # as matplotlib: only who draws needs it
+
     x, y = np.array([one[:2] for one in points]).T
     lines = np.array(curve).reshape(-1, 2, 2)  # pieces, ends, (x, y)
     textalloc.allocate(
