@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.gap.data import Data, Values
+from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
@@ -85,11 +85,14 @@ class Records(Data):
         width = np.minimum(misfit.beliefs.width(middle), 0.7)
         drawn = middle + 0.5 * width * self.rng.standard_normal((DRAWS, len(middle)))
         starts: list[Values] = [{}, *(misfit.values(one) for one in np.clip(drawn, *misfit.box))]
-        if self.fitter.refitter is not None:
-            small = self.fitter.refitter.refit(diagram, [{}], draws=16)
-            starts += [] if small is None else [small.values]
-        fit = self.fitter.fit(diagram, self.limits, starts)
+        small = self._by_sweep(diagram)
+        fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
         return None if fit is None else Model(diagram, Convention(), fit)
+
+    def _by_sweep(self, diagram: Diagram) -> Fitted | None:
+        """What the sweep alone says of a diagram; None without one, or without an answer."""
+        refitter = self.fitter.refitter
+        return None if refitter is None else refitter.refit(diagram, [{}], draws=16)
 
     def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
         """A model fitted from starts."""
@@ -117,7 +120,9 @@ class Records(Data):
         key = id(model.refit)
         if key not in self._races:
             places = self._limit_places(model)
-            origins = [model.refit.values] if model.adequate() else [{}, *self._origins(model)]
+            small = None if model.adequate() else self._by_sweep(model.diagram)
+            first: Values = {} if small is None or small.p_value() < ADEQUATE else small.values
+            origins = [model.refit.values] if model.adequate() else [first, *self._origins(model)]
             fits = race(
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
                 led=not model.adequate(),

@@ -1,6 +1,6 @@
 """Which form of a missing limit explains records, from values 15 % off; the device is simulated apart from the package."""
 
-from ibrid_bench.events.cases import EventCase, draw
+from ibrid_bench.events.cases import NAMES, EventCase, draw
 
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
@@ -41,6 +41,25 @@ def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decide
         name: best.refit.values[f"momentary_cessation.{name}"] / told[name] for name in ("v_block", "t_hold", "ramp")
     }
     assert all(abs(ratio - 1.0) < 5e-3 for ratio in found.values()), found
+
+
+def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
+    """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of its own."""
+    begun = []
+    monkeypatch.setattr(
+        "ibrid.gap.records.race",
+        lambda fitter, places, beside, origins, led: begun.append(origins[0]) or [None for _ in places],
+    )
+    case = draw("current_limit", 5, 40.0, swept=True)
+    question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    records = question.records(question.prior())
+    given = records.given(question.diagram)
+    assert given is not None
+    assert not given.adequate()
+    records.insertions(given)
+    loops = {name: key for key, name in NAMES.items() if name in ("pll.kP_pll", "power.kI", "plant.C_F")}
+    off = {name: begun[0][name] / case.device.numbers[key] for name, key in loops.items()}
+    assert all(abs(ratio - 1.0) < 0.1 for ratio in off.values()), off
 
 
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
