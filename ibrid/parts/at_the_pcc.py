@@ -66,21 +66,13 @@ def no_second_device(view: View) -> Iterator[Move]:
     """A device that has no controller taken away; the other delivers everything."""
     if view.alone or view.roles.missing_layers < 3:
         return
-
-    def gone(draft: Edit) -> None:
-        for name in list(draft.instances):
-            draft.remove(name)
-
-    yield Move(f"without the device of {view.roles.plant}", gone)
-
-
-def _incomplete(view: View) -> bool:
-    return view.roles.missing_layers > 0
+    yield Move(f"without the device of {view.roles.plant}", lambda draft: draft.remove(*draft.instances))
 
 
 _BANDS = (1.0, 1.0, 1.0, 1.0)
+_WANTED = where_missing(second_device, lambda view: view.roles.missing_layers > 0)
 
 FAMILIES = (
-    Family("second device", "structural", _BANDS, 0.005, where_missing(second_device, _incomplete), if_gross=0.1),
+    Family("second device", "structural", _BANDS, 0.005, _WANTED, if_gross=0.1),
     Family("one device less", "structural", _BANDS, 0.2, no_second_device),
 )

@@ -63,12 +63,8 @@ def twin_removals(view: View) -> Iterator[Move]:
     for one, twin in combinations(view.draft.instances, 2):
         kind = view.draft.kind(one)
         if view.kind(twin) == kind.name and kind.in_line and kind.parameters and view.bound(one) == view.bound(twin):
-
-            def both(draft: Edit, one: str = one, twin: str = twin) -> None:
-                draft.bypass(twin)
-                draft.bypass(one)
-
-            yield Move(f"without the {kind.name}s {one} and {twin}", both)
+            note = f"without the {kind.name}s {one} and {twin}"
+            yield Move(note, lambda draft, one=one, twin=twin: draft.bypass(twin, one))
 
 
 def any_wire(view: View) -> Iterator[Move]:

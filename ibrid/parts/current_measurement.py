@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.command import DELAYS
-from ibrid.parts.edit import Edit, Strength, cutoff
+from ibrid.parts.edit import Strength, cutoff
 from ibrid.parts.paths import current_entries, current_path, decouplings, grid_current, measured_current
 from ibrid.parts.practice import Effect, Family
 from ibrid.parts.shaping import DELAY_TIME, in_line, put_behind, shapers
@@ -135,11 +135,8 @@ def other_current(view: View) -> Iterator[Move]:
 
 def everywhere(old: str, new: str) -> Move:
     """Another measured signal wherever the controller takes one."""
-
-    def draw(draft: Edit) -> None:
-        draft.rewire(old, new, *in_control(draft, old))
-
-    return Move(f"{new} instead of {old} in the whole controller", draw)
+    words = f"{new} instead of {old} in the whole controller"
+    return Move(words, lambda draft: draft.rewire(old, new, *in_control(draft, old)))
 
 
 FAMILIES = (Family("current filter", "module", (0.1, 0.5, 1.0, 0.7), 1.0, current_filters),)

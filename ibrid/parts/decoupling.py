@@ -25,8 +25,8 @@ def couplings_at_hand(view: View) -> tuple[str, ...]:
 def cross_coupling(draft: Edit, view: View, name: str, *, vanishes: bool) -> None:
     """Give a new coupling the frequency of the frame where it takes one, and strengths in the unit of its kind."""
     measured = draft.kind(name).element is Element.COUPLING_AT_FREQUENCY
-    for source in frequency_sources(draft, view) if measured else ():
-        draft.connect(source, f"{name}.delta_omega")
+    if measured:
+        draft.gather(f"{name}.delta_omega", *frequency_sources(draft, view))
     unit = 1.0 if measured else NOMINAL
     draft.usually(name, L=Strength(tuple(one / unit for one in INDUCTANCES), 0.0 if vanishes else None))
 

@@ -54,8 +54,7 @@ class Device:
         diagram.extend(rest, [Connection(*one) for one in wires])
         draft = Draft(diagram, kinds)
         for share in draft.having(Element.SHARE):
-            for target in draft.targets(f"{share}.v"):
-                draft.connect(TERMINAL_VOLTAGE, target)
+            draft.connect(TERMINAL_VOLTAGE, *draft.targets(f"{share}.v"))
             draft.remove(share)
         return draft.diagram()
 

@@ -73,8 +73,7 @@ def _droop(
 def _gain(draft: Edit, sources: Iterable[str], name: str, strength: Strength, low_pass: str) -> str:
     """The output of a gain of some sources, behind a low-pass unless its name is ""."""
     gain = draft.add("Gain", name, k=strength)
-    for source in sources:
-        draft.connect(source, f"{gain}.in_")
+    draft.gather(f"{gain}.in_", *sources)
     if low_pass:
         draft.insert_before(f"{gain}.in_", "LPF1", low_pass, omega_c=SLOW)
     return f"{gain}.out"

@@ -112,19 +112,6 @@ class Edit(Draft):
         self.connect(source, f"{name}.in_")
         return f"{name}.out"
 
-    def rewire(self, old: str, new: str, *targets: str) -> None:
-        """Let inputs that take one source take another."""
-        for target in targets:
-            self.disconnect(old, target)
-            self.connect(new, target)
-
-    def drive(self, target: str, *sources: str) -> None:
-        """Let these sources and no others drive an input."""
-        for old in self.sources(target):
-            self.disconnect(old, target)
-        for source in sources:
-            self.connect(source, target)
-
     def _at_hand(self, kind: str) -> str:
         name = stand_in(kind, tuple(self.vocabulary.values()))
         if name is None:

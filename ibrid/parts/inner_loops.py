@@ -109,8 +109,7 @@ def voltage_loop(view: View) -> Iterator[Move]:
         def loop(draft: Edit, what: str = what) -> None:
             name = draft.add("PI_dq", "voltage", **pi_gains((0.2, 0.5, 1.5), (10.0, 70.0, 500.0)))
             if what == "in place of the outer loops":
-                for outer in roles.outer:
-                    draft.remove(outer)
+                draft.remove(*roles.outer)
             for source in draft.sources(roles.reference) if what.startswith("with") else []:
                 if _packed(draft, source):
                     draft.disconnect(source, roles.reference)
@@ -139,29 +138,18 @@ def loop_removals(view: View) -> Iterator[Move]:
     for name in roles.outer:
         yield Move(f"without {name}, an outer {view.kind(name)}", lambda draft, name=name: draft.remove(name))
     if len(roles.outer) > 1:
-
-        def cut_all(draft: Edit) -> None:
-            for name in roles.outer:
-                draft.remove(name)
-
-        yield Move("without outer loops", cut_all)
-
-
-def _forming_alone(view: View) -> bool:
-    return grid_forming(view) and not view.roles.outer
-
-
-def _forming_beside(view: View) -> bool:
-    return grid_forming(view) and bool(view.roles.outer)
+        yield Move("without outer loops", lambda draft: draft.remove(*roles.outer))
 
 
 _BANDS = (1.0, 1.0, 0.5, 0.1)
+_ALONE = where_present(voltage_loop, lambda view: grid_forming(view) and not view.roles.outer)
+_BESIDE = where_present(voltage_loop, lambda view: grid_forming(view) and bool(view.roles.outer))
 
 #: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop.
 FAMILIES = (
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
-    Family("voltage loop", "structural", _BANDS, 9.0, where_present(voltage_loop, _forming_alone), True),
-    Family("voltage loop too", "structural", _BANDS, 6.0, where_present(voltage_loop, _forming_beside)),
+    Family("voltage loop", "structural", _BANDS, 9.0, _ALONE, True),
+    Family("voltage loop too", "structural", _BANDS, 6.0, _BESIDE),
     Family("other voltage loop", "structural", _BANDS, 0.3, where_missing(voltage_loop, grid_forming), if_gross=1.5),
 )
 LESS = (Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, if_gross=0.5),)

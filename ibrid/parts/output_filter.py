@@ -1,6 +1,7 @@
 """What is built between converter and PCC: the output filter with its capacitor, its damping, a line in front of the PCC."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 
 from ibrid.modules.behaviour import Element
@@ -31,11 +32,7 @@ def _exchange(draft: Edit, view: View, kind: str) -> str:
 
 def _plant(view: View, kind: str, strengths: Mapping[str, Strength], change, where: str) -> Move:
     """Another plant, with strengths for its new parameters."""
-
-    def draw(draft: Edit) -> None:
-        draft.usually(_exchange(draft, view, kind), **strengths)
-
-    return Move.at(change, where, draw)
+    return Move.at(change, where, lambda draft: draft.usually(_exchange(draft, view, kind), **strengths))
 
 
 def _with_capacitor(draft: Edit, view: View, strengths: Mapping[str, Strength], *, converter: bool) -> None:
@@ -50,8 +47,7 @@ def _with_capacitor(draft: Edit, view: View, strengths: Mapping[str, Strength], 
 
 
 def _without_capacitor(draft: Edit, view: View, kind: str) -> None:
-    for target in draft.targets(f"{view.roles.plant}.i_ti"):
-        draft.connect(grid_current(view), target)
+    draft.connect(grid_current(view), *draft.targets(f"{view.roles.plant}.i_ti"))
     _exchange(draft, view, kind)
 
 
@@ -128,13 +124,8 @@ def _trap_filter(view: View) -> Iterator[Move]:
     if kind == "LCL_trap":
         yield _plant(view, "LCL", {}, "remove", f"the trap of {plant}")
     elif kind == "LCL" and view.known("LCL_trap"):
-
-        def trapped(draft: Edit) -> None:
-            draft.usually(_exchange(draft, view, "LCL_trap"), **TRAP)
-
-        yield Move(
-            "a trap beside the capacitor", trapped, change="add", where=f"a series L_t, R_t, C_t beside C_F of {plant}"
-        )
+        trapped = _plant(view, "LCL_trap", TRAP, "add", f"a series L_t, R_t, C_t beside C_F of {plant}")
+        yield replace(trapped, note="a trap beside the capacitor")
 
 
 TRAP_FILTER = Effect(
@@ -149,11 +140,8 @@ TRAP_FILTER = Effect(
 )
 
 
-def _trapped(view: View) -> bool:
-    return view.shipped(view.roles.plant) != "LCL"
-
-
-TRAPS = (Family("trap", "module", (0.0, 0.0, 0.5, 1.0), 0.3, where_missing(_trap_filter, _trapped)),)
+_UNTRAPPED = where_present(_trap_filter, lambda view: view.shipped(view.roles.plant) == "LCL")
+TRAPS = (Family("trap", "module", (0.0, 0.0, 0.5, 1.0), 0.3, _UNTRAPPED),)
 
 
 def _series_impedance(view: View) -> Iterator[Move]:
@@ -196,21 +184,13 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-def _forming_or_lcl(view: View) -> bool:
-    return view.roles.lcl or grid_forming(view)
-
-
-def _following_or_lcl(view: View) -> bool:
-    return view.roles.lcl or not grid_forming(view)
-
-
 _BANDS = (0.2, 0.4, 1.0, 1.0)
+_FOLLOWING = where_missing(filter_capacitor, lambda view: view.roles.lcl or grid_forming(view))
+_FORMING = where_missing(filter_capacitor, lambda view: view.roles.lcl or not grid_forming(view))
 
 #: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop.
 FAMILIES = (
-    Family("filter", "structural", _BANDS, 9.0, where_missing(filter_capacitor, _forming_or_lcl), any_time=True),
-    Family(
-        "capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, where_missing(filter_capacitor, _following_or_lcl), True
-    ),
+    Family("filter", "structural", _BANDS, 9.0, _FOLLOWING, any_time=True),
+    Family("capacitor", "structural", (1.0, 1.0, 1.0, 1.0), 9.0, _FORMING, True),
     Family("other filter", "structural", _BANDS, 0.5, where_present(filter_capacitor, lambda view: view.roles.lcl)),
 )

@@ -39,11 +39,8 @@ def _filter_of(view: View, power: str) -> str | None:
 
 
 def _without(names: Sequence[str], where: str) -> Move:
-    def draw(draft: Edit) -> None:
-        for name in reversed(names):  # the first lends its parameters to the others
-            draft.bypass(name)
-
-    return Move.at("remove", where, draw)
+    last_first = tuple(reversed(names))  # the first lends its parameters to the others
+    return Move.at("remove", where, lambda draft: draft.bypass(*last_first))
 
 
 def _put(draft: Edit, block: str, axes: Sequence[str], kind: str) -> None:

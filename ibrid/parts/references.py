@@ -27,8 +27,7 @@ def _power_reference(view: View) -> Iterator[Move]:
     for filtered in (True, False):
 
         def opened(draft: Edit, filtered: bool = filtered) -> None:
-            for name in driving:
-                draft.remove(name)
+            draft.remove(*driving)
             voltage = view.roles.voltage
             if filtered:
                 strengths = FILTERED if not driving else {"omega_c": Strength(FILTERED["omega_c"].bank)}
@@ -77,10 +76,8 @@ def _reference_feedforward(view: View) -> Iterator[Move]:
 
         def second(draft: Edit) -> None:
             name = draft.add("Gain_dq", "reference_feedforward", **SECOND)
-            for one in references:
-                draft.connect(one, f"{name}.in_")
-            for target in draft.targets(f"{loop}.out"):
-                draft.connect(f"{name}.out", target)
+            draft.gather(f"{name}.in_", *references)
+            draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
 
         where = f"{' and '.join(references)} past {loop}"
         yield Move("two degrees of freedom of the current control", second, change="add", where=where)

@@ -46,8 +46,7 @@ def _at_hand(view: View, *kinds: str) -> list[str]:
 def _tuned(draft: Edit, view: View, name: str) -> str:
     """Let a filter of fixed tuning hear what its frame deviates by; its output."""
     if "delta_omega" in draft.kind(name).inputs and not draft.sources(f"{name}.delta_omega"):
-        for source in frequency_sources(draft, view):
-            draft.connect(source, f"{name}.delta_omega")
+        draft.gather(f"{name}.delta_omega", *frequency_sources(draft, view))
     return f"{name}.out"
 
 
@@ -163,10 +162,8 @@ def _resonant_control(view: View) -> Iterator[Move]:
 
         def beside(draft: Edit, multiple: float = multiple) -> None:
             name = draft.add("Resonant_dq", f"resonant_{multiple:g}", n=multiple, **RESONANT)
-            for source in draft.sources(f"{loop}.in_"):
-                draft.connect(source, f"{name}.in_")
-            for target in draft.targets(f"{loop}.out"):
-                draft.connect(f"{name}.out", target)
+            draft.gather(f"{name}.in_", *draft.sources(f"{loop}.in_"))
+            draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
 
         note = f"resonant control of {words}"
         yield Move(note, beside, change="add", where=f"{words} ({multiple:g} f0 in dq), beside {loop}")

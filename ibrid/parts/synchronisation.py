@@ -136,10 +136,8 @@ def blend(view: View) -> Iterator[Move]:
                 entering = draft.sources(f"{pll}.e_q")
                 droop = _droop(draft, view, filtered=filtered)
                 regulator, angle = draft.add("PI", "pll_regulator", **REGULATOR), draft.add("Integrator", "angle")
-                for source in entering:
-                    draft.connect(source, f"{regulator}.in_")
-                for target in draft.targets(f"{pll}.delta"):
-                    draft.connect(f"{angle}.out", target)
+                draft.gather(f"{regulator}.in_", *entering)
+                draft.connect(f"{angle}.out", *draft.targets(f"{pll}.delta"))
                 for target in (*draft.targets(f"{pll}.delta_omega"), f"{angle}.in_"):
                     draft.chain(f"{regulator}.out", target, droop, target)
                 draft.remove(pll)
@@ -152,8 +150,7 @@ def blend(view: View) -> Iterator[Move]:
         def pll_too(draft: Edit) -> None:
             targets = [f"{one}.delta_omega" for one in draft.instances if "delta_omega" in draft.kind(one).inputs]
             regulator = draft.after(f"{roles.plant}.e_q", "PI", "pll_regulator", **REGULATOR)
-            for target in (*targets, *(f"{name}.in_" for name in integrators)):
-                draft.connect(regulator, target)
+            draft.connect(regulator, *targets, *(f"{name}.in_" for name in integrators))
 
         yield Move("a PLL beside the droop", pll_too)
 
@@ -174,8 +171,7 @@ def frequency_damping(view: View) -> Iterator[Move]:
         def damping(draft: Edit, inertia: str = inertia) -> None:
             pll = draft.add("PLL_frequency", "grid_frequency", **PLL_GAINS)
             draft.connect(view.roles.voltage, f"{pll}.v")
-            for source in sources:
-                draft.connect(source, f"{pll}.delta_omega")
+            draft.gather(f"{pll}.delta_omega", *sources)
             share = {"k": Strength((0.3, 0.6, 0.95))}
             draft.connect(draft.after(f"{pll}.delta_omega_pll", "Gain", "frequency_damping", **share), f"{inertia}.in_")
 

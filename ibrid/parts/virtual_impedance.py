@@ -51,12 +51,8 @@ def _virtual_impedance(view: View) -> Iterator[Move]:
         where = f"{grid_current(view)} to the {place} at {target}"
         present = _drops(view, target)
         if present:
-
-            def without(draft: Edit, present: list[str] = present) -> None:
-                for name in present:
-                    draft.remove(name)
-
-            yield Move.at("remove", f"{' and '.join(present)}, {where}", without)
+            without = f"{' and '.join(present)}, {where}"
+            yield Move.at("remove", without, lambda draft, present=present: draft.remove(*present))
             for name in present:
                 if view.element(name) in COUPLINGS and roles.frequency is not None:
                     words = f"{REACTANCES[view.element(name) is Element.COUPLING]} in place of {view.kind(name)} {name}"

@@ -27,8 +27,7 @@ def _signs(view: View) -> Iterator[Move]:
             ) -> None:
                 draft.disconnect(source, target)
                 opposite = draft.sources(f"{split_port(source)[0]}.in_") if signed else [draft.negated(source)]
-                for before in opposite:
-                    draft.connect(before, target)
+                draft.gather(target, *opposite)
 
             yield Move(f"the other sign at {target}", turned)
 

@@ -105,14 +105,32 @@ class Draft:
         self.instances[name] = Instance(kind, name, bindings)
         return name
 
-    def connect(self, source: str, target: str) -> None:
-        """Add a wire, once."""
-        if (source, target) not in self.wires:
-            self.wires.append((source, target))
+    def connect(self, source: str, *targets: str) -> None:
+        """Add a wire to each target, once."""
+        for target in targets:
+            if (source, target) not in self.wires:
+                self.wires.append((source, target))
 
     def disconnect(self, source: str, target: str) -> None:
         """Remove a wire."""
         self.wires = [wire for wire in self.wires if wire != (source, target)]
+
+    def rewire(self, old: str, new: str, *targets: str) -> None:
+        """Let inputs that take one source take another."""
+        for target in targets:
+            self.disconnect(old, target)
+            self.connect(new, target)
+
+    def drive(self, target: str, *sources: str) -> None:
+        """Let these sources and no others drive an input."""
+        for old in self.sources(target):
+            self.disconnect(old, target)
+        self.gather(target, *sources)
+
+    def gather(self, target: str, *sources: str) -> None:
+        """Let these sources drive an input too."""
+        for source in sources:
+            self.connect(source, target)
 
     def chain(self, *ports: str) -> None:
         """connect(ports[0], ports[1]), connect(ports[2], ports[3]) and so on."""
@@ -133,9 +151,7 @@ class Draft:
     def insert(self, source: str, targets: Iterable[str], kind: str, stem: str, **bindings: Any) -> str:
         """Put a block of one input and one output between a source and some of its targets; returns its name."""
         name = self.add(kind, stem, **bindings)
-        for target in targets:
-            self.disconnect(source, target)
-            self.connect(f"{name}.out", target)
+        self.rewire(source, f"{name}.out", *targets)
         self.connect(source, f"{name}.in_")
         return name
 
@@ -186,20 +202,22 @@ class Draft:
         self.wires = [(port(source), port(target)) for source, target in self.wires]
         self._hand_on(old, {f"{old}.{key}": f"{new}.{key}" for key in self.kind(new).parameters})
 
-    def bypass(self, name: str) -> None:
-        """Take a block of one input and one output away and join what it stood between; a wire around it goes too."""
-        before = [source for source in self.sources(f"{name}.in_") if source != f"{name}.out"]
-        after = [target for target in self.targets(f"{name}.out") if target != f"{name}.in_"]
-        self.remove(name)
-        for source in before:
-            for target in after:
-                self.connect(source, target)
+    def bypass(self, *names: str) -> None:
+        """Take blocks of one input and one output away, one after the other, and join what each stood between; a wire around it
+        goes too."""
+        for name in names:
+            before = [source for source in self.sources(f"{name}.in_") if source != f"{name}.out"]
+            after = [target for target in self.targets(f"{name}.out") if target != f"{name}.in_"]
+            self.remove(name)
+            for source in before:
+                self.connect(source, *after)
 
-    def remove(self, name: str) -> None:
-        """Take a module and its wires away."""
-        del self.instances[name]
-        self.wires = [wire for wire in self.wires if name not in (split_port(wire[0])[0], split_port(wire[1])[0])]
-        self._hand_on(name, {})
+    def remove(self, *names: str) -> None:
+        """Take modules and their wires away, one after the other."""
+        for name in names:
+            del self.instances[name]
+            self.wires = [wire for wire in self.wires if name not in (split_port(wire[0])[0], split_port(wire[1])[0])]
+            self._hand_on(name, {})
 
     def bind(self, name: str, **bindings: Binding) -> None:
         """Add or replace bindings of a module."""
@@ -270,6 +288,5 @@ class Draft:
                 if len(self.sources(target)) > 1:
                     self.disconnect(f"{name}.out", target)
                     return True
-        for name in idle:
-            self.remove(name)
+        self.remove(*idle)
         return bool(idle)

@@ -11,16 +11,14 @@ def put_into_frame(draft: Draft, plant: str, frequency: str, angle: str) -> str:
     The terminals are rotated if that is not done yet; shunts lie outside them and stay in the grid's frame.
     """
     for name in draft.having(*ROTATIONS):
-        _drive(draft, f"{name}.delta", angle)
+        draft.drive(f"{name}.delta", angle)
     for name in (plant, *draft.having(Element.COUPLING_AT_FREQUENCY)):
-        _drive(draft, f"{name}.delta_omega", frequency)
+        draft.drive(f"{name}.delta_omega", frequency)
     outside = draft.having(Element.SHUNT)
     if not draft.having(Element.ROTATION_IN):
         consumers = [one for one in draft.targets(TERMINAL_VOLTAGE) if one.partition(".")[0] not in outside]
         name = draft.add(draft.usual(Element.ROTATION_IN), "park_v")
-        for target in consumers:
-            draft.disconnect(TERMINAL_VOLTAGE, target)
-            draft.connect(f"{name}.v_dq", target)
+        draft.rewire(TERMINAL_VOLTAGE, f"{name}.v_dq", *consumers)
         draft.chain(TERMINAL_VOLTAGE, f"{name}.v_DQ", angle, f"{name}.delta")
     if not draft.having(Element.ROTATION_OUT):
         sources = [one for one in draft.sources(TERMINAL_CURRENT) if one.partition(".")[0] not in outside]
@@ -35,16 +33,8 @@ def put_into_frame(draft: Draft, plant: str, frequency: str, angle: str) -> str:
 def put_into_grid_frame(draft: Draft) -> None:
     """Take the rotations out: what they turned is wired straight."""
     for name in draft.having(Element.ROTATION_IN):
-        for target in draft.targets(f"{name}.v_dq"):
-            draft.connect(TERMINAL_VOLTAGE, target)
+        draft.connect(TERMINAL_VOLTAGE, *draft.targets(f"{name}.v_dq"))
         draft.remove(name)
     for name in draft.having(Element.ROTATION_OUT):
-        for source in draft.sources(f"{name}.i_dq"):
-            draft.connect(source, TERMINAL_CURRENT)
+        draft.gather(TERMINAL_CURRENT, *draft.sources(f"{name}.i_dq"))
         draft.remove(name)
-
-
-def _drive(draft: Draft, target: str, source: str) -> None:
-    for other in draft.sources(target):
-        draft.disconnect(other, target)
-    draft.connect(source, target)

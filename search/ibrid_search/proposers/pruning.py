@@ -178,10 +178,7 @@ def _as_pll(draft: Edit, *, plant: str, meter: str, angle: str) -> None:
             f"{plant}.e_q" if source == f"{plant}.e" else draft.after(source, draft.usual(Element.SLICE_Q), "q_axis")
         )
         draft.connect(q_axis, f"{pll}.e_q")
-    for target in draft.targets(f"{meter}.delta_omega_pll"):
-        if split_port(target)[0] not in (meter, angle):
-            draft.connect(f"{pll}.delta_omega", target)
-    for target in draft.targets(f"{angle}.out"):
-        draft.connect(f"{pll}.delta", target)
-    draft.remove(meter)
-    draft.remove(angle)
+    others = (one for one in draft.targets(f"{meter}.delta_omega_pll") if split_port(one)[0] not in (meter, angle))
+    draft.connect(f"{pll}.delta_omega", *others)
+    draft.connect(f"{pll}.delta", *draft.targets(f"{angle}.out"))
+    draft.remove(meter, angle)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.drafting import Draft
@@ -120,16 +119,11 @@ def _insert(draft: Draft, rng: np.random.Generator) -> str:
         if targets:
             target = _one(rng, targets)
             if rng.random() < 0.5:
-                for source in draft.sources(target):
-                    draft.disconnect(source, target)
-                    if _in_line(kind):
-                        draft.connect(source, f"{name}.in_")
+                if kind.in_line:
+                    draft.gather(f"{name}.in_", *draft.sources(target))
+                draft.drive(target)
             draft.connect(f"{name}.{port}", target)
     return f"a {kind.name} put in"
-
-
-def _in_line(kind: ModuleKind) -> bool:
-    return set(kind.inputs) == {"in_"} and kind.inputs["in_"] in kind.outputs.values()
 
 
 def _beside_the_plant(draft: Draft, rng: np.random.Generator) -> str | None:
@@ -141,7 +135,7 @@ def _remove(draft: Draft, rng: np.random.Generator) -> str:
     if (name := _beside_the_plant(draft, rng)) is None:
         return ""
     kind = draft.kind(name)
-    if _in_line(kind) and rng.random() < 0.7:
+    if kind.in_line and rng.random() < 0.7:
         draft.bypass(name)
     else:
         draft.remove(name)
