@@ -18,9 +18,8 @@ from ibrid.structure.canonical import canonical_order
 from ibrid.structure.derived_outputs import derived_outputs
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
 from ibrid.structure.drawing import Block, Drawing, Key
+from ibrid.structure.linear_blocks import drop_gains, join_axes, join_plls, sort_rows, split_axes
 from ibrid.structure.parameters import ParameterTable, parameter_table
-from ibrid.structure.rows import drop_gains, join_plls, sort_rows
-from ibrid.structure.two_axes import join_axes, split_axes
 from ibrid.structure.wiring import Wiring, split_port, wire
 
 
