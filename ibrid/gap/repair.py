@@ -95,11 +95,8 @@ def _glanced(bench: Bench, model: Model, *, nominal: bool = True) -> list[Model]
 
 def better_everywhere(before: Model, after: Model) -> bool:
     """True when the whitened residual is smaller at every operating point, as another convention must make it."""
-
-    def squares(model: Model) -> list[float]:
-        return [float((np.abs(one) ** 2).sum()) for one in model.refit.residuals]
-
-    return all(new < old for old, new in zip(squares(before), squares(after), strict=True))
+    pairs = zip(before.refit.residuals, after.refit.residuals, strict=True)
+    return all((np.abs(new) ** 2).sum() < (np.abs(old) ** 2).sum() for old, new in pairs)
 
 
 def dropped_back(bench: Bench, model: Model, trials: list[Model]) -> Model:

@@ -244,7 +244,7 @@ class Gap:
     def plot(self, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
         """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer; with
         ax=(magnitude, phase) before and after of one entry, on those."""
-        return shown(self, "gap_figures", "gap_figure", op, ax, entry)
+        return shown(self, "plotting", "gap_figure", op, ax, entry)
 
     def _repr_html_(self) -> str:
         """Verdict, what is missing, before and after, for notebooks."""

@@ -47,7 +47,8 @@ AROUND = 2
 def gap_page(gap: Gap) -> str:
     """The page as text."""
     if gap.events is not None and not gap.events.swept:
-        return _events_page(gap)
+        facts = {"moved": _moved(gap), "far_limit": FAR, "records": _records(gap)}
+        return page("gap_events.html", _said(gap) | facts)
     views = point_views(gap)
     responses = [(view, _entries(view, place)) for place, view in enumerate(views[:POINTS])]
     figures = {
@@ -61,11 +62,6 @@ def gap_page(gap: Gap) -> str:
         "records": _records(gap),
     }
     return page("gap.html", _facts(gap, views) | _details(gap, views) | figures)
-
-
-def _events_page(gap: Gap) -> str:
-    """The page where there are records of events and no sweep."""
-    return page("gap_events.html", _said(gap) | {"moved": _moved(gap), "far_limit": FAR, "records": _records(gap)})
 
 
 def _said(gap: Gap) -> dict[str, Any]:

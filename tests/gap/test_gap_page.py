@@ -14,9 +14,9 @@ from sharing import shared
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.files import gap_json
+from ibrid.gap.missing_transfer import PortCurve, port_curve
 from ibrid.gap.missing_transfer import missing_transfer as missing
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.port_transfer import PortCurve, port_curve
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Gap
 from ibrid.measurement.labels import Convention
@@ -24,10 +24,10 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions
 from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
 from ibrid.report.gap_curves import closed, point_views
-from ibrid.report.gap_figures import gap_figure
 from ibrid.report.gap_page import gap_page
 from ibrid.report.gap_text import WIDTH, gap_text
 from ibrid.report.gap_words import evidence_words, headline
+from ibrid.report.plotting import gap_figure
 from ibrid.structure.compare import difference
 from ibrid.structure.library import textbook
 
