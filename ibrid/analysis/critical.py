@@ -92,7 +92,8 @@ def interval(
     at = np.array([frequency - step, frequency, frequency + step])
     loop = -impedance @ admittance(at)
     determinant = np.linalg.det(np.eye(2) + loop)
-    cofactors = _adjugate(np.eye(2) + loop[1])
+    (a, b), (c, d) = np.eye(2) + loop[1]
+    cofactors = np.array([[d, -b], [-c, a]])
     by_ratio = -np.trace(cofactors @ loop[1])
     by_parameters = np.einsum("ij,jk,kir->r", cofactors, -impedance[1], slopes(at[1:2])[0])
     if frequency == 0:
@@ -103,7 +104,3 @@ def interval(
         moved = np.linalg.solve(columns, np.stack([by_parameters.real, by_parameters.imag]))[0]
     spread = QUANTILE * float(np.linalg.norm(moved))
     return (float(scr * np.exp(-spread)), float(scr * np.exp(spread))) if spread < WIDEST else None
-
-
-def _adjugate(matrix: np.ndarray) -> np.ndarray:
-    return np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])

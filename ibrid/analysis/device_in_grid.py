@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -205,11 +205,9 @@ class DeviceInGrid:
         def stable(scr: float) -> bool:
             return rightmost(self._joined(on(scr))[0]).real < limit
 
-        def counted(scr: float) -> bool:
-            return self.criterion(on(scr)).stable
-
+        count = partial(by_count, lambda ratio: self.criterion(on(ratio)).stable)
         return tuple(
-            CriticalRatio(scr, side, mode, by_count(counted, scr), self._interval(on(scr), mode.frequency))
+            CriticalRatio(scr, side, mode, count(scr), self._interval(on(scr), mode.frequency))
             for scr, side in crossings(stable, low, high)
             for mode in [self._crossing(on(scr), on(scr * (1 + BESIDE) if side == "above" else scr / (1 + BESIDE)))]
         )

@@ -13,6 +13,7 @@ from ibrid.analysis.validity import doubts
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.measurement.labels import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
 
@@ -177,11 +178,8 @@ def require_able(record: Record) -> None:
 
 def _turned(admittance: np.ndarray, angle: float) -> np.ndarray:
     """R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]: in a measuring frame that leads by a (rad)."""
-    if angle == 0.0:
-        return admittance
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, s], [-s, c]])
-    return turn @ admittance @ turn.T
+    turn = rotation(angle)
+    return admittance if angle == 0.0 else turn @ admittance @ turn.T
 
 
 def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarray, angle: float) -> np.ndarray:

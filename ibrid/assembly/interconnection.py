@@ -48,8 +48,9 @@ class _Joiner:
 
     def join(self) -> Interconnected:
         for loop in self._feedthrough_order():
-            if len(loop) == 1 and not self._feeds_itself(loop[0]):
-                self.rows[loop[0]] = self._output_row(loop[0])
+            first = loop[0]
+            if len(loop) == 1 and not any(first in sources_of(self.wiring, to) for _, to in self._direct(first)):
+                self.rows[first] = self._output_row(first)
             else:
                 self._solve_loop(loop)
         rows: list[Row] = []
@@ -89,9 +90,6 @@ class _Joiner:
                 if source not in without:
                     _accumulate(row, gain, self.rows[source])
         return row
-
-    def _feeds_itself(self, channel: Channel) -> bool:
-        return any(channel in sources_of(self.wiring, target) for _, target in self._direct(channel))
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         graph: dict[Channel, list[Channel]] = {}

@@ -16,14 +16,15 @@ import numpy as np
 
 from ibrid.assembly.equilibrium import device_points, equilibria
 from ibrid.assembly.module_motion import Module, asked, by_port, module_at
-from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, sources_of, to_frame
-from ibrid.assembly.terminals import Inner, behind_terminals
+from ibrid.assembly.operating_point import Parameters, add, plant_equilibrium
+from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, matrices_of, sources_of, to_frame
+from ibrid.assembly.terminals import Inner, Point, behind_terminals
 from ibrid.errors import IbridError
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
 from ibrid.modules.large_signal import require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.outside import PORT
+from ibrid.structure.outside import LABEL, PORT
 from ibrid.structure.parameters import ParameterTable, parameters_at
 from ibrid.structure.wiring import PLANT, Wiring
 
@@ -207,3 +208,28 @@ class _Settled:
                 return None
             sums.append(sum(self.outputs[source] for source in sources))
         return sums
+
+
+def terminal_point(
+    wiring: Wiring, parameters: Parameters, point: Point, power_node: str, omega_0: float
+) -> tuple[Pair, Pair]:
+    """v0 and i0, (D, Q) per unit, current out of the inverter, V0 on the D axis.
+
+    The current is that of the plant in closed form (`plant_equilibrium`), of each device where there are two, less what shunts
+    at the PCC take; with a port that of its chain. parameters : instance -> parameter -> value. point : (p, q, v).
+
+    Raises DiagramError for a plant whose operating point is not known in closed form.
+    """
+    inner = behind_terminals(wiring, parameters, point, power_node)
+    v = (point[2] / parameters.get(LABEL, {}).get("voltage_scale", 1.0), 0.0)
+    if inner.current is not None:
+        return v, inner.current
+    current = (0.0, 0.0)
+    for device, own in device_points(wiring, parameters, inner.point):
+        plant = plant_equilibrium(device.kinds[device.plant], parameters[device.plant], *own, inner.power_node)
+        current = add(current, plant["i_g"])
+    for name in wiring.having(Element.SHUNT):
+        a, b, c, d = map(np.array, matrices_of(wiring.kinds[name], parameters[name], omega_0, (1.0, 0.0), {}))
+        own = (d - c @ np.linalg.solve(a, b)) @ v
+        current = add(current, (float(own[0]), float(own[1])))
+    return v, (float(current[0]), float(current[1]))

@@ -12,6 +12,7 @@ from typing import Any
 
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import is_zero, square_root, weighted_sum
+from ibrid.assembly.operating_point import add
 from ibrid.errors import DiagramError
 from ibrid.modules.large_signal import cosine, sine
 from ibrid.structure.outside import LABEL, PORT, Outside
@@ -68,7 +69,7 @@ def inner_point(outside: Outside, parameters: Parameters, point: Point, power_no
         own = (z[0] * i[0] + z[1] * i[1], z[1] * i[0] - z[0] * i[1], size)
         return Inner(own, "pcc", (z[0] / size, z[1] / size), (p / v, -q / v))
     (a, b), (c, d) = _chain(elements)
-    whole = _plus(b, _times(d, line)) if power_node == "capacitor" else b
+    whole = add(b, _times(d, line)) if power_node == "capacitor" else b
     product = _times(d, _conjugate(whole))
     twice = v * v + 2 * (product[0] * p - product[1] * q)
     square = d[0] * d[0] + d[1] * d[1]
@@ -77,10 +78,10 @@ def inner_point(outside: Outside, parameters: Parameters, point: Point, power_no
     i = (p / node, -q / node)
     drop = _times(line, i) if power_node == "capacitor" else _ZERO
     inner = (node - drop[0], -drop[1])
-    outer = _plus(_times(d, inner), _negative(_times(b, i)))
+    outer = add(_times(d, inner), _negative(_times(b, i)))
     size = square_root(inner[0] * inner[0] + inner[1] * inner[1])
     turn = _times(inner, _conjugate(outer))
-    current = _times(_plus(_times(a, i), _negative(_times(c, inner))), _conjugate(outer))
+    current = _times(add(_times(a, i), _negative(_times(c, inner))), _conjugate(outer))
     return Inner((p, q, size), power_node, _part(turn, size * v), _part(current, v))
 
 
@@ -95,8 +96,8 @@ def _over(value: Any, scale: Any) -> Any:
 def inwards(kind: str, values: Mapping[str, Any], v: Pair, i: Pair) -> tuple[Pair, Pair]:
     """Voltage and current at the inner side of an element from those at the outer one."""
     if kind == "shunt":
-        return v, _plus(i, _times(_branch(values), v))
-    v = _plus(v, _times((values["R"], values["L"]), i))
+        return v, add(i, _times(_branch(values), v))
+    v = add(v, _times((values["R"], values["L"]), i))
     if kind == "transformer":
         ratio = values["ratio"]
         return (v[0] / ratio, v[1] / ratio), (i[0] * ratio, i[1] * ratio)
@@ -125,10 +126,6 @@ def _chain(elements: list[tuple[str, Mapping[str, Any]]]) -> tuple[tuple[Pair, P
 
 def _times(x: Pair, y: Pair) -> Pair:
     return x[0] * y[0] - x[1] * y[1], x[0] * y[1] + x[1] * y[0]
-
-
-def _plus(x: Pair, y: Pair) -> Pair:
-    return x[0] + y[0], x[1] + y[1]
 
 
 def _negative(x: Pair) -> Pair:

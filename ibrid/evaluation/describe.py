@@ -180,11 +180,7 @@ class _Description:
         values, physics = self.values[point.op.name], self.study.physics
         matrices = module_matrices(self.wiring, self.table, values, point.op.pqv, pade_orders=orders, **physics)
         joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
-        a = np.zeros((joined.size, joined.size))
-        for i, row in enumerate(joined.rows[: joined.size]):
-            for j, value in row.items():
-                if j < joined.size:
-                    a[i, j] = value
+        a = joined.matrices()[0]
         return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
 
     def _holdout(self) -> dict[str, float]:

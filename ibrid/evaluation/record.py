@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.assembly.terminal_point import terminal_point
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond

@@ -98,7 +98,10 @@ def _block(name: str, module: Module) -> list[str]:
     """The declaration of a kind, from its law."""
     kind = module.kind
     _require_own_words(kind, module.arguments)
-    arguments = {one: _symbol(one, value) for one, value in module.arguments.items()}
+    arguments = {
+        one: (Formula(f"{one}[1]"), Formula(f"{one}[2]")) if isinstance(value, tuple) else Formula(one)
+        for one, value in module.arguments.items()
+    }
     x = [f"x_{state}" for state in module.states]
     inputs, outputs = _channels(kind.inputs), _channels(kind.outputs)
     symbols = by_port(kind, [Formula(one) for one in inputs])
@@ -170,10 +173,6 @@ def _instance(words: _Words, module: Module, at: Rest) -> str:
     changes += [f"x_{state}(start = {value!r})" for state, value in starts if value]
     changed = f"({', '.join(changes)})" if changes else ""
     return f"{words.blocks[module.name]} {words.instances[module.name]}{changed};"
-
-
-def _symbol(name: str, value: Any) -> Any:
-    return (Formula(f"{name}[1]"), Formula(f"{name}[2]")) if isinstance(value, tuple) else Formula(name)
 
 
 def _declared(name: str, of: Signal | float | tuple[float, float]) -> str:

@@ -146,7 +146,7 @@ class Behaviour:
         return (
             not self.static
             or self.element is Element.TURN
-            or (self.in_line and _diagonal(_matrices(kind, _arguments(kind))[3]))
+            or (self.in_line and _diagonal(numbers_of(kind, _arguments(kind))[3]))
         )
 
     @property
@@ -165,7 +165,7 @@ class Behaviour:
         kind = _of(self)
         if kind.family == PLANT or not kind.states:
             return False
-        a = _matrices(kind, _arguments(kind))[0]
+        a = numbers_of(kind, _arguments(kind))[0]
         return int(np.linalg.matrix_rank(a)) < len(a)
 
     @property
@@ -239,7 +239,7 @@ def _in_line(kind: "ModuleKind") -> Element | None:
     law = _scalar_law(_responses(kind))
     names = [*kind.parameters]
     if kind.static:
-        d = _matrices(kind, _arguments(kind))[3]
+        d = numbers_of(kind, _arguments(kind))[3]
         if law is not None and not names:
             return Element.SIGN if _near(law, -1.0) else None
         if len(names) != 1 or kind.equilibrium_ports or kind.uses_frame:
@@ -262,7 +262,7 @@ def _in_line(kind: "ModuleKind") -> Element | None:
 
 
 def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
-    a, b, c, d = _matrices(kind, _arguments(kind))
+    a, b, c, d = numbers_of(kind, _arguments(kind))
     if not d.any():
         held = len(a) == 3 * len(d) and (c @ b).any()  # order 3 and falling as slowly as order 1
         return Element.HOLD if held else Element.LOW_PASS
@@ -288,7 +288,7 @@ def _of_sequence(kind: "ModuleKind") -> Element | None:
 
 def _static(kind: "ModuleKind") -> Element | None:
     entering, leaving = _signals(kind.inputs), _signals(kind.outputs)
-    d = _matrices(kind, _arguments(kind))[3]
+    d = numbers_of(kind, _arguments(kind))[3]
     if not entering:
         return Element.ZERO if not d.any() else None
     if kind.bilinear:
@@ -322,7 +322,8 @@ def _arguments(kind: "ModuleKind") -> dict[str, Any]:
     return trial_arguments(kind) | {name: box.typical or box.high or box.low for name, box in boxes}
 
 
-def _matrices(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def numbers_of(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C, D at some arguments."""
     order, entering, leaving = len(kind.states), width(kind.inputs), width(kind.outputs)
     shapes = ((order, order), (order, entering), (leaving, order), (leaving, entering))
     found = zip(kind.state_space(**arguments), shapes, strict=True)
@@ -334,7 +335,7 @@ def _responses(
     kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({}), points: np.ndarray = _POINTS
 ) -> np.ndarray:
     """(points, outputs, inputs) at typical parameters but for the values given."""
-    a, b, c, d = _matrices(kind, _arguments(kind) | dict(values))
+    a, b, c, d = numbers_of(kind, _arguments(kind) | dict(values))
     return np.array([c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in points])
 
 
@@ -347,7 +348,7 @@ def _scalar_law(responses: np.ndarray) -> np.ndarray | None:
 def _proportional(kind: "ModuleKind", d: np.ndarray) -> bool:
     arguments = _arguments(kind)
     (name,) = kind.parameters
-    return _near(_matrices(kind, arguments | {name: 1.1 * arguments[name]})[3] / 1.1, d)
+    return _near(numbers_of(kind, arguments | {name: 1.1 * arguments[name]})[3] / 1.1, d)
 
 
 def _quarter_turn(d: np.ndarray) -> bool:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.errors import ModuleError
-from ibrid.modules.declaration import width
+from ibrid.modules.behaviour import numbers_of
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.large_signal import LargeSignal
 
@@ -64,13 +64,6 @@ def _draw_within(box: Range, rng: np.random.Generator) -> float:
     return float(rng.uniform(box.low, box.high))
 
 
-def _numbers(kind: ModuleKind, arguments: dict[str, Any]) -> list[np.ndarray]:
-    n, inputs, outputs = len(kind.states), width(kind.inputs), width(kind.outputs)
-    shapes = (n, n), (n, inputs), (outputs, n), (outputs, inputs)
-    parts = zip(kind.state_space(**arguments), shapes, strict=True)
-    return [np.array(rows, dtype=float).reshape(shape) for rows, shape in parts]
-
-
 def _symbolic(kind: ModuleKind) -> ca.Function:
     """All arguments, pairs laid flat, -> all entries of A, B, C, D."""
     symbols: dict[str, Any] = {}
@@ -92,7 +85,7 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
 
 def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
     flat = [one for value in arguments.values() for one in (value if isinstance(value, tuple) else (value,))]
-    numbers = np.concatenate([part.ravel() for part in _numbers(kind, arguments)])
+    numbers = np.concatenate([part.ravel() for part in numbers_of(kind, arguments)])
     found = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
     wrong = ~(np.abs(found - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
     if wrong.any():
@@ -120,13 +113,13 @@ def _changed(value: Any) -> Any:
 
 
 def _response(kind: ModuleKind, arguments: dict[str, Any]) -> np.ndarray:
-    a, b, c, d = _numbers(kind, arguments)
+    a, b, c, d = numbers_of(kind, arguments)
     return np.array([c @ np.linalg.solve(1j * omega * np.eye(len(a)) - a, b) + d for omega in OMEGA])
 
 
 def _check_states(kind: ModuleKind, arguments: dict[str, Any]) -> None:
     """Popov, Belevitch and Hautus: [s I - A, B] and [s I - A; C] keep their rank at every pole."""
-    a, b, c, _ = _numbers(kind, arguments)
+    a, b, c, _ = numbers_of(kind, arguments)
     for pole in np.linalg.eigvals(a):
         shifted = pole * np.eye(len(a)) - a
         for whole, what in (

@@ -65,7 +65,8 @@ def motion(
     if kind.large_signal is not None:
         return kind.large_signal.law(tuple(x), **inputs, **arguments)
     a, b, c, d = kind.state_space(**arguments) if matrices is None else matrices
-    u = [value for port, signal in kind.inputs.items() for value in _flat(inputs[port], signal.width)]
+    pairs = ((inputs[port],) if signal.width == 1 else inputs[port] for port, signal in kind.inputs.items())
+    u = [value for pair in pairs for value in pair]
     return (
         [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(a, b, strict=True)],
         [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(c, d, strict=True)],
@@ -90,10 +91,6 @@ def square_root(value: Any) -> Any:
 def reciprocal(value: Any) -> Any:
     """1/value of a number, a CasADi symbol or text; not a number of zero, where there is no such operating point."""
     return float("nan") if isinstance(value, int | float) and value == 0 else 1 / value
-
-
-def _flat(value: Any, width: int) -> Sequence[Any]:
-    return (value,) if width == 1 else value
 
 
 def _sum(terms: Sequence[tuple[Any, Any]]) -> Any:
