@@ -10,14 +10,18 @@ import re
 import signal
 import sys
 import threading
+import tomllib
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import NoReturn
+from functools import partial
+from importlib import import_module
+from importlib.resources import files
+from typing import Any, NoReturn
 
 from ibrid import __version__
+from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.commands.table import declare_commands
 from ibrid.errors import IbridError, near
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
@@ -60,9 +64,31 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_CommandParser)
-    declare_commands(commands)
+    _declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))
     return whole
+
+
+def _declare(commands: Any) -> None:
+    """Add every command of `commands.toml`, with what it takes; the file that runs it is imported when it is called."""
+    tables = tomllib.loads((files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8"))
+    words, shared = tables.pop("words"), tables.pop("shared")
+    for name, takes in tables.items():
+        command = commands.add_parser(name, help=takes.pop("help"))
+        command.set_defaults(run=partial(_called, takes.pop("run")))
+        for argument, told in takes.items():
+            for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
+                keywords = dict(own or shared[option])
+                if isinstance(kind := keywords.get("type"), str):
+                    keywords["type"] = getattr(inputs, kind)
+                keywords["help"] = keywords["help"].format(**words)
+                command.add_argument(option, **keywords)
+
+
+def _called(place: str, *arguments: argparse.Namespace) -> Any:
+    """What a function of the folder `commands` answers."""
+    file, _, function = place.partition(".")
+    return getattr(import_module(f"ibrid.commands.{file}"), function)(*arguments)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

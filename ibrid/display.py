@@ -69,16 +69,14 @@ class PlainDisplay(Display):
         self._out.write(f"{text}\n")
 
 
-class TerminalDisplay(Display):
+class TerminalDisplay(PlainDisplay):
     """The state and a bar are rewritten in place on `stream`; rows scroll by above them, or go to a file that `out` is."""
-
-    pause = 0.1
 
     def __init__(self, stream: TextIO | None, out: TextIO | None) -> None:
         from rich.console import Console  # as for the bar: only who looks at a terminal needs it
         from rich.live import Live
 
-        self._stream, self._out = Quiet(stream), Quiet(out)
+        super().__init__(stream, out, every=0.1)
         self._console = Console(file=self._stream, force_terminal=True, highlight=False, markup=False, emoji=False)  # type: ignore[arg-type]
         self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
         self._text = ""
@@ -87,11 +85,6 @@ class TerminalDisplay(Display):
     def width(self) -> int:
         """One less than the terminal has, since a full line would wrap."""
         return max(1, self._stream.columns - 1)
-
-    @property
-    def columns(self) -> int:
-        """Those of the terminal that the rows go to."""
-        return self._out.columns
 
     def state(self, text: str, share: float | None = None) -> None:
         from rich.console import Group
@@ -115,7 +108,7 @@ class TerminalDisplay(Display):
         if self._live.is_started and self._out.terminal_columns:
             self._console.print(text, soft_wrap=True)
         else:
-            self._out.write(f"{text}\n")
+            super().row(text)
 
     def close(self) -> None:
         if self._live.is_started:

@@ -35,28 +35,21 @@ def run_sweep(arguments: Namespace) -> int:
 
 def run_inspect(arguments: Namespace) -> int:
     """Print the first look."""
-    from ibrid.measurement.inspect import inspect
-    from ibrid.measurement.inspection_table import format_inspection
-
-    if arguments.channels or inputs.holds_events(arguments.data):
-        return _inspect_events(arguments)
-    require_json_place(arguments.json)
-    require_distinct({"--json": arguments.json}, {"DATA": inputs.sweep_file(arguments.data)})
-    inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
-    if not give_json(inspection.to_json(), arguments.json):
-        print(format_inspection(inspection), end="")
-    return 0
-
-
-def _inspect_events(arguments: Namespace) -> int:
     from ibrid.measurement.event_inspection import inspect_events
-    from ibrid.measurement.inspection_table import format_events_inspection
+    from ibrid.measurement.inspect import inspect
+    from ibrid.measurement.inspection_table import format_events_inspection, format_inspection
 
     require_json_place(arguments.json)
-    require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})
-    inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
+    if arguments.channels or inputs.holds_events(arguments.data):
+        require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})
+        inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
+        text = format_events_inspection(inspection)
+    else:
+        require_distinct({"--json": arguments.json}, {"DATA": inputs.sweep_file(arguments.data)})
+        inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
+        text = format_inspection(inspection)
     if not give_json(inspection.to_json(), arguments.json):
-        print(format_events_inspection(inspection), end="")
+        print(text, end="")
     return 0
 
 

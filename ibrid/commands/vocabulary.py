@@ -9,7 +9,7 @@ from ibrid.commands.outputs import complain, give_json, require_json_place
 from ibrid.writing import aligned
 
 if TYPE_CHECKING:
-    from ibrid.modules.kind import ModuleKind, Range
+    from ibrid.modules.kind import ModuleKind
     from ibrid.signals import Signal
 
 
@@ -62,7 +62,10 @@ def vocabulary_table(kinds: "tuple[ModuleKind, ...]") -> str:
     families: dict[str, list[int]] = {}
     for kind in kinds:
         families.setdefault(kind.family, []).append(len(rows))
-        boxes = ", ".join(f"{name} [{box.low:g}, {box.high:g}]{_unit(box)}" for name, box in kind.parameters.items())
+        boxes = ", ".join(
+            f"{name} [{box.low:g}, {box.high:g}]{'' if box.unit in ('pu', '1', '') else f' {box.unit}'}"
+            for name, box in kind.parameters.items()
+        )
         ports = f"{_ports(kind.inputs)} -> {_ports(kind.outputs)}".strip()
         rows.append((kind.name + ("+" if kind.extended else ""), ports, str(kind.order), boxes or "-"))
     table = aligned(rows, "  ").splitlines()
@@ -79,7 +82,3 @@ def vocabulary_table(kinds: "tuple[ModuleKind, ...]") -> str:
 
 def _ports(ports: "Mapping[str, Signal]") -> str:
     return " ".join(name + (":" if signal.width == 2 else "") for name, signal in ports.items())
-
-
-def _unit(box: "Range") -> str:
-    return "" if box.unit in ("pu", "1", "") else f" {box.unit}"

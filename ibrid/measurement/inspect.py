@@ -25,6 +25,7 @@ from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+from ibrid.writing import plain
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,7 @@ class Inspection:
         result = {"schema": "ibrid.inspection/1", **asdict(self)}
         for entry, point in zip(result["points"], self.points, strict=True):
             entry["noise_db"] = point.noise_db
-            for loop in entry["loops"]:
-                loop["high"] = loop["high"] if np.isfinite(loop["high"]) else None
-        return {key: _lists(value) for key, value in result.items()}
+        return plain(result)
 
 
 def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
@@ -153,17 +152,6 @@ def _inspect_point(
         resistance=next(((along, across) for name, _, along, across in seen.resistance if name == point.op.name), None),
         amplitudes=tuple(float(one.amplitude.min()) for one in levels_of(point) if one.amplitude is not None),
     )
-
-
-def _lists(value: object) -> object:
-    """Tuples as lists and infinity as None, as JSON has neither."""
-    if isinstance(value, dict):
-        return {key: _lists(entry) for key, entry in value.items()}
-    if isinstance(value, tuple | list):
-        return [_lists(entry) for entry in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 NOISY = 0.02

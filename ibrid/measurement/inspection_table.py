@@ -53,31 +53,23 @@ def _table(points: tuple[PointInspection, ...], f0_hz: float) -> list[str]:
     rows.append(("range", [band(point.lowest, point.highest) for point in points]))
     rows.append(("repeats", ["one run" if point.repeats == 1 else f"{point.repeats} runs" for point in points]))
     if any(len(point.amplitudes) > 1 for point in points):
-        rows.append(
-            (
-                "amplitudes (shown: the smallest)",
-                [", ".join(f"{one:g}" for one in point.amplitudes) for point in points],
-            )
-        )
+        sizes = [", ".join(f"{one:g}" for one in point.amplitudes) for point in points]
+        rows.append(("amplitudes (shown: the smallest)", sizes))
     rows.append(("noise, rms of the matrix", [_noise(point) for point in points]))
     if any(point.noise is not None for point in points):
         rows.append(("  known from", [point.noise_source for point in points]))
         rows.append(("  worst", [_worst(point) for point in points]))
-    rows.append(
-        ("condition number of Y", [f"at most {point.condition:.3g}, {hertz(point.condition_at)}" for point in points])
-    )
-    rows.append(
-        (
-            "passivity, least eigenvalue of -Y",
-            [f"{point.smallest_eigenvalue:+.3g}, {hertz(point.smallest_eigenvalue_at)}" for point in points],
-        )
-    )
+    conditions = [f"at most {point.condition:.3g}, {hertz(point.condition_at)}" for point in points]
+    least = [f"{point.smallest_eigenvalue:+.3g}, {hertz(point.smallest_eigenvalue_at)}" for point in points]
+    rows.append(("condition number of Y", conditions))
+    rows.append(("passivity, least eigenvalue of -Y", least))
     rows += _band_rows(points)
     rows.append(("points in the usual range of", ["" for _ in points]))
     for k, loop in enumerate(points[0].loops):
         where = _loop_range(loop.low, loop.high)
         rows.append((f"  {loop.loop}, {where}", [_loop(point, k) for point in points]))
-    rows.append(("peaks (points across)", [_peaks(point) for point in points]))
+    peaks = [[f"{hertz(one.frequency)} ({one.points})" for one in point.resonances[:3]] for point in points]
+    rows.append(("peaks (points across)", [", ".join(some) or "none" for some in peaks]))
     rows += _sequence_rows(points, f0_hz)
     if any(point.above_half_sampling is not None for point in points):
         rows.append(("above half the sampling rate", [f"{point.above_half_sampling}" for point in points]))
@@ -118,10 +110,6 @@ def _loop_range(low: float, high: float) -> str:
 def _loop(point: PointInspection, k: int) -> str:
     loop = point.loops[k]
     return f"{loop.points or 'none'}{' (few)' if loop.verdict == 'few' else ''}"
-
-
-def _peaks(point: PointInspection) -> str:
-    return ", ".join(f"{hertz(peak.frequency)} ({peak.points})" for peak in point.resonances[:3]) or "none"
 
 
 def _sequence_rows(points: tuple[PointInspection, ...], f0_hz: float) -> list[tuple[str, list[str]]]:

@@ -89,7 +89,10 @@ def linearity(sweep: Sweep) -> Linearity | None:
     refused = sorted({cell.frequency for cell in cells if (cell.p_products < limit).any()})
     sources = {estimate_point(level).source for point in sweep.points for level in levels_of(point)}
     return Linearity(
-        amplitudes=tuple(min(_smallest(point) for point in level.points) for level in levels),
+        amplitudes=tuple(
+            min(np.nan if one.amplitude is None else float(one.amplitude.min()) for one in level.points)
+            for level in levels
+        ),
         bands=tuple(sorted(_bands(cells, limit), key=lambda one: (one.products, -one.z))),
         refused=np.array(refused),
         noise=f"unknown, taken as {100 * UNKNOWN:g} % of |Y|"
@@ -189,10 +192,6 @@ def _band(run: list[_Cell], number: int, entry: str, limit: float) -> AmplitudeD
         amplitudes=(min(cell.amplitudes[0] for cell in run), max(cell.amplitudes[1] for cell in run)),
         products=all(cell.p_products[number] >= limit for cell in run),
     )
-
-
-def _smallest(point: PointSweep) -> float:
-    return float("nan") if point.amplitude is None else float(point.amplitude.min())
 
 
 #: rms error of the matrix over |Y|_F that a sweep of unknown noise is taken to have.

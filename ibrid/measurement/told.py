@@ -37,7 +37,8 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     """The numbers of known names, and words of `key: value` or `key = value`; the first of a key counts."""
     found: dict[str, Told | str] = {}
     for name, (value, unit) in numbers_beside(stem, notes).items():
-        if key := _key(name):
+        letters = letters_of(name)
+        if key := next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""):
             found.setdefault(key, _told(value, unit, name))
     for note in notes:
         for name, word in _WORD.findall(note):
@@ -59,10 +60,6 @@ def base_of(text: str, option: str) -> tuple[float, float]:
             f"{option} is apparent power and line-to-line voltage, such as 10kVA,400V; found {text[:40]!r}."
         )
     return sizes[0][0], sizes[1][0]
-
-
-def _key(name: str) -> str:
-    return next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters_of(name))), "")
 
 
 def _told(number: float, unit: str, name: str = "") -> Told:
