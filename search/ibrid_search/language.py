@@ -68,7 +68,8 @@ def rules_text(kinds: Vocabulary, equilibrium: str) -> str:
 
 def kinds_text(kinds: Vocabulary, equilibrium: str, *, short: bool = False) -> str:
     """The vocabulary by family: ports with their signals, law, order, parameters; `short` has names alone."""
-    families = groupby(sorted(kinds, key=lambda kind: _first_of(kind.family, kinds)), key=lambda kind: kind.family)
+    order = [kind.family for kind in kinds]
+    families = groupby(sorted(kinds, key=lambda kind: order.index(kind.family)), key=lambda kind: kind.family)
     return "\n".join(
         line
         for family, members in families
@@ -78,10 +79,6 @@ def kinds_text(kinds: Vocabulary, equilibrium: str, *, short: bool = False) -> s
 
 def _listed(names: Sequence[str], word: str = "and") -> str:
     return ", ".join(names[:-1]) + (f" {word} " if len(names) > 1 else "") + names[-1] if names else "none"
-
-
-def _first_of(family: str, kinds: Vocabulary) -> int:
-    return next(number for number, kind in enumerate(kinds) if kind.family == family)
 
 
 def _kind_text(kind: ModuleKind, equilibrium: str, short: bool) -> str:

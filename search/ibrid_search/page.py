@@ -15,8 +15,7 @@ from ibrid.report.template import page
 from ibrid.report.verdict import graded, verdict
 from ibrid.structure.compare import difference
 from ibrid.writing import inside, write_whole
-from ibrid_search.fleet.page import fleet_html
-from ibrid_search.fleet.summary import summary_of
+from ibrid_search.fleet.summary import fleet_html, summary_of
 from ibrid_search.report.course import front_svg, learning_svg, trajectory_svg, updates_of
 from ibrid_search.report.models import drawn_models, front_rows, response_facts
 from ibrid_search.report.run_data import RunData, read_run

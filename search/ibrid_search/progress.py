@@ -5,9 +5,10 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from textwrap import wrap
-from typing import Self, TextIO
+from typing import TextIO
 
 from ibrid.display import make_display
 from ibrid.report.numbers import error
@@ -33,7 +34,7 @@ class Snapshot:
     spent: str = ""
 
 
-class Progress:
+class Progress(AbstractContextManager["Progress"]):
     """Shows snapshots and milestones where the user looks.
 
     show : "terminal", "plain", "notebook", "silent", or "auto" for what suits. every : seconds between plain lines.
@@ -108,9 +109,6 @@ class Progress:
             self._draw(self._clock(), over=True)
         self._last = None
         self._display.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.finish()

@@ -189,10 +189,8 @@ def _parameter(row: Any) -> tuple[str, str]:
 def record_facts(record: Record, *, short: bool = False) -> dict[str, Any]:
     """What the template `record.md` tells: where the error lies, size, stability, fitted parameters and what the data cannot see;
     `short` : errors and size."""
-    bands = (
-        f"{band} {digits(value)} ({_percent(record.share_by_band.get(band))})"
-        for band, value in record.nrmse_by_band.items()
-    )
+    shares = {band: "no data" if one is None else f"{100 * one:.0f} %" for band, one in record.share_by_band.items()}
+    bands = (f"{band} {digits(value)} ({shares.get(band, 'no data')})" for band, value in record.nrmse_by_band.items())
     return {
         "record": record,
         "short": short,
@@ -220,7 +218,3 @@ def _parameters(record: Record) -> str:
         same = all(value == values[0] for value in values)
         parts.append(f"{quoted(name)} {digits(values[0]) if same else ' / '.join(map(digits, values))}")
     return ", ".join(parts) or "none"
-
-
-def _percent(value: float | None) -> str:
-    return "no data" if value is None else f"{100 * value:.0f} %"

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Self, get_type_hints
 
@@ -40,7 +41,7 @@ class NotedCall:
     answer: Mapping[str, Any]
 
 
-class Store:
+class Store(AbstractContextManager["Store"]):
     """Steps, records (compressed JSON, a third of the size) and texts that stay, in SQLite with a write-ahead log.
 
     What a method has written when it returns survives the death of the process, SIGKILL included. synchronous=NORMAL:
@@ -178,9 +179,6 @@ class Store:
     def close(self) -> None:
         """End; the right to write is free again. Twice is once."""
         self._database.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

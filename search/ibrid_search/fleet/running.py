@@ -2,11 +2,9 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
@@ -16,9 +14,8 @@ from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
-from ibrid_search.fleet.page import fleet_html
 from ibrid_search.fleet.prior import DeviceAnswer, Prior, learned, learned_from
-from ibrid_search.fleet.summary import TABLE, Summary, summary_of, table_csv
+from ibrid_search.fleet.summary import TABLE, Summary, fleet_html, summary_of, table_csv
 from ibrid_search.run_folder import ARCHIVE, PAGE, open_run, require_run
 from ibrid_search.settings import Workers
 from ibrid_search.step import Status, Step
@@ -134,7 +131,7 @@ class _Course:
     def _begin(self, step: Step) -> None:
         try:
             content = content_of(self._folder, step)
-            before = self._before(step)
+            before = {} if self._earlier is None else self._earlier.record(step.note).to_json()
         except IbridError as error:
             self._close(Result(step.number, Status.FAILED, None, str(error), 0.0, 1))
             return
@@ -144,9 +141,6 @@ class _Course:
         job = DeviceJob(step.number, "", name=step.note, content=content, prior=self._known, before=before)
         self._evaluator.submit(job)
         self._open.add(step.number)
-
-    def _before(self, step: Step) -> Mapping[str, Any]:
-        return {} if self._earlier is None else self._earlier.record(step.note).to_json()
 
     def _conclude(self, number: int) -> None:
         result = self._evaluator.collect(number)
@@ -178,7 +172,7 @@ def _evaluator(examiner: Examiner, workers: Workers, wall: float) -> Evaluator:
     return RayEvaluator(examiner, workers.number, address=workers.ray, wall=wall)
 
 
-class Earlier:
+class Earlier(AbstractContextManager["Earlier"]):
     """A fleet that was examined before. Raises IbridError for a folder that is none's."""
 
     def __init__(self, out: Path) -> None:
@@ -192,9 +186,6 @@ class Earlier:
         if name not in self._numbers:
             raise IbridError(f"{name}: {self._out} has no model of it; {near(name, self._numbers)}")
         return self._store.record(self._numbers[name])
-
-    def __enter__(self) -> "Earlier":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._store.close()

@@ -9,6 +9,7 @@ from math import log, sqrt
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.report.template import page
 from ibrid_search.fleet.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFamily, Prior, learned
 from ibrid_search.step import Status
 from ibrid_search.store import Store
@@ -19,6 +20,8 @@ TABLE = "devices.csv"
 FAR = 4.0
 #: A family of less than this part of the devices is rare.
 RARE = 0.01
+#: Lines of a table on the page at most; the table beside it has all.
+MOST = 200
 
 
 @dataclass(frozen=True)
@@ -168,3 +171,16 @@ def table_csv(summary: Summary) -> str:
     for one in summary.devices:
         writer.writerow((*(getattr(one, name) for name in _COLUMNS), one.words))
     return text.getvalue()
+
+
+def fleet_html(summary: Summary) -> str:
+    """The page as text."""
+    busy = sum(one.seconds for one in summary.devices)
+    facts: dict[str, Any] = {
+        "fleet": summary,
+        "most": MOST,
+        "seconds_each": busy / max(len(summary.devices), 1),
+        "expected": sum(one.expected for one in summary.devices),
+        "again": sum(one.attempts > 1 for one in summary.devices),
+    }
+    return page("fleet.html", facts, "ibrid_search")
