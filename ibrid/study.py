@@ -8,6 +8,7 @@ from typing import Any, TypedDict, Unpack
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
+from ibrid.measurement.events import Events
 from ibrid.measurement.noise import with_sigma
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
@@ -42,7 +43,8 @@ class Study:
 
     Parameters
     ----------
-    sweep : measured operating points; a sigma that their repeats tell is filled in.
+    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone their rests, at which
+        nothing was swept. events : those records, where nothing else was measured; `of` makes such a study.
     parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or "paper" (fitted numbers).
     vocabulary : "extended", "paper" or kinds of one's own.
     holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
@@ -65,6 +67,7 @@ class Study:
     seed: int = 0
     port: Outside = NOTHING
     labels: str = "exact"
+    events: Events | None = None
     kinds: Vocabulary = field(init=False, repr=False)
     held: tuple[str, ...] = field(init=False, repr=False)
 
@@ -90,6 +93,10 @@ class Study:
                 "uncertain labels are told from the parameters by shared ones and the exact equilibrium alone; drop --labels "
                 "or the other options"
             )
+        if self.events is not None and (self.parameters, self.equilibrium, self.labels) != ("shared", "exact", "exact"):
+            raise IbridError(
+                "events are fitted with shared parameters, the exact equilibrium and exact labels; leave those out"
+            )
         if self.port and self.equilibrium != "exact":
             raise IbridError(
                 "a port joins the operating point, which the paper's equilibrium fits; use the exact equilibrium"
@@ -101,10 +108,12 @@ class Study:
         object.__setattr__(self, "held", held)
 
     @classmethod
-    def of(cls, data: "Sweep | Study", **options: Unpack[StudyOptions]) -> "Study":
-        """A study of a sweep; or the one that is given, with these options changed."""
+    def of(cls, data: "Sweep | Events | Study", **options: Unpack[StudyOptions]) -> "Study":
+        """A study of a sweep, or of records alone; or the one that is given, with these options changed."""
         if isinstance(data, Study):
             return replace(data, **options) if options else data
+        if isinstance(data, Events):
+            return cls(data.rests, events=data, **options)
         return cls(data, **options)
 
     @property
@@ -129,7 +138,8 @@ class Study:
     @cached_property
     def blind(self) -> "Study":
         """The study as if what is held out had never been measured, for whoever must not see it."""
-        return replace(self, sweep=self.fitted, holdout_op=()) if self.held else self
+        events = self.events and self.events.only(*self.fitted.names)
+        return replace(self, sweep=self.fitted, events=events, holdout_op=()) if self.held else self
 
     @cached_property
     def groups(self) -> tuple[tuple[PointSweep, ...], ...]:

@@ -22,7 +22,6 @@ from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
-from ibrid.gap.event_question import rests
 from ibrid.gap.noise import noise_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
@@ -264,7 +263,7 @@ class EventFits(FreedFits):
 
     def __init__(self, record: Record, events: Events) -> None:
         model = model_of_record(record)
-        noise = event_noise(events, rests(events))
+        noise = event_noise(events, events.rests)
         self._misfit = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None)
         self._told_by, self.source = noise.told_by, noise.source
         self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates

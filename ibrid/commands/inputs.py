@@ -87,7 +87,7 @@ def require_no_events_options(arguments: Namespace) -> None:
         raise IbridError("--channels and --base are of records of events; give them with --events, or leave both out")
 
 
-def measured_or_events(arguments: Namespace) -> "tuple[Sweep | None, Events | None]":
+def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | tuple[None, Events]":
     """The sweep and the records that DATA and --events name; DATA may be either."""
     options = arguments.channels, arguments.base
     if not holds_events(arguments.data):

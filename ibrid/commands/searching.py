@@ -23,9 +23,8 @@ SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
 
 def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
-    sweep, events = inputs.measured_or_events(arguments)
-    if sweep is None:
-        raise IbridError(f"a search needs a sweep; give it as DATA, and {arguments.data} as --events")
+    given = inputs.measured_or_events(arguments)
+    data, events = (given[1], None) if given[0] is None else given
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 
@@ -53,7 +52,7 @@ def run_search(arguments: Namespace) -> int:
     goal = Goal(arguments.budget, arguments.target, require=arguments.require or "", choose=arguments.choose)
     try:
         found = search(
-            sweep,
+            data,
             arguments.out,
             start=start,
             proposer=proposers,
@@ -65,7 +64,7 @@ def run_search(arguments: Namespace) -> int:
             equilibrium=arguments.equilibrium,
             vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
             holdout_op=arguments.holdout_op,
-            port=inputs.port(arguments.port, sweep),
+            port=inputs.port(arguments.port, data),
             labels=arguments.labels,
             truth=truth,
             events=events,

@@ -51,8 +51,8 @@ def _events(arguments: Namespace) -> "Events | None":
     """The records beside the sweep; IbridError for options without them, and for records in place of a sweep."""
     if inputs.holds_events(arguments.data):
         raise IbridError(
-            f"{arguments.data} holds records of events, which are no start alone; give a sweep and these as --events, or fit a "
-            f"diagram that you name: ibrid evaluate PROGRAM {arguments.data}"
+            f"{arguments.data} holds records of events, which are no start alone; give a sweep and these as --events, or find a "
+            f"diagram from them: ibrid search {arguments.data} --out RUN"
         )
     if arguments.events is not None:
         return inputs.read_events_at(arguments.events, arguments.channels, arguments.base)

@@ -34,7 +34,7 @@ def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
         "holdout": mean_error(before_played, asked.held, held=True),
     }
     after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
-    floor = floor_of(data)
+    floor = floor_of(data.noise)
     return Gap(
         verdict=verdict,
         sentence=sentence_of(verdict, found, float(baseline.nrmse or np.nan), float(repaired.nrmse or np.nan), floor),

@@ -89,8 +89,13 @@ class EventMisfit:
 
     @cached_property
     def racing(self) -> "EventMisfit":
-        """Predictions by steps of order five, in half the time: they lead to a valley, and no further."""
-        other = copy(self.predicting)
+        """Predictions, coarsely."""
+        return self.predicting.coarse
+
+    @cached_property
+    def coarse(self) -> "EventMisfit":
+        """The same by steps of order five, in half the time: they lead to a valley, and no further."""
+        other = copy(self)
         other.rule, other._known, other._normals = ORDER_5, {}, {}
         return other
 

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.gap.event_noise import event_noise
@@ -14,7 +12,7 @@ from ibrid.gap.records import Records
 from ibrid.gap.refit import Refitter
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.parts.practice import Effect
 from ibrid.playback.compare import limits_told, model_of_record
@@ -77,7 +75,7 @@ class Asked:
         """The data that answer it, and what may be missing."""
         swept = None if self.study is None else self.study.fitted
         refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
-        noise = event_noise(self.fitted, rests(self.fitted) if swept is None else swept)
+        noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
         return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits)
 
 
@@ -110,8 +108,14 @@ def asked(
     return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
 
 
-def rests(events: Events) -> Sweep:
-    """The rest of each record as an operating point, where nothing was swept."""
-    nothing = np.eye(2, dtype=complex)[None]
-    points = tuple(PointSweep(one.rest, np.ones(1), nothing) for one in events.records)
-    return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)
+def asked_of(diagram: Diagram, study: Study) -> Asked:
+    """The question of a study of records alone, of a diagram without limits."""
+    if study.events is None:
+        raise IbridError("the study has no records of events; make one of them, Study.of(events)")
+    options: StudyOptions = {
+        "holdout_op": study.held,
+        "vocabulary": study.kinds,
+        "seed": study.seed,
+        "port": study.port,
+    }
+    return asked(diagram, None, None, study.events, options)

@@ -11,6 +11,7 @@ from ibrid.evaluation.grade import CLOSE, ROUGH, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import Visibility, visible_by
 from ibrid.gap.event_fit import EventFit
+from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_question import Asked
 from ibrid.gap.records import Records
 from ibrid.gap.trial import Model
@@ -42,11 +43,11 @@ def mean_error(playback: Playback, names: Sequence[str], *, held: bool) -> float
     return float(np.mean(known)) if known and len(known) == len(errors) else None
 
 
-def floor_of(data: Records) -> float:
+def floor_of(noise: EventNoise) -> float:
     """NRMSE that noise alone would leave, the mean over the records."""
     found = []
-    for record in data.noise.events.records:
-        sigma = data.noise.sigma[record.name]
+    for record in noise.events.records:
+        sigma = noise.sigma[record.name]
         found.append(float(np.sqrt(2 * (sigma**2).sum()) / np.linalg.norm(record.i - record.i_rest)))
     return float(np.mean(found))
 
@@ -90,17 +91,16 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         identifiability=told.sentences,
     )
     error = mean_error(playback, asked.held, held=False)
-    grade = _grade(model, error, floor_of(data))
+    grade = _grade(model, error, floor := floor_of(data.noise))
     if asked.study is not None:
         return replace(record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index)))
     fitted = {name: value for name, value in by_record.items() if name not in asked.held}
     empty: dict[str, Any] = {name: {} for name in ("nrmse_by_band", "nrmse_by_entry", "share_by_band", "nrmse_by_part")}
-    floor = floor_of(data)
     record = replace(record, nrmse=error, nrmse_by_op=fitted, grade=str(grade), noise_floor=floor, **empty)
     stated = all(one.sigma is not None for one in data.noise.events.records)
     told_by = {"value": floor, "from": "sigma" if stated else "repeats"}  # samples at rest repeat one number
     misfit = {"chi2_per_dof": model.refit.chi2 / model.refit.dof, "floor": told_by, "by_entry_band": []}
-    return replace(record, misfit=misfit, over_noise=None)
+    return replace(record, misfit=misfit, over_noise=float(np.sqrt(model.refit.chi2 / model.refit.numbers)))
 
 
 def _grade(model: Model, error: float | None, floor: float) -> Grade:

@@ -6,24 +6,27 @@ about them, led by the measured current (`ibrid.gap.event_fit`).
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.describe import unfitted
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
 from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
-from ibrid.gap.event_question import NO_REST, Asked, asked
+from ibrid.gap.event_misfit import Descending
+from ibrid.gap.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.event_record import played, record_of
 from ibrid.gap.noise import ADEQUATE
-from ibrid.gap.prior import Belief, Nominal, Prior
+from ibrid.gap.prior import Belief, Nominal
 from ibrid.gap.records import Records
 from ibrid.gap.trial import LIKELY, Model
 from ibrid.measurement.events import Events
@@ -34,6 +37,8 @@ from ibrid.study import Study, StudyOptions
 
 #: Draws about typical values that records alone begin from, their standard deviation in decades, and how many are descended.
 DRAWS, WIDTH, DESCENDED = 96, 0.3, 8
+#: Rounds, and steps of each, of a first descent from values of another fit.
+NEAR = (4, 3)
 #: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
 ROUNDS, GAIN = 4, 0.995
 #: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
@@ -72,8 +77,25 @@ def evaluate_events(
     return weighed_by_events(asked(model, sweep, values, events, options), settings)[0]
 
 
-def weighed_by_events(question: Asked, settings: FitSettings | None = None) -> tuple[Record, float]:
-    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together."""
+def evaluate_records(
+    diagram: Diagram, study: Study, settings: FitSettings, warm: Mapping[str, Values] | None = None
+) -> Record:
+    """`ibrid.evaluate` for a study of records alone. warm : values of another fit at some rest, from which it begins."""
+    try:
+        known = next(iter((warm or {}).values()), None)
+        return weighed_by_events(asked_of(diagram, study), settings, known)[0]
+    except IbridError as error:
+        diagram, outcome = study.placed(diagram), Outcome.FAILED if str(error) == NO_REST else Outcome.INVALID
+        return replace(unfitted(diagram, study, study.effort(settings)), outcome=outcome, reasons=(str(error),))
+
+
+def weighed_by_events(
+    question: Asked, settings: FitSettings | None = None, warm: Values | None = None
+) -> tuple[Record, float]:
+    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together.
+
+    warm : values of another fit from which one of records alone begins.
+    """
     started = time.perf_counter()
     kernel.load()
     if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
@@ -82,10 +104,10 @@ def weighed_by_events(question: Asked, settings: FitSettings | None = None) -> t
         )
     data, effort = question.records({}), settings or FitSettings()
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
-    held = question.records(_typical(question, data, nominal))
+    held = near_typical(question, nominal)
     twins: list[Values] = []
     if question.study is None:
-        fits = _explaining(_drawn(question, data, nominal), question, held, effort.seconds)
+        fits = _explaining(question, held, nominal, effort, warm)
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
@@ -102,10 +124,12 @@ def weighed_by_events(question: Asked, settings: FitSettings | None = None) -> t
     return replace(record, seconds=time.perf_counter() - started), found.bic()
 
 
-def _typical(question: Asked, data: Records, nominal: Values) -> Prior:
-    """Positive values lie within a decade of nominal or typical ones: so says what the data leave open, and only that."""
-    free = (one.parameter for one in data.fitter.misfit(question.diagram, question.limits).numbers)
-    return {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
+def near_typical(question: Asked, nominal: Values) -> Records:
+    """The data where positive values lie within a decade of nominal or typical ones: so says what they leave open, and only
+    that."""
+    free = (one.parameter for one in question.records({}).fitter.misfit(question.diagram, question.limits).numbers)
+    prior = {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
+    return question.records(prior)
 
 
 def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bool = True) -> list[EventFit]:
@@ -124,24 +148,27 @@ def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bo
     return fits
 
 
-def _explaining(starts: Sequence[Values], question: Asked, data: Records, seconds: float) -> list[EventFit]:
-    """Fits from starts in turn, until one explains the records or the time is up."""
-    began, fits = time.perf_counter(), list[EventFit]()
-    for start in starts:
-        fits += _fitted([start], question, data)
-        if time.perf_counter() - began > seconds or any(fit.p_value() > ADEQUATE for fit in fits):
+def _explaining(
+    question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None
+) -> list[EventFit]:
+    """Fits from known values, then from draws in turn, until one explains the records or the time is up."""
+    began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
+    near = misfit.coarse.best_of([] if warm is None else [warm], 1)
+    fits = _fitted([one.go(*NEAR).values for one in near], question, data, led=False)
+    draws = 2 * effort.restarts + 2 * (not fits)
+    for start in begun(question, data, nominal, min(draws, DESCENDED)) if draws else []:
+        if time.perf_counter() - began > effort.seconds or any(fit.p_value() > ADEQUATE for fit in fits):
             break
+        fits += _fitted([start.values], question, data)
     return fits
 
 
-def _drawn(question: Asked, data: Records, nominal: Values) -> list[Values]:
-    """Of draws about nominal and typical values those whose predictions are best."""
-    misfit, rng = data.fitter.misfit(question.diagram, question.limits).predicting, np.random.default_rng(question.seed)
+def begun(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:
+    """Of draws about nominal and typical values those whose predictions are best, the first one first."""
+    misfit, rng = data.fitter.misfit(question.diagram, question.limits).racing, np.random.default_rng(question.seed)
     middle = misfit.beliefs.start(nominal)
     drawn = middle + WIDTH * np.log(10.0) * rng.standard_normal((DRAWS, len(middle)))
-    x = np.clip(np.concatenate([middle[None], drawn]), *misfit.box)
-    ranked = x[np.argsort(misfit.at(x).cost, kind="stable")]
-    return [misfit.values(one) for one in ranked[:DESCENDED]]
+    return misfit.best(np.clip(np.concatenate([middle[None], drawn]), *misfit.box), number)
 
 
 def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:

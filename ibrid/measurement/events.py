@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
-from ibrid.measurement.sweep import OperatingPoint, PowerNode, require_header
+from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, shown
 
 
@@ -113,6 +113,12 @@ class Events:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(record.name for record in self.records)
+
+    @property
+    def rests(self) -> Sweep:
+        """The rest of each record as an operating point at which nothing was swept."""
+        points = tuple(PointSweep(one.rest, np.ones(1), np.eye(2, dtype=complex)[None]) for one in self.records)
+        return Sweep(points, f0_hz=self.f0_hz, power_node="pcc", source=self.source)
 
     def __getitem__(self, name: str) -> EventRecord:
         """The record of that name; OperatingPointError, with the near names, if there is none."""

@@ -27,8 +27,9 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import Parameter, parameter_table
 from ibrid.structure.wiring import wire
 
-#: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows.
-PHASE, HIGHEST = 1e-6, 2000.0
+#: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows; of a prediction,
+#: which leads to a valley and no further.
+PHASE, LED_PHASE, HIGHEST = 1e-6, 1e-2, 2000.0
 #: Step times the fastest mode: of an answer, and of a fit, where it need not be better than any noise.
 FINE, COARSE = 0.7, 1.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
@@ -91,7 +92,7 @@ class Player:
 
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
-        orders = self._orders(values[0])
+        orders = self._orders(values[0], LED_PHASE if led else PHASE)
         rests: list[Rest | None] = []
         for one in values:
             try:
@@ -110,9 +111,9 @@ class Player:
             found[k] = Played(current[:, :, lane], gone, memory[:, lane])
         return found
 
-    def _orders(self, values: Mapping[str, float]) -> _Orders:
+    def _orders(self, values: Mapping[str, float], phase: float) -> _Orders:
         return tuple(
-            (name, rational_order(float(self.table.value(name, kind.delay, values))))
+            (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
             for name, kind in self.wiring.kinds.items()
             if kind.delay is not None
         )
@@ -142,15 +143,15 @@ class Player:
         return self._laws[orders, led]
 
 
-def rational_order(delay: float) -> int:
-    """Smallest order of a Pade form whose phase error at `HIGHEST` is below `PHASE`.
+def rational_order(delay: float, phase: float = PHASE) -> int:
+    """Smallest order of a Pade form whose phase error at `HIGHEST` is below `phase`.
 
     Law: the error is (omega T)^(2n+1) (n!)^2 / ((2n)! (2n+1)!) to first order.
     """
     angle = 2 * np.pi * HIGHEST * delay
     for order in range(1, 12):
         error = angle ** (2 * order + 1) * factorial(order) ** 2 / (factorial(2 * order) * factorial(2 * order + 1))
-        if error < PHASE:
+        if error < phase:
             return order
     return 12
 

@@ -148,7 +148,11 @@ class Looker:
 
     def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
         """The shipped diagrams of so many devices that have a response, the best first. tell : of every look, and the share."""
-        looks: list[RankedEdit] = []
+        looks = [self.fresh(*shipped) for shipped in self.shipped(devices, tell)]
+        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+
+    def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
+        """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
         for place, name in enumerate(names := shipped_names()):
             tell(f"first look at {name}, {place + 1} of {len(names)}", place / len(names))
             diagram = textbook(name)
@@ -156,8 +160,7 @@ class Looker:
                 continue  # of kinds that the vocabulary lacks, for instance
             if len(device_parts(diagram, self.study.kinds)) == devices:
                 known = published_values(name) if name in published_names() else {}
-                looks.append(self.fresh(Edited(diagram, f"the shipped diagram {name}", name, {}), known))
-        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+                yield Edited(diagram, f"the shipped diagram {name}", name, {}), known
 
     def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first."""

@@ -7,6 +7,8 @@ import numpy as np
 
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
+from ibrid.gap.event_noise import event_noise
+from ibrid.gap.event_record import floor_of as level_of
 from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import Sweep, measured_numbers
 from ibrid.study import Study
@@ -75,6 +77,14 @@ def noise_floor(sweep: Sweep) -> Floor:
     return Floor(max(float(np.mean(np.concatenate(levels))), EXACT), numbers, source)
 
 
+def floor_of(study: Study) -> Floor:
+    """Of the points that are fitted; where records are all there is, of these: the mean of sqrt(2) |sigma| / |i - i_rest|."""
+    if (events := study.blind.events) is None:
+        return noise_floor(study.fitted)
+    noise = event_noise(events, study.fitted)
+    return Floor(level_of(noise), sum(2 * len(one.time) for one in events.records), noise.source)
+
+
 @dataclass(frozen=True)
 class Criterion:
     """What the best of a run is: the least ln(max(error, `EXACT`)) + price x free numbers (of one operating point, when
@@ -122,7 +132,7 @@ TIE = 1e-3
 
 def criterion(study: Study, settings: SearchSettings) -> Criterion:
     """The criterion for the operating points that are fitted."""
-    floor = noise_floor(study.fitted)
+    floor = floor_of(study)
     alone = len(study.groups)
     price = information_price(floor.numbers, alone) if floor.known else TIE
     return Criterion(floor, price, alone, settings)

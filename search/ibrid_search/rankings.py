@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
-from math import log
+from math import inf, log
 
 from ibrid.errors import IbridError
 from ibrid.gap.missing_transfer import measured
@@ -121,8 +121,12 @@ class Rankings:
         """What a candidate loses when something is taken away, in ln(error) above the floor, by a look."""
         floor = self.looker.criterion.floor
         least = floor.most if floor.known else LOOKED_EXACT
-        look = self._ranked(without, self._values(parent), itself_of)[0]
-        return log(max(look.error, least) / max(self._error(parent), least))
+        left = self._error_of(without, self._values(parent))
+        return log(max(left, least) / max(self._error(parent), least))
+
+    def _error_of(self, diagram: Diagram, values: Values) -> float:
+        """What a look at a diagram leaves; infinite where it has no response."""
+        return min((look.error for look in self._ranked(diagram, values, itself_of)), default=inf)
 
     def _error(self, parent: Evaluated) -> float:
         return self.looker.criterion.floor.error(parent.record)
@@ -175,7 +179,9 @@ class Rankings:
 @lru_cache(maxsize=2)
 def rankings_of(study: Study) -> Rankings:
     """The rankings of a study, the same for whoever asks."""
-    return Rankings(study)
+    from ibrid_search.event_looks import EventRankings  # above this file
+
+    return Rankings(study) if study.events is None else EventRankings(study)
 
 
 def _worth(look: RankedEdit) -> float:

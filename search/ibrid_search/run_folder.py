@@ -45,8 +45,8 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     for name in _WRITTEN:  # at the end of the run, when it is too late to refuse
         inside(folder, name)
     exists = archive.exists() or file.exists()
-    if exists and not resume:
-        raise IbridError(f"{folder}: holds a run already; go on with it by --resume, or choose another folder")
+    if not resume:
+        require_no_run(folder)
     if not exists:
         make_folder(folder)
         _require_own_names(folder)
@@ -68,6 +68,12 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
         if not begun:
             for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE):
                 (folder / name).unlink(missing_ok=True)
+
+
+def require_no_run(folder: Path) -> None:
+    """Raise IbridError for a folder that holds a run already."""
+    if any(inside(folder, name).exists() for name in (ARCHIVE, RUN_TOML)):
+        raise IbridError(f"{folder}: holds a run already; go on with it by --resume, or choose another folder")
 
 
 def require_run(folder: Path) -> None:

@@ -24,24 +24,36 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
+from ibrid.telling import telling
 from ibrid.writing import inside, write_json, write_whole
-from ibrid_search.diagnosis import Edited, Looker
+from ibrid_search.diagnosis import Edited
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
-from ibrid_search.merit import criterion
 from ibrid_search.page import write_run_page
 from ibrid_search.panel import Panel
 from ibrid_search.policy_package import policy_part
 from ibrid_search.progress import Progress
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
+from ibrid_search.rankings import rankings_of
 from ibrid_search.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
-from ibrid_search.run_folder import PAGE, SELECTION, TRAJECTORY, digest, open_run, require_run, write_best
+from ibrid_search.run_folder import (
+    ARCHIVE,
+    PAGE,
+    SELECTION,
+    TRAJECTORY,
+    digest,
+    open_run,
+    require_no_run,
+    require_run,
+    write_best,
+)
 from ibrid_search.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
+from ibrid_search.step import SHIPPED
 from ibrid_search.store import Store
 from ibrid_search.tally import counts
 from ibrid_search.trajectory import eligible, trajectory, trajectory_csv
@@ -53,6 +65,8 @@ PATIENT = 4
 FINALISTS = 4
 #: Best candidates by the sweep that records of events judge, beside the answer and its rivals.
 JUDGED = 6
+#: Proposers that see what is left of records; how much longer than a fit to a sweep one to records may take.
+ABLE, WALL_OF_RECORDS = ("diagnosis", "rules", "random"), 10.0
 #: Why a structure is the answer where records of events judge.
 WHY_EVENTS = "of the structures that the sweep does not tell apart it explains sweep and records of events best"
 #: Starts that are asked for wrong labels.
@@ -92,7 +106,7 @@ class Run:
 
 
 def search(
-    sweep: Sweep | Study,
+    sweep: Sweep | Events | Study,
     folder: str | Path,
     *,
     start: Diagram | str | None = None,
@@ -110,8 +124,8 @@ def search(
 
     Parameters
     ----------
-    sweep : measured operating points, or a study of them. folder : where the run lives; refused when it holds one already, and
-        with `resume` when it holds none.
+    sweep : measured operating points, records of events where nothing was swept, or a study of either. folder : where the run
+        lives; refused when it holds one already, and with `resume` when it holds none.
     start : diagram or program text to begin from, and nowhere else; when not given, the shipped diagrams that a first look at
         the data finds best.
     proposer : "diagnosis", "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", or proposers of
@@ -135,8 +149,7 @@ def search(
     """
     began = time.monotonic()
     folder = _folder(folder)
-    if resume:
-        require_run(folder)
+    (require_run if resume else require_no_run)(folder)
     goal = budget if isinstance(budget, Goal) else Goal(budget)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
     proposers = proposer if isinstance(proposer, Proposers) else Proposers(proposer)
@@ -147,10 +160,14 @@ def search(
         raise IbridError("choosing by held-out operating points needs some; name them with --holdout-op")
     if events is not None and (study.parameters, study.equilibrium) != ("shared", "exact"):
         raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave the options out")
+    if study.events is not None:
+        _require_able(weighted, goal)
+        settings = replace(settings, wall=WALL_OF_RECORDS * settings.wall)
     labels: tuple[Mapping[str, Any], ...] = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
-    first, others = _starts(start, study, settings)
+    known = _begun_from(folder) if resume and start is None else None
+    first, others = known or _starts(start, study, settings, progress if isinstance(progress, str) else "silent")
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     asked = {"prompt": proposers.prompt, "server": dict(proposers.server)} if proposers.models else {}
     learnt: dict[str, Any] = {**proposers.weights(), **asked}
@@ -164,8 +181,9 @@ def search(
     settings = replace(settings, history=panel.history(settings.history))
     if panel.undisturbed:
         settings = replace(settings, pruning=0.0)
-    texts = {"data": sweep_csv(study.sweep), "start": first, "truth": "" if truth is None else program_text(truth)}
-    texts |= {} if events is None else {"events": event_csv(events)}
+    recorded, data = events or study.events, "" if study.events is not None else sweep_csv(study.sweep)
+    texts = {"data": data, "start": first, "truth": "" if truth is None else program_text(truth)}
+    texts |= {} if recorded is None else {"events": event_csv(recorded)}
     stated = {
         "seed": study.seed, "budget": goal.budget, "target": goal.target, "proposer": panel.names,
         "models": list(proposers.models), "prices": [list(pair) for pair in proposers.prices],
@@ -174,7 +192,7 @@ def search(
         **({"labels": [one["id"] for one in labels]} if doubted else {}),
         "holdout_op": list(study.held), "require": goal.require, "choose": goal.choose, "workers": workers.number,
         "ray": workers.ray or "", "data": study.sweep.source, "data_sha256": digest(texts["data"]),
-        **({} if events is None else {"events": events.source, "events_sha256": digest(texts["events"])}),
+        **({} if recorded is None else {"events": recorded.source, "events_sha256": digest(texts["events"])}),
         "start_sha256": digest(first), "settings": vars(settings), **learnt,
     }  # fmt: skip
     with open_run(folder, stated, texts, resume) as store:
@@ -208,21 +226,47 @@ def search(
         )
 
 
+def _require_able(weighted: Sequence[tuple[Proposer, float]], goal: Goal) -> None:
+    """IbridError for what a search in records alone cannot do."""
+    unable = [proposer.name for proposer, _ in weighted if proposer.name not in ABLE]
+    if unable:
+        raise IbridError(f"records alone are searched by {', '.join(ABLE)}; {unable[0]} needs a sweep")
+    if goal.choose == "frequencies":
+        raise IbridError(
+            "records have no frequencies to hold out; choose by operating points, --choose op --holdout-op RECORD"
+        )
+
+
 def _folder(folder: str | Path) -> Path:
     if not str(folder).strip():
         raise IbridError("a run needs a folder for its files, found an empty name; write . for the current one")
     return Path(folder)
 
 
-def _starts(start: Diagram | str | None, study: Study, settings: SearchSettings) -> tuple[str, tuple[Edited, ...]]:
+def _starts(
+    start: Diagram | str | None, study: Study, settings: SearchSettings, progress: str = "silent"
+) -> tuple[str, tuple[Edited, ...]]:
     """Text of the program to begin from, and further diagrams: none where a start is given."""
     if start is not None:
         return program_text(start) if isinstance(start, Diagram) else start, ()
-    looks = Looker(study.blind, criterion(study.blind, settings)).textbooks(settings.devices)[: settings.starts]
+    with telling("silent" if study.events is None else progress) as tell:
+        looks = rankings_of(study.blind).looker.textbooks(settings.devices, tell)[: settings.starts]
     if not looks:
         return textbook_text("naive"), ()
     first, *others = (look.edit for look in looks)
     return program_text(first.diagram), tuple(others)
+
+
+def _begun_from(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
+    """The start and the further diagrams of a run that is beyond all of them, which need not be looked for again."""
+    if not (archive := inside(folder, ARCHIVE)).exists():
+        return None
+    with Store.open(archive, read_only=True) as store:
+        first, steps = store.meta.get("start", ""), [*store.steps()][1:]
+        shipped = [one for one in steps if one.proposer == SHIPPED]
+    if not shipped or len(shipped) == len(steps):
+        return None
+    return first, tuple(Edited(parse_program(one.program or first), one.note, "", {}) for one in shipped)
 
 
 def _put_right(

@@ -4,6 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from ibrid_search.evaluation.assess import QUICK, Assessor
+from ibrid_search.proposal import Evaluated
+from ibrid_search.rankings import rankings_of
 from ibrid_search.running import search
 from sharing import shared
 
@@ -14,6 +17,7 @@ from ibrid.measurement.events import Events
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
+from ibrid.study import Study
 
 INVERTER = "gfl_l_filter"
 
@@ -49,11 +53,45 @@ def test_the_answer_is_fitted_to_both_and_the_selection_says_how_every_structure
         search(noisy(), folder, start=ibrid.textbook(INVERTER), budget=5, resume=True, progress="silent")
 
 
-def test_records_without_a_sweep_or_with_other_habits_are_one_sentence(tmp_path, capsys):
+def test_records_alone_are_searched_from_a_start_and_the_page_plays_the_answer(tmp_path, capsys):
+    file, folder = tmp_path / "events.csv", tmp_path / "run"
+    write_events(events(), file)
+    words = ["search", str(file), "--start", INVERTER, "--budget", "1", "--out", str(folder)]
+    assert main(words) == 0
+    answer = ibrid.read_record(folder / "best.json")
+    assert ibrid.compare(answer.diagram, ibrid.textbook(INVERTER)).same
+    assert set(answer.nrmse_by_record) == set(events().names)
+    assert max(answer.nrmse_by_record.values()) < 1.2 * 10**-2.5  # the noise
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Records of events" in page
+    assert "no data" not in page
+    assert main([*words[:-4], "--budget", "1", "--out", str(folder), "--resume"]) == 0
+    assert main([*words[:-4], "--proposer", "policy", "--out", str(tmp_path / "other")]) == 2
+    assert "needs a sweep" in capsys.readouterr().err
+
+
+def test_a_run_that_goes_on_looks_for_no_starts_again(tmp_path, monkeypatch):
+    folder, sweep = tmp_path / "run", noisy()
+    search(sweep, folder, budget=7, progress="silent")
+    monkeypatch.setattr("ibrid_search.running.rankings_of", None)
+    assert search(sweep, folder, budget=8, resume=True, progress="silent").evaluations >= 7
+
+
+def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the_first_three():
+    lacks = ibrid.textbook("gfl_exact")
+    plant = plant_named("paper_like")
+    kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]
+    study = Study.of(record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=60.0))
+    record = Assessor(study).record_of(ibrid.program_text(lacks), QUICK)
+    assert record.outcome == "ok"
+    best = rankings_of(study).best(Evaluated(0, lacks, record), lambda diagram: True, 3)
+    assert "pll_prefilter" in [look.edit.part for look in best]
+    assert rankings_of(study).ports(Evaluated(0, lacks, record)) == ()
+
+
+def test_events_with_other_habits_are_one_sentence(tmp_path, capsys):
     file = tmp_path / "events.csv"
     write_events(events(), file)
-    assert main(["search", str(file), "--out", str(tmp_path / "run")]) == 2
-    assert "a search needs a sweep" in capsys.readouterr().err
     words = ["search", INVERTER, "--events", str(file), "--out", str(tmp_path / "run")]
     assert main([*words, "--parameters", "per-op"]) == 2
     assert "shared parameters" in capsys.readouterr().err

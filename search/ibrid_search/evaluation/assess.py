@@ -8,12 +8,13 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.joint_fit import evaluate_records
 from ibrid.measurement.amplitudes import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
-from ibrid_search.merit import Floor, noise_floor
+from ibrid_search.merit import Floor, floor_of
 
 #: Limit of a fit (s): far above the wall limit of a candidate, which alone stops it, so that load changes no score.
 BY_THE_WALL = 3600.0
@@ -59,7 +60,7 @@ class Assessor:
     @cached_property
     def floor(self) -> Floor:
         """How errors are measured, and what noise leaves of them."""
-        return noise_floor(self.study.fitted)
+        return floor_of(self.study)
 
     def record_of(
         self, program: str, settings: FitSettings, warm: Mapping[str, Mapping[str, float]] | None = None
@@ -67,6 +68,8 @@ class Assessor:
         """The record of a program with a given effort, `warm` values tried beside the starts; of much data it is spent on few,
         and what it finds is polished on all."""
         diagram = parse_program(program)
+        if self.study.events is not None:
+            return evaluate_records(diagram, self.study, settings, warm)
         if self._few is None:
             return evaluate(diagram, self.study, settings=settings, warm=warm)
         first = evaluate(diagram, self._few, settings=settings, warm=warm)

@@ -3,30 +3,35 @@
 import math
 import tempfile
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
+from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
+from ibrid.measurement.read_events import read_events
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
 from ibrid.structure.compare import Comparison, compare
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
+from ibrid.study import Study
 from ibrid.writing import inside
-from ibrid_search.merit import EXACT, UNKNOWN, Floor, noise_floor
+from ibrid_search.merit import EXACT, UNKNOWN, Floor, floor_of
 from ibrid_search.parsed import mapping_in
 from ibrid_search.report.selection import Selection, plain_selection, read_selection
 from ibrid_search.run_folder import SELECTION
 from ibrid_search.step import Step, line
 from ibrid_search.store import NotedCall, Store
 from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
+
+Data = TypeVar("Data", Sweep, Events)
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class RunData:
     points: tuple[Point, ...]
     milestones: tuple[Milestone, ...]
     sweep: Sweep | None
+    events: Events | None
     selection: Selection
     answer: Step | None
     truth: Diagram | None
@@ -69,10 +75,11 @@ class RunData:
     @cached_property
     def floor(self) -> Floor | None:
         """What the noise of the fitted points leaves of an error; None without data."""
-        if self.sweep is None:
+        data = self.sweep or self.events
+        if data is None:
             return None
-        held = [name for name in self.settings.get("holdout_op", ()) if name in self.sweep.names]
-        return noise_floor(self.sweep.without(held) if held else self.sweep)
+        held = [one for one in self.settings.get("holdout_op", ()) if one in data.names]
+        return floor_of(Study.of(data, holdout_op=held))
 
     @cached_property
     def explained(self) -> bool:
@@ -103,9 +110,10 @@ def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKin
     known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), own)
     steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
     notes: list[str] = []
-    if sweep is None:
-        sweep, remark = measured(meta.get("data", ""))
-        notes += [remark] if remark else []
+    events, remark = measured(meta["events"], read_events) if meta.get("events") else (None, "")
+    if sweep is None and (events is None or meta.get("data")):
+        sweep, remark = measured(meta.get("data", ""), read_sweep)
+    notes += [remark] if remark else []
     plain, chosen = plain_selection(steps.values()), None
     try:
         chosen = read_selection(inside(store.path.parent, SELECTION))
@@ -127,6 +135,7 @@ def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKin
         points=points,
         milestones=milestones(points, steps, records.get),
         sweep=sweep,
+        events=events,
         selection=chosen or plain,
         answer=answer,
         truth=truth,
@@ -180,7 +189,7 @@ def _number(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 19 else None
 
 
-def measured(text: str) -> tuple[Sweep | None, str]:
+def measured(text: str, read: Callable[[Path], Data]) -> tuple[Data | None, str]:
     """The data that the run was started with, and a sentence when they cannot be read."""
     if not text:
         return None, "The run holds no data, so there are no measured dots; give the sweep to show them."
@@ -188,7 +197,7 @@ def measured(text: str) -> tuple[Sweep | None, str]:
         file = Path(folder) / "data.csv"
         file.write_text(text, encoding="utf-8")
         try:
-            return read_sweep(file), ""
+            return read(file), ""
         except IbridError as problem:
             return None, f"The data in the run cannot be read, so there are no measured dots: {problem}"
 

@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from ibrid.errors import IbridError
+from ibrid.measurement.read import read_sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.report.page import record_facts
@@ -243,7 +244,7 @@ def step_page(folder: Path, number: int, kinds: Sequence[ModuleKind] = VOCABULAR
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         step = store.step(number)
         record = store.record(number, kinds)
-        sweep, _ = measured(store.meta.get("data", ""))
+        sweep, _ = measured(store.meta.get("data", ""), read_sweep)
         try:
             parent = None if step.edited is None else store.step(step.edited)
         except IbridError:
