@@ -6,7 +6,7 @@ wrong model cannot drift away. Edits of a fitted diagram race on whole records, 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -65,6 +65,10 @@ class EventLooker(Looker):
         runners = [(edit, self._misfit(edit.diagram).begun(one.x)) for edit, one in glances]
         front = [self._seen(edit, one) for edit, one in in_front(runners, EDIT_HEATS)]
         return sorted(front, key=lambda look: look.worth)
+
+    def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
+        """An edit that races alone; worthless where it has no answer."""
+        return next(iter(self.raced([edit], values)), RankedEdit(edit, inf, 0, inf))
 
     def _begun(self, edit: Edited, values: Values, *, glance: bool = False) -> Descending | None:
         """The best of the usual strengths; None where none has an answer, whatever the code of a user's own kind raises."""
