@@ -70,6 +70,8 @@ def evaluate(
             "make them with parse_program or textbook, and read_sweep"
         )
     study = Study.of(sweep, **options)
+    if study.events is not None:
+        raise IbridError("a study of records alone has no admittances; fit its records by evaluate_events")
     diagram = study.placed(diagram)
     effort = study.effort(settings, objective=objective, restarts=restarts)
     base = unfitted(diagram, study, effort)

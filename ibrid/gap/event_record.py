@@ -85,7 +85,7 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         settings={**record.settings, "large_signal": limits, "events": asked.events.source},
         nrmse_by_record=by_record,
         nrmse_by_window=playback.by_window,
-        holdout={**record.holdout, **{name: by_record[name] for name in asked.held if name in by_record}},
+        holdout={**record.holdout, **{name: by_record.get(name, np.nan) for name in asked.held}},
         intervals={op: {name: told.intervals[name] for name in found} for op, found in record.intervals.items()},
         covariance=_covariance(record, model.refit, told),
         identifiability=told.sentences,

@@ -12,7 +12,7 @@ from typing import Unpack
 
 import numpy as np
 
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.describe import unfitted
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
@@ -61,7 +61,8 @@ def evaluate_events(
     model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
     events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
     values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
-    settings : effort of the fit to the sweep; after its seconds no further start of records alone is descended.
+    settings : effort of the fit to the sweep. Of records alone its restarts say how many draws are descended (two more than two
+        for each, eight at most); after its seconds no further one.
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
         equilibrium exact.
 
@@ -85,6 +86,8 @@ def evaluate_records(
         known = next(iter((warm or {}).values()), None)
         return weighed_by_events(asked_of(diagram, study), settings, known)[0]
     except IbridError as error:
+        if isinstance(error, OperatingPointError) and study.held:  # no rest where it was not fitted, perhaps
+            return evaluate_records(diagram, study.blind, settings, warm)
         diagram, outcome = study.placed(diagram), Outcome.FAILED if str(error) == NO_REST else Outcome.INVALID
         return replace(unfitted(diagram, study, study.effort(settings)), outcome=outcome, reasons=(str(error),))
 
@@ -155,12 +158,16 @@ def _explaining(
     began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
     near = misfit.coarse.best_of([] if warm is None else [warm], 1)
     fits = _fitted([one.go(*NEAR).values for one in near], question, data, led=False)
-    draws = 2 * effort.restarts + 2 * (not fits)
-    for start in begun(question, data, nominal, min(draws, DESCENDED)) if draws else []:
-        if time.perf_counter() - began > effort.seconds or any(fit.p_value() > ADEQUATE for fit in fits):
+    draws = 0 if _explained(fits) else min(2 * effort.restarts + 2 * (not fits), DESCENDED)
+    for start in begun(question, data, nominal, draws) if draws else []:
+        if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
         fits += _fitted([start.values], question, data)
     return fits
+
+
+def _explained(fits: Sequence[EventFit]) -> bool:
+    return any(fit.p_value() > ADEQUATE for fit in fits)
 
 
 def begun(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:

@@ -92,6 +92,8 @@ def find_gap(
     effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
         return _of_events(diagram, sweep, values, events, effects, progress, seconds, options)
+    if isinstance(sweep, Study) and sweep.events is not None:
+        raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
         diagram, values = diagram.diagram, values or values_of(diagram)
     if sweep is None:

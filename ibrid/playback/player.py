@@ -111,7 +111,7 @@ class Player:
             found[k] = Played(current[:, :, lane], gone, memory[:, lane])
         return found
 
-    def _orders(self, values: Mapping[str, float], phase: float) -> _Orders:
+    def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
             (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
             for name, kind in self.wiring.kinds.items()

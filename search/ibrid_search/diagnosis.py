@@ -5,6 +5,7 @@ the logarithm of the response, which leads to the right valley, then on the erro
 an upper end of what the fit will find, so the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -138,18 +139,23 @@ def itself_of(diagram: Diagram, study: Study) -> list[Edited]:
     return [Edited(diagram, "", "", {})]
 
 
-class Looker:
+class Looks(ABC):
     """Looks at diagrams against one study; the same look twice is the same."""
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
-        kernel.load()
         self.study, self.criterion = study, criterion
-        self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
+    @abstractmethod
     def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
         """The shipped diagrams of so many devices that have a response, the best first. tell : of every look, and the share."""
-        looks = [self.fresh(*shipped) for shipped in self.shipped(devices, tell)]
-        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+
+    @abstractmethod
+    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
+        """A look at a diagram of which no values are known but what is typical of some."""
+
+    @abstractmethod
+    def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
+        """A look at an edit from its parent's values, one mapping for each fitted operating point. glance : only from there."""
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
         """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
@@ -166,8 +172,31 @@ class Looker:
         """Looks at edits of a diagram with fitted values, the best first."""
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
+    def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
+        """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""
+        return log(max(error, least_error(odd))) + self.price * (free + 2 * odd.total)
+
+    @property
+    def price(self) -> float:
+        """Of a free number, in ln(error)."""
+        return self.criterion.price / self.criterion.alone if self.criterion.floor.known else PRICE
+
+
+class Looker(Looks):
+    """Looks at diagrams against the sweep of a study."""
+
+    def __init__(self, study: Study, criterion: Criterion) -> None:
+        super().__init__(study, criterion)
+        kernel.load()
+        self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
+
+    def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
+        """By descents from draws of their numbers."""
+        looks = [self.fresh(*shipped) for shipped in self.shipped(devices, tell)]
+        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+
     def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
-        """A look at a diagram of which no values are known but what is typical of some."""
+        """By descents from draws, on the logarithm of the response first."""
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
             far, near = self._misfits(problem)
@@ -181,10 +210,7 @@ class Looker:
         return self._looked(edit, [descend] * len(self.groups))
 
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
-        """A look at an edit from its parent's values, one mapping for each fitted operating point.
-
-        glance : only from there, which is a third of the work, and enough where the values have not bent to fit.
-        """
+        """A glance is a third of the work, and enough where the values have not bent to fit."""
         length = max((len(bank) for bank in edit.strengths.values()), default=0)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
 
@@ -233,15 +259,6 @@ class Looker:
         values = tuple(found.get(name, first) for name in study.fitted.names)
         odd = Oddities(at_bound=bound, absurd=max(absurd(edit.diagram, one, study.kinds) for one in values))
         return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL), odd), values)
-
-    def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
-        """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""
-        return log(max(error, least_error(odd))) + self.price * (free + 2 * odd.total)
-
-    @property
-    def price(self) -> float:
-        """Of a free number, in ln(error)."""
-        return self.criterion.price / self.criterion.alone if self.criterion.floor.known else PRICE
 
     def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
         return Misfit(problem, "log"), Misfit(problem, objective_for(problem.points))

@@ -4,12 +4,15 @@ Shipped diagrams, of which no values are known, race by predictions: their state
 wrong model cannot drift away. Edits of a fitted diagram race on whole records, which the fit is near: predictions are much alike.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf, sqrt
+from types import MappingProxyType
 
 import numpy as np
 
+from ibrid.evaluation.time_limit import time_limit
 from ibrid.gap.event_misfit import Descending, EventMisfit
 from ibrid.gap.event_question import asked_of
 from ibrid.gap.joint_fit import begun, near_typical
@@ -19,15 +22,16 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, effects_of, ideas_of
-from ibrid_search.merit import Criterion, criterion
+from ibrid_search.diagnosis import Edited, Looks, RankedEdit, Values, effects_of, ideas_of
+from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, absurd
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import Rankings
-from ibrid_search.settings import SearchSettings
 
 #: Draws of each shipped diagram that race, and the heats: rounds, steps, how many go on.
 FOLLOWED, HEATS = 3, ((1, 1, 30), (1, 2, 15), (2, 2, 15))
+#: Seconds after which an edit is given up in a heat; it takes one or two.
+LIMIT = 60.0
 #: What a shipped diagram may leave, over what the best leaves, to be begun from: a fit to records takes a minute.
 CLOSE = 5.0
 #: Edits that race: what is missing has bent the rest of the model, so that a glance ranks it among the first thirty and no
@@ -35,11 +39,11 @@ CLOSE = 5.0
 RACED, EDIT_HEATS = 32, ((1, 4, 24), (3, 2, 8))
 
 
-class EventLooker(Looker):
-    """Looks at diagrams against the records of one study. A glance is a step on the loudest record alone."""
+class EventLooker(Looks):
+    """Looks at diagrams against the records of a study."""
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
-        self.study, self.criterion = study.blind, criterion
+        super().__init__(study.blind, criterion)
         records = self.study.events.records if self.study.events else ()
         self._loudest = max(records, key=lambda one: float(np.mean(np.abs(one.i - one.i_rest) ** 2))).name
 
@@ -47,8 +51,7 @@ class EventLooker(Looker):
         """The shipped diagrams in the order of a race from draws of their numbers."""
         runners = []
         for edit, typical in self.shipped(devices, lambda words, share: tell(words, 0.5 * share)):
-            question = asked_of(edit.diagram, self.study)
-            runners += [(edit, one) for one in begun(question, near_typical(question, typical), typical, FOLLOWED)]
+            runners += self._drawn(edit, typical)
         for place, heat in enumerate(HEATS):
             tell(f"{len(runners)} starts race", 0.5 + 0.5 * place / len(HEATS))
             runners = in_front(runners, [heat])
@@ -58,27 +61,37 @@ class EventLooker(Looker):
         least = min((look.error for look in first.values()), default=0.0)
         return tuple(sorted((one for one in first.values() if one.error <= CLOSE * least), key=lambda look: look.worth))
 
-    def raced(self, edits: Sequence[Edited], values: Values) -> list[RankedEdit]:
-        """Edits of a diagram from its values: of those that lead far at a glance the ones in front of a race, the best first."""
-        glances = [(edit, one) for edit in edits if (one := self._begun(edit, values, glance=True)) is not None]
-        glances = sorted(((edit, one.go(1, 1)) for edit, one in glances), key=lambda pair: pair[1].cost)[:RACED]
-        runners = [(edit, self._misfit(edit.diagram).begun(one.x)) for edit, one in glances]
-        front = [self._seen(edit, one) for edit, one in in_front(runners, EDIT_HEATS)]
-        return sorted(front, key=lambda look: look.worth)
+    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
+        """By a race of its draws alone."""
+        front = in_front(self._drawn(edit, typical), HEATS)
+        return self._seen(*front[0]) if front else RankedEdit(edit, inf, 0, inf)
+
+    def _drawn(self, edit: Edited, typical: Mapping[str, float]) -> list[tuple[Edited, Descending]]:
+        question = asked_of(edit.diagram, self.study)
+        return [(edit, one) for one in begun(question, near_typical(question, typical), typical, FOLLOWED)]
 
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
         """An edit that races alone; worthless where it has no answer."""
         return next(iter(self.raced([edit], values)), RankedEdit(edit, inf, 0, inf))
 
-    def _begun(self, edit: Edited, values: Values, *, glance: bool = False) -> Descending | None:
-        """The best of the usual strengths; None where none has an answer, whatever the code of a user's own kind raises."""
+    def raced(self, edits: Sequence[Edited], values: Values) -> list[RankedEdit]:
+        """Edits of a diagram from its values: of those that lead far at a glance the ones in front of a race, the best first."""
+        glances = [(edit, one) for edit in edits for one in _tried(partial(self._glance, edit, values))]
+        near = _ahead(glances, RACED)
+        runners = [(edit, one) for edit, at in near for one in _tried(partial(self._set_out, edit, at.x))]
+        for rounds, steps, number in EDIT_HEATS:
+            gone = [(edit, one) for edit, at in runners for one in _tried(partial(at.go, rounds, steps))]
+            runners = _ahead(gone, number)
+        return sorted((self._seen(edit, one) for edit, one in runners), key=lambda look: look.worth)
+
+    def _glance(self, edit: Edited, values: Values) -> Descending:
+        """A step from the best of the usual strengths, on the loudest record alone."""
         length = max((len(bank) for bank in edit.strengths.values()), default=1)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
-        try:
-            found = self._misfit(edit.diagram, glance=glance).best_of([{**values[0], **bank} for bank in banks], 1)
-        except (Exception, SystemExit):
-            return None
-        return found[0] if found else None
+        return self._misfit(edit.diagram, glance=True).best_of([{**values[0], **bank} for bank in banks], 1)[0].go(1, 1)
+
+    def _set_out(self, edit: Edited, x: np.ndarray) -> Descending:
+        return self._misfit(edit.diagram).begun(x)
 
     def _misfit(self, diagram: Diagram, *, glance: bool = False) -> EventMisfit:
         question = asked_of(diagram, self.study)
@@ -96,11 +109,9 @@ class EventLooker(Looker):
 class EventRankings(Rankings):
     """The rankings of the candidates of a study of records: effects of the catalogue, then other ideas."""
 
-    looker: EventLooker
-
-    def __init__(self, study: Study) -> None:
-        super().__init__(study)
-        self.looker = EventLooker(study, criterion(study, SearchSettings()))
+    def __init__(self, study: Study, looker: EventLooker) -> None:
+        super().__init__(study, looker)
+        self._racing = looker
         self._raced: dict[str, list[RankedEdit]] = {}
 
     def _explaining(self, parent: Evaluated) -> Iterator[PortFit]:
@@ -116,5 +127,20 @@ class EventRankings(Rankings):
     ) -> list[RankedEdit]:
         key = f"{edits.__name__} {program_text(diagram)} {[sorted(point.items()) for point in values]}"
         if key not in self._raced:
-            self._raced[key] = self.looker.raced(edits(diagram, self.study), values)
+            self._raced[key] = self._racing.raced(edits(diagram, self.study), values)
         return self._raced[key]
+
+
+def _tried(work: Callable[[], Descending]) -> Iterator[Descending]:
+    """What some work gives; nothing where it takes too long, or the code of a user's own kind raises whatever it does."""
+    try:
+        with time_limit(LIMIT):
+            found = work()
+    except (Exception, SystemExit):
+        return
+    yield found
+
+
+def _ahead(runners: Sequence[tuple[Edited, Descending]], number: int) -> list[tuple[Edited, Descending]]:
+    """Those of least cost."""
+    return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]

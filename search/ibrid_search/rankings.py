@@ -19,6 +19,7 @@ from ibrid_search.diagnosis import (
     MOST_POINTS,
     Edited,
     Looker,
+    Looks,
     RankedEdit,
     Values,
     anywhere_of,
@@ -52,8 +53,8 @@ ASKED, REMEMBERED = 400, 20_000
 class Rankings:
     """The rankings of the candidates of one study (`ibrid_search.diagnosis`)."""
 
-    def __init__(self, study: Study) -> None:
-        self.study, self.looker = study, Looker(study, criterion(study, SearchSettings()))
+    def __init__(self, study: Study, looker: Looks) -> None:
+        self.study, self.looker = study, looker
         self._edits: dict[str, list[Edited]] = {}
         self._known: dict[str, RankedEdit] = {}
         self._ports: dict[str, tuple[PortFit, ...]] = {}
@@ -179,9 +180,12 @@ class Rankings:
 @lru_cache(maxsize=2)
 def rankings_of(study: Study) -> Rankings:
     """The rankings of a study, the same for whoever asks."""
-    from ibrid_search.event_looks import EventRankings  # above this file
+    from ibrid_search.event_looks import EventLooker, EventRankings  # above this file
 
-    return Rankings(study) if study.events is None else EventRankings(study)
+    measure = criterion(study, SearchSettings())
+    if study.events is None:
+        return Rankings(study, Looker(study, measure))
+    return EventRankings(study, EventLooker(study, measure))
 
 
 def _worth(look: RankedEdit) -> float:

@@ -133,8 +133,8 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
 def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
     """Raise IbridError when options that shape the search differ from those of the run; the same data may lie elsewhere."""
     made, wanted = _flat(before), _flat(read_run_toml(run_toml(now), "the options"))
-    moved = made.get("data_sha256") == wanted.get("data_sha256") is not None
-    for name in sorted((set(made) | set(wanted)) - {*FREE, *(["data"] if moved else [])}):
+    moved = {one for one in ("data", "events") if made.get(one + _DIGEST) == wanted.get(one + _DIGEST) is not None}
+    for name in sorted((set(made) | set(wanted)) - {*FREE, *moved}):
         if made.get(name) != wanted.get(name):
             what = f"{name} = {_shown(made.get(name))}, now it is {_shown(wanted.get(name))}"
             if name.endswith(_DIGEST):

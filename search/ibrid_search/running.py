@@ -53,7 +53,6 @@ from ibrid_search.run_folder import (
 )
 from ibrid_search.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
-from ibrid_search.step import SHIPPED
 from ibrid_search.store import Store
 from ibrid_search.tally import counts
 from ibrid_search.trajectory import eligible, trajectory, trajectory_csv
@@ -65,8 +64,8 @@ PATIENT = 4
 FINALISTS = 4
 #: Best candidates by the sweep that records of events judge, beside the answer and its rivals.
 JUDGED = 6
-#: Proposers that see what is left of records; how much longer than a fit to a sweep one to records may take.
-ABLE, WALL_OF_RECORDS = ("diagnosis", "rules", "random"), 10.0
+#: Proposers that see sweeps alone; how much longer than a fit to a sweep one to records may take.
+UNABLE, WALL_OF_RECORDS = ("policy", "llm", "agent"), 10.0
 #: Why a structure is the answer where records of events judge.
 WHY_EVENTS = "of the structures that the sweep does not tell apart it explains sweep and records of events best"
 #: Starts that are asked for wrong labels.
@@ -161,6 +160,8 @@ def search(
     if events is not None and (study.parameters, study.equilibrium) != ("shared", "exact"):
         raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave the options out")
     if study.events is not None:
+        if events is not None:
+            raise IbridError("records of events are given twice; give a sweep and these as events, or these alone")
         _require_able(weighted, goal)
         settings = replace(settings, wall=WALL_OF_RECORDS * settings.wall)
     labels: tuple[Mapping[str, Any], ...] = ()
@@ -182,7 +183,8 @@ def search(
     if panel.undisturbed:
         settings = replace(settings, pruning=0.0)
     recorded, data = events or study.events, "" if study.events is not None else sweep_csv(study.sweep)
-    texts = {"data": data, "start": first, "truth": "" if truth is None else program_text(truth)}
+    shipped = json.dumps([[program_text(one.diagram), one.words] for one in others])
+    texts = {"data": data, "start": first, "starts": shipped, "truth": "" if truth is None else program_text(truth)}
     texts |= {} if recorded is None else {"events": event_csv(recorded)}
     stated = {
         "seed": study.seed, "budget": goal.budget, "target": goal.target, "proposer": panel.names,
@@ -228,9 +230,9 @@ def search(
 
 def _require_able(weighted: Sequence[tuple[Proposer, float]], goal: Goal) -> None:
     """IbridError for what a search in records alone cannot do."""
-    unable = [proposer.name for proposer, _ in weighted if proposer.name not in ABLE]
+    unable = [proposer.name for proposer, _ in weighted if proposer.name in UNABLE]
     if unable:
-        raise IbridError(f"records alone are searched by {', '.join(ABLE)}; {unable[0]} needs a sweep")
+        raise IbridError(f"{unable[0]} needs a sweep; records alone are searched by diagnosis, rules and random")
     if goal.choose == "frequencies":
         raise IbridError(
             "records have no frequencies to hold out; choose by operating points, --choose op --holdout-op RECORD"
@@ -258,15 +260,13 @@ def _starts(
 
 
 def _begun_from(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
-    """The start and the further diagrams of a run that is beyond all of them, which need not be looked for again."""
-    if not (archive := inside(folder, ARCHIVE)).exists():
+    """The start and the further diagrams of a run, which need not be looked for again."""
+    archive = inside(folder, ARCHIVE)
+    if not archive.exists() or archive.stat().st_size == 0:
         return None
     with Store.open(archive, read_only=True) as store:
-        first, steps = store.meta.get("start", ""), [*store.steps()][1:]
-        shipped = [one for one in steps if one.proposer == SHIPPED]
-    if not shipped or len(shipped) == len(steps):
-        return None
-    return first, tuple(Edited(parse_program(one.program or first), one.note, "", {}) for one in shipped)
+        first, shipped = store.meta.get("start", ""), json.loads(store.meta.get("starts", "[]"))
+    return (first, tuple(Edited(parse_program(text), words, "", {}) for text, words in shipped)) if shipped else None
 
 
 def _put_right(
@@ -313,7 +313,8 @@ def _concluded(
     seconds = spent + selection.pop("seconds")  # the file is the same for the same seed
     answer = loop.steps[selection["answer"]]
     rivals = rivals_of(answer, loop.steps, worth.record, assessor.floor) if worth.at_floor(answer) else ()
-    noise = assessor.floor.level if assessor.floor.known else VISIBLE
+    swept = assessor.floor.known and assessor.study.events is None
+    noise = assessor.floor.level if swept else VISIBLE
     seconds += _fit_longer(loop, assessor, answer.number)
     found = worth.record(answer.number)
     ranked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
