@@ -66,8 +66,8 @@ def test_records_alone_are_searched_from_a_start_and_the_page_plays_the_answer(t
     assert "Records of events" in page
     assert "no data" not in page
     assert main([*words[:-4], "--budget", "1", "--out", str(folder), "--resume"]) == 0
-    assert main([*words[:-4], "--proposer", "policy", "--out", str(tmp_path / "other")]) == 2
-    assert "needs a sweep" in capsys.readouterr().err
+    assert main([*words[:-4], "--choose", "frequencies", "--out", str(tmp_path / "other")]) == 2
+    assert "no frequencies" in capsys.readouterr().err
 
 
 def test_a_run_that_goes_on_looks_for_no_starts_again(tmp_path, monkeypatch):
