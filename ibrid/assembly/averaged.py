@@ -159,17 +159,17 @@ def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
     """The model of a wired diagram at its operating point."""
     x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
     v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))
-    found = equations(wiring, at.modules, x, v, {channel: r[k] for k, channel in enumerate(at.references)})
-    arguments, names = [ca.vertcat(*x.values()), found.unknown, v, r], ["x", "z", "v", "r"]
+    system = equations(wiring, at.modules, x, v, {channel: r[k] for k, channel in enumerate(at.references)})
+    arguments, names = [ca.vertcat(*x.values()), system.unknown, v, r], ["x", "z", "v", "r"]
     return NonlinearModel(
         states=tuple(f"{module.name}.{state}" for module in at.modules for state in module.states),
-        algebraic=channel_names(found.loops, wiring),
+        algebraic=channel_names(system.loops, wiring),
         references=channel_names(list(at.references), wiring),
-        f=ca.Function("f", arguments, [ca.densify(found.rates)], names, ["x_dot"]),
-        g=ca.Function("g", arguments, [ca.densify(found.residual)], names, ["residual"]),
-        h=ca.Function("h", arguments, [ca.densify(found.current)], names, ["i"]),
+        f=ca.Function("f", arguments, [ca.densify(system.rates)], names, ["x_dot"]),
+        g=ca.Function("g", arguments, [ca.densify(system.residual)], names, ["residual"]),
+        h=ca.Function("h", arguments, [ca.densify(system.current)], names, ["i"]),
         x0=np.array([value for module in at.modules for value in at.states[module.name]]),
-        z0=np.array([at.outputs[channel] for channel in found.loops]),
+        z0=np.array([at.outputs[channel] for channel in system.loops]),
         v0=np.array([at.outputs[TERMINAL_VOLTAGE, axis] for axis in (0, 1)]),
         r0=np.array(list(at.references.values()), dtype=float),
     )

@@ -93,7 +93,7 @@ def aligned_channel(wiring: Wiring, flow: Carried) -> Channel | None:
 def _angle_loops(wiring: Wiring) -> list[str]:
     """Modules that integrate one scalar into the angle of the frame, the nearest to the rotations first."""
     front = [f"{name}.delta" for name in (*wiring.having(Element.ROTATION_IN), *wiring.having(Element.ROTATION_OUT))]
-    found: list[str] = []
+    integrators: list[str] = []
     seen: set[str] = set()
     for port in front:  # breadth first; grows while it is walked
         for source in wiring.sources[port]:
@@ -105,9 +105,9 @@ def _angle_loops(wiring: Wiring) -> list[str]:
             if kind.family == PLANT or kind.bilinear:
                 continue
             if _integrates(kind, 1):
-                found.append(name)
+                integrators.append(name)
             front += [f"{name}.{one}" for one in kind.inputs]
-    return found
+    return integrators
 
 
 def _integrates(kind: ModuleKind, width: int) -> bool:

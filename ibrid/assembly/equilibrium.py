@@ -62,11 +62,11 @@ def equilibria(
             )
     channels = {channel for _, _, some in wanted for channel in some}
     signals = signals_at_rest(wiring, flow, parameters, in_grid, omega_0, frame, channels)
-    found: dict[str, dict[str, Pair]] = {name: {} for name in wiring.kinds}
-    found[plant] = {port: to_frame(frame, in_grid[port]) for port in wiring.kinds[plant].equilibrium_ports}
+    ports: dict[str, dict[str, Pair]] = {name: {} for name in wiring.kinds}
+    ports[plant] = {port: to_frame(frame, in_grid[port]) for port in wiring.kinds[plant].equilibrium_ports}
     for name, port, some in wanted:
-        found[name][port] = (signals[some[0]], signals[some[1]] if len(some) == 2 else 0.0)
-    return frame, found
+        ports[name][port] = (signals[some[0]], signals[some[1]] if len(some) == 2 else 0.0)
+    return frame, ports
 
 
 def device_equilibria(
@@ -77,11 +77,11 @@ def device_equilibria(
     Of two devices behind one PCC, p and q are sums over both, shared as their `Share` says, each measured at that node of its
     device; v is common. Raises DiagramError as `equilibria` does.
     """
-    found = {}
+    by_instance = {}
     for device, own in device_points(wiring, parameters, point):
         frame, ports = equilibria(device, parameters, own, power_node, omega_0)
-        found |= {name: (frame, ports[name]) for name in device.kinds}
-    return found
+        by_instance |= {name: (frame, ports[name]) for name in device.kinds}
+    return by_instance
 
 
 def device_points(
@@ -102,13 +102,13 @@ def device_points(
 
 def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[Frame, dict[str, Pair]]]:
     """The same per module under `equilibrium="paper"`: instance -> (frame, port -> (d, q))."""
-    found = {}
+    by_instance = {}
     for name, kind in wiring.kinds.items():
         own = parameters[name]
         frame = (ca.cos(own["delta_eq"]), ca.sin(own["delta_eq"])) if kind.uses_frame else (1.0, 0.0)
         ports = {port: (1.0 if word == "V0" else own[word], 0.0) for port, word in kind.equilibrium.items()}
-        found[name] = (frame, ports)
-    return found
+        by_instance[name] = (frame, ports)
+    return by_instance
 
 
 def _wanted(wiring: Wiring) -> list[tuple[str, str, list[Channel]]]:

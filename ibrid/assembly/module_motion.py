@@ -77,8 +77,8 @@ def asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, A
 
 def by_port(kind: ModuleKind, channels: Any) -> dict[str, Any]:
     """port -> scalar or pair, from the channels of a kind's inputs in order."""
-    found: dict[str, Any] = {}
+    inputs: dict[str, Any] = {}
     rest_of = iter(channels)
     for port, signal in kind.inputs.items():
-        found[port] = next(rest_of) if signal.width == 1 else (next(rest_of), next(rest_of))
-    return found
+        inputs[port] = next(rest_of) if signal.width == 1 else (next(rest_of), next(rest_of))
+    return inputs

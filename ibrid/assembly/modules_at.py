@@ -47,18 +47,18 @@ def module_matrices(
         at = paper_equilibria(wiring, parameters)
     else:
         at = device_equilibria(wiring, parameters, inner.point, inner.power_node, omega_0)
-    found = ModuleMatrices()
-    found.seen = partial(at_terminals, outside=wiring.outside, parameters=parameters, turn=inner.turn, omega_0=omega_0)
+    models = ModuleMatrices()
+    models.seen = partial(at_terminals, outside=wiring.outside, parameters=parameters, turn=inner.turn, omega_0=omega_0)
     for name, kind in wiring.kinds.items():
         if kind.delay is not None and pade_orders is not None:
-            found[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
+            models[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
-            found[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
+            models[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
     for name, kind in wiring.kinds.items():
         # only a node behind an impedance has a limit
         if equilibrium != "paper" and kind.family == PLANT and ("L_g" in parameters[name] or wiring.outside):
-            found[name] = _where_it_exists(found[name], at[name][1])
-    return found
+            models[name] = _where_it_exists(models[name], at[name][1])
+    return models
 
 
 def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:

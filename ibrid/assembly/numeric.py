@@ -86,7 +86,7 @@ def _require_finite(matrices: Mapping[str, Matrices]) -> None:
 
 def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
     """[input, outputs that add up there], those within a closed loop left out."""
-    found = []
+    connections = []
     for target, sources in wiring.sources.items():
         within = owner[_module(target)]
         for axis in range(_width(wiring, target)):
@@ -99,8 +99,8 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
                 name = (
                     f"in:{_AXES[axis]}" if target == TERMINAL_CURRENT else _name(target, axis, _width(wiring, target))
                 )
-                found.append([f"{within}.{name}", *outer])
-    return found
+                connections.append([f"{within}.{name}", *outer])
+    return connections
 
 
 def _module(port: str) -> str:

@@ -187,17 +187,17 @@ class _Settled:
 
     def _at_operating_point(self, module: Module) -> list[float]:
         """Inputs of a module whose law depends on them: from the plant, else zero; the angle is that of the frame."""
-        found: list[float] = []
+        inputs: list[float] = []
         for port, signal in module.kind.inputs.items():
             if module.kind.large_signal is not None and port == module.kind.large_signal.angle:
-                found.append(atan2(self.frame[1], self.frame[0]))
+                inputs.append(atan2(self.frame[1], self.frame[0]))
             elif module.kind.family == PLANT and port in self.plant:
-                found += [float(one) for one in to_frame(self.frame, self.plant[port])]
+                inputs += [float(one) for one in to_frame(self.frame, self.plant[port])]
             elif port == DEVIATION and _multiplied(module.kind):
-                found.append(self.deviation)
+                inputs.append(self.deviation)
             else:
-                found += [float(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
-        return found
+                inputs += [float(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
+        return inputs
 
     def _arriving(self, module: Module) -> list[float] | None:
         """What the sources of its inputs add up to; None where some are not known yet."""

@@ -82,15 +82,15 @@ def _follow(
     for channel, sources in waiting.items():
         for source in sources:
             users.setdefault(source, []).append(channel)
-    found = {channel: len(sources - known) for channel, sources in waiting.items()}
-    order = [channel for channel, missing in found.items() if not missing]
+    unknown_sources = {channel: len(sources - known) for channel, sources in waiting.items()}
+    order = [channel for channel, missing in unknown_sources.items() if not missing]
     for channel in order:  # grows while it is walked
         known.add(channel)
         if not reached.isdisjoint(waiting[channel]) or not command.isdisjoint(needs[channel]):
             reached.add(channel)
         for user in users.get(channel, ()):
-            found[user] -= 1
-            if not found[user]:
+            unknown_sources[user] -= 1
+            if not unknown_sources[user]:
                 order.append(user)
     return order
 
@@ -130,18 +130,18 @@ def signals_at_rest(
     """
     wanted = tuple(wanted)
     upstream = _upstream(wiring, flow, wanted)
-    found = _given(wiring, in_grid, frame, upstream)
+    at_rest = _given(wiring, in_grid, frame, upstream)
     if flow.command:
-        found |= {(f"{wiring.plant}.u_r", axis): value for axis, value in enumerate(to_frame(frame, in_grid["u_r"]))}
+        at_rest |= {(f"{wiring.plant}.u_r", axis): value for axis, value in enumerate(to_frame(frame, in_grid["u_r"]))}
     direct: dict[str, Matrices] = {}
     for channel, inputs in flow.needs.items():
         if channel not in upstream:
             continue
         name, port = split_port(channel[0])
         kind = wiring.kinds[name]
-        entering = {one: _arriving(wiring, flow, found, one) for one in inputs}
+        entering = {one: _arriving(wiring, flow, at_rest, one) for one in inputs}
         if kind.rests_by_law and kind.large_signal is not None:
-            found[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[
+            at_rest[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[
                 _row(kind, port, channel[1])
             ]
             continue
@@ -153,8 +153,8 @@ def signals_at_rest(
             gains = dict(
                 zip(channels_of(name, kind.inputs), direct[name][3][_row(kind, port, channel[1])], strict=True)
             )
-        found[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
-    return {channel: _arriving(wiring, flow, found, channel) for channel in wanted}
+        at_rest[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
+    return {channel: _arriving(wiring, flow, at_rest, channel) for channel in wanted}
 
 
 def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
@@ -184,24 +184,24 @@ def matrices_of(
 def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
     """The output channels on which the wanted ones depend."""
     front = [source for channel in wanted if channel not in flow.command for source in sources_of(wiring, channel)]
-    found: set[Channel] = set()
+    upstream: set[Channel] = set()
     for channel in front:  # grows while it is walked
-        if channel not in found:
-            found.add(channel)
+        if channel not in upstream:
+            upstream.add(channel)
             inputs = (one for one in flow.needs.get(channel, ()) if one not in flow.command)
             front += [source for one in inputs for source in sources_of(wiring, one)]
-    return found
+    return upstream
 
 
 def _given(wiring: Wiring, in_grid: Mapping[str, Pair], frame: Frame, upstream: set[Channel]) -> dict[Channel, Any]:
     """Where the operating point comes from: the terminal voltage and the plant's outputs."""
-    found: dict[Channel, Any] = {(TERMINAL_VOLTAGE, axis): in_grid["v_in"][axis] for axis in (0, 1)}
+    given: dict[Channel, Any] = {(TERMINAL_VOLTAGE, axis): in_grid["v_in"][axis] for axis in (0, 1)}
     for port, signal in wiring.kinds[wiring.plant].outputs.items():
         name = f"{wiring.plant}.{port}"
         if (name, 0) in upstream or (name, 1) in upstream:
             z = to_frame(frame, in_grid["e" if port == "e_q" else port])
-            found |= {(name, axis): z[axis + 2 - signal.width] for axis in range(signal.width)}
-    return found
+            given |= {(name, axis): z[axis + 2 - signal.width] for axis in range(signal.width)}
+    return given
 
 
 def _arriving(wiring: Wiring, flow: Carried, found: Mapping[Channel, Any], channel: Channel) -> Any:

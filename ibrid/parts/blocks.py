@@ -60,11 +60,11 @@ def removals(view: View) -> Iterator[Move]:
 
 def twin_removals(view: View) -> Iterator[Move]:
     """Two blocks that share their parameters go together, as they came."""
-    for one, twin in combinations(view.draft.instances, 2):
-        kind = view.draft.kind(one)
-        if view.kind(twin) == kind.name and kind.in_line and kind.parameters and view.bound(one) == view.bound(twin):
-            note = f"without the {kind.name}s {one} and {twin}"
-            yield Move(note, lambda draft, one=one, twin=twin: draft.bypass(twin, one))
+    for block, twin in combinations(view.draft.instances, 2):
+        kind = view.draft.kind(block)
+        if view.kind(twin) == kind.name and kind.in_line and kind.parameters and view.bound(block) == view.bound(twin):
+            note = f"without the {kind.name}s {block} and {twin}"
+            yield Move(note, lambda draft, block=block, twin=twin: draft.bypass(twin, block))
 
 
 def any_wire(view: View) -> Iterator[Move]:

@@ -114,11 +114,11 @@ def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] 
     catalogue : also with effects of one's own, `(*CATALOGUE, MINE)`.
     """
     views = views_of(diagram, kinds)
-    found: list[Insertion] = []
+    distinct: list[Insertion] = []
     seen = {structure_hash(diagram, kinds)}
     for effect in catalogue:
         for one in (one for view in views for one in effect.insertions(view)):
             if not violations(one.diagram, kinds) and (key := structure_hash(one.diagram, kinds)) not in seen:
                 seen.add(key)
-                found.append(one)
-    return tuple(found)
+                distinct.append(one)
+    return tuple(distinct)

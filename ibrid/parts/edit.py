@@ -89,13 +89,13 @@ class Edit(Draft):
 
     def free(self) -> dict[str, Range]:
         """Free parameters of the modules, the shared ones once, with the box of the first that has them."""
-        found: dict[str, Range] = {}
+        boxes: dict[str, Range] = {}
         for name, one in self.instances.items():
             for key, box in self.kind(name).parameters.items():
                 bound = one.bindings.get(key)
                 if not isinstance(bound, float):
-                    found.setdefault(bound if isinstance(bound, str) else f"{name}.{key}", box)
-        return found
+                    boxes.setdefault(bound if isinstance(bound, str) else f"{name}.{key}", box)
+        return boxes
 
     def free_name(self, stem: str) -> str:
         """`stem`, with a number where a module or the owner of a shared parameter is called so."""

@@ -76,12 +76,12 @@ VOLTAGE_FEEDFORWARD = Effect(
 
 
 def _feedforward_filter(view: View) -> Iterator[Move]:
-    found = feedforward(view)
-    if found is None:
+    branch = feedforward(view)
+    if branch is None:
         return iter(())
-    way, entry = f"on the way from {found.voltage} to {view.roles.command}", command_entry(view.draft, view)
-    present = [name for name in found.blocks if view.element(name) is Element.LOW_PASS]
-    places = {way: lambda draft: draft.insert(found.last, [entry], "LPF1_dq", "feedforward_filter", **FILTERED)}
+    way, entry = f"on the way from {branch.voltage} to {view.roles.command}", command_entry(view.draft, view)
+    present = [name for name in branch.blocks if view.element(name) is Element.LOW_PASS]
+    places = {way: lambda draft: draft.insert(branch.last, [entry], "LPF1_dq", "feedforward_filter", **FILTERED)}
     return in_line(present, f"{{}} {way}", places)
 
 

@@ -135,12 +135,12 @@ def current_entries(view: View) -> dict[str, list[str]]:
 def decouplings(view: View) -> list[str]:
     """Modules that add J times the measured current to the command, whatever filters are in between."""
     draft, current = view.draft, measured_current(view)
-    found = []
+    couplings = []
     for name in draft.having(*COUPLINGS):
         before = path(draft, current, f"{name}.in_")
         if before is not None and not odd_signs(view, before) and joins_command(view, f"{name}.out"):
-            found.append(name)
-    return found
+            couplings.append(name)
+    return couplings
 
 
 def odd_signs(view: View, blocks: Iterable[str]) -> bool:

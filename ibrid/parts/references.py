@@ -97,12 +97,12 @@ REFERENCE_FEEDFORWARD = Effect(
 
 def _shared_filters(view: View) -> list[str]:
     """Low-passes of one cutoff right behind the voltage and a current."""
-    roles, found = view.roles, dict[str, list[str]]()
+    roles, by_cutoff = view.roles, dict[str, list[str]]()
     for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view))):
         for name in view.draft.having(Element.LOW_PASS, signal=Signal.DQ_VEC):
             if view.draft.sources(f"{name}.in_") == [signal]:
-                found.setdefault(str([*view.bound(name).values()]), []).append(name)
-    return next((names for names in found.values() if len(names) > 1), [])
+                by_cutoff.setdefault(str([*view.bound(name).values()]), []).append(name)
+    return next((names for names in by_cutoff.values() if len(names) > 1), [])
 
 
 def _measurement_filter(view: View) -> Iterator[Move]:

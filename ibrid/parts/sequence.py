@@ -111,9 +111,9 @@ PLL_SEQUENCE_FILTER = Effect(
 
 
 def _feedforward_band_pass(view: View) -> Iterator[Move]:
-    found, entry = feedforward(view), command_entry(view.draft, view)
+    branch, entry = feedforward(view), command_entry(view.draft, view)
     kinds = _at_hand(view, "SOGI_dq", "DSOGI_dq", "SOGI_fixed", "DSOGI_fixed")
-    if found is None:
+    if branch is None:
         for kind in kinds:
 
             def forward(draft: Edit, kind: str = kind) -> None:
@@ -123,16 +123,16 @@ def _feedforward_band_pass(view: View) -> Iterator[Move]:
             where = f"{view.roles.voltage} to {view.roles.command}, through {kind}"
             yield Move(f"voltage feedforward through {kind}", forward, change="add", where=where)
         return
-    present = [name for name in found.blocks if view.element(name) in ELEMENTS]
-    way = f"on the way from {found.voltage} to {view.roles.command}"
+    present = [name for name in branch.blocks if view.element(name) in ELEMENTS]
+    way = f"on the way from {branch.voltage} to {view.roles.command}"
     for name in present:
         yield Move.at("remove", f"{name} {way}", lambda draft, name=name: draft.bypass(name))
-        if len(found.blocks) == 1:
-            yield Move.at("remove", f"the way through {name}", lambda draft: draft.disconnect(found.last, entry))
+        if len(branch.blocks) == 1:
+            yield Move.at("remove", f"the way through {name}", lambda draft: draft.disconnect(branch.last, entry))
     for kind in kinds if not present else ():
 
         def put(draft: Edit, kind: str = kind) -> None:
-            _tuned(draft, view, draft.insert(found.last, [entry], kind, "feedforward_sequence", **FILTERS[kind]))
+            _tuned(draft, view, draft.insert(branch.last, [entry], kind, "feedforward_sequence", **FILTERS[kind]))
 
         yield Move(f"{kind} in the voltage feedforward", put, change="add", where=f"{kind} {way}")
 

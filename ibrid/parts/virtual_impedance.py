@@ -19,18 +19,18 @@ RESISTANCE = Strength((0.02, 0.07, 0.2), 0.0)
 def _places(view: View) -> dict[str, str]:
     """Sums that a dq signal may be fed to, in words."""
     roles = view.roles
-    found = {"voltage command": roles.command}
+    places = {"voltage command": roles.command}
     if roles.voltage_loop:
-        found["voltage reference"] = f"{roles.voltage_loop}.in_"
+        places["voltage reference"] = f"{roles.voltage_loop}.in_"
     if roles.current_loop:
-        found["current reference"] = roles.reference
-    return found
+        places["current reference"] = roles.reference
+    return places
 
 
 def _drops(view: View, target: str) -> list[str]:
     """Gains of the grid current alone and cross couplings of minus it that a sum gets, past the loops."""
     draft, i_g = view.draft, grid_current(view)
-    found = []
+    drops = []
     for name in draft.having(Element.GAIN, *COUPLINGS):
         if draft.signal(f"{name}.in_") is Signal.SCALAR or name in (*damping_gains(view), *loops(view)):
             continue
@@ -39,8 +39,8 @@ def _drops(view: View, target: str) -> list[str]:
         if before is None or after is None:
             continue
         if view.element(name) is Element.GAIN or odd_signs(view, (*before, *after)):
-            found.append(name)
-    return found
+            drops.append(name)
+    return drops
 
 
 def _virtual_impedance(view: View) -> Iterator[Move]:

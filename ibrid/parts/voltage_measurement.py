@@ -44,7 +44,7 @@ def _voltage_sensor(view: View) -> Iterator[Move]:
 
 def _locked(view: View, voltage: str) -> dict[str, str]:
     """PLL -> the scalar input that takes the q axis of a voltage on the way to it."""
-    draft, found = view.draft, {}
+    draft, entries = view.draft, {}
     for pll in draft.having(Element.PLL):
         row = row_before(draft, f"{pll}.e_q")
         entry = f"{row[-1]}.in_" if row else f"{pll}.e_q"
@@ -52,8 +52,8 @@ def _locked(view: View, voltage: str) -> dict[str, str]:
         slices = [name for name in draft.having(Element.SLICE_Q) if voltage in draft.sources(f"{name}.in_")]
         own = f"{view.roles.plant}.e_q" in sources and voltage == view.roles.voltage
         if len(sources) == 1 and (own or sources[0] in [f"{name}.out" for name in slices]):
-            found[pll] = entry
-    return found
+            entries[pll] = entry
+    return entries
 
 
 def _sensed(view: View, old: str, new: str, targets: list[str], scalars: list[str], where: str) -> Move:

@@ -74,11 +74,11 @@ def _injection_points(view: View) -> Iterator[Move]:
 
 def shared_parameters(view: View) -> Iterator[Move]:
     """Parameters of two blocks of a kind made one."""
-    for one, other in _alike(view):
-        if view.bound(one) != view.bound(other):
+    for block, other in _alike(view):
+        if view.bound(block) != view.bound(other):
             yield Move(
-                f"the same parameters for {one} and {other}",
-                lambda draft, one=one, other=other: draft.bind(other, **view.bound(one)),
+                f"the same parameters for {block} and {other}",
+                lambda draft, block=block, other=other: draft.bind(other, **view.bound(block)),
             )
 
 

@@ -184,26 +184,25 @@ def play(model: EventModel, events: Events) -> Playback:
 def answered(events: Events, playback: Playback) -> Events:
     """The events with the model's current in place of the measured one, up to where a simulation left."""
     records = []
-    for one in playback.records:
-        stayed = np.isfinite(one.current).all(axis=1)
+    for played in playback.records:
+        record, current = played.record, played.current
+        stayed = np.isfinite(current).all(axis=1)
         if stayed.sum() < 4:
-            raise IbridError(f"the simulation of {one.record.name} leaves at once; the model does not hold at its rest")
-        cut = replace(
-            one.record, time=one.record.time[stayed], v=one.record.v[stayed], i=one.current[stayed], sigma=None
-        )
+            raise IbridError(f"the simulation of {record.name} leaves at once; the model does not hold at its rest")
+        cut = replace(record, time=record.time[stayed], v=record.v[stayed], i=current[stayed], sigma=None)
         records.append(cut)
     return replace(events, records=tuple(records))
 
 
 def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0_hz: float) -> PlayedRecord:
-    (found,) = player.play(record, [values])
+    (played,) = player.play(record, [values])
     windows = windows_of(record, f0_hz)
     return PlayedRecord(
         record,
-        found.current,
-        found.left,
-        nrmse(found.current, record),
-        _by_window(found.current, record, windows),
+        played.current,
+        played.left,
+        nrmse(played.current, record),
+        _by_window(played.current, record, windows),
         windows,
     )
 
@@ -216,10 +215,10 @@ def nrmse(current: np.ndarray, record: EventRecord) -> float | None:
 
 
 def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    whole, found = float(np.sqrt(np.mean((record.i - record.i_rest) ** 2))), {}
+    whole, errors = float(np.sqrt(np.mean((record.i - record.i_rest) ** 2))), {}
     for name, (begin, end) in windows.items():
         inside = (record.time >= begin) & (record.time <= end)
         error = float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
         if np.isfinite(error) and whole > 0:
-            found[name] = error / whole
-    return found
+            errors[name] = error / whole
+    return errors

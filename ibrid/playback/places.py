@@ -57,19 +57,19 @@ def places_of(diagram: Diagram, kinds: Vocabulary) -> Places | None:
 
 
 def _outer(view: View) -> list[Regulator]:
-    draft, found = view.draft, []
+    draft, regulators = view.draft, []
     integrating = (Element.PI, Element.INTEGRATOR)
     inputs = {f"{pack}.in_{'dq'[axis]}": axis for pack in packs(view) for axis in (0, 1)}
     for name in draft.having(*integrating, signal=Signal.SCALAR):
         for target, axis in inputs.items():
             way = path(draft, f"{name}.out", target)
             if way is not None:
-                found.append(Regulator(name, axis, _sign(view, way)))
+                regulators.append(Regulator(name, axis, _sign(view, way)))
     for name in draft.having(*integrating, signal=Signal.DQ_VEC):
         way = None if name == view.roles.current_loop else path(draft, f"{name}.out", view.roles.reference)
         if way is not None:
-            found.append(Regulator(name, None, _sign(view, way)))
-    return found
+            regulators.append(Regulator(name, None, _sign(view, way)))
+    return regulators
 
 
 def _sign(view: View, way: tuple[str, ...]) -> int:

@@ -105,11 +105,11 @@ class Player:
         kept = [(k, one) for k, one in enumerate(rests) if one is not None]
         current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step, rule, sharp)
         nothing = np.full((len(record.time), 2), np.nan)
-        found = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
+        played = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
         for lane, (k, _) in enumerate(kept):
             gone = None if np.isnan(left[lane]) else float(left[lane])
-            found[k] = Played(current[:, :, lane], gone, memory[:, lane])
-        return found
+            played[k] = Played(current[:, :, lane], gone, memory[:, lane])
+        return played
 
     def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(

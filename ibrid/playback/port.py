@@ -44,7 +44,7 @@ def elements_of(outside: Outside) -> tuple[list[_Element], list[_Element]]:
 
 def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX, omega_0: float) -> Through:
     """Put elements before a device; results : its rates and its terminal current, then what else depends on x and v (2,)."""
-    found, states, own = list(results), [x], []
+    laws, states, own = list(results), [x], []
     turn, deviation = ca.SX.sym("turn", 2), ca.SX.sym("deviation")
     constants = [turn, deviation]
     omega = omega_0 + deviation
@@ -53,36 +53,36 @@ def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX,
         constants += number.values()
         if kind == "transformer":
             behind, v = v, ca.SX.sym("v", 2)
-            found = [ca.substitute(one, behind, v / number["ratio"]) for one in found]
-            found[1] = found[1] / number["ratio"]
-        i, added = found[1], ca.SX.sym(f"{kind}.{k}", 2)
+            laws = [ca.substitute(one, behind, v / number["ratio"]) for one in laws]
+            laws[1] = laws[1] / number["ratio"]
+        i, added = laws[1], ca.SX.sym(f"{kind}.{k}", 2)
         if kind == "shunt":
             drawn = (v - added) / number["R"]
-            found[0] = ca.vertcat(found[0], omega_0 / number["C"] * drawn - omega * _turned(added))
-            found[1] = i - drawn
+            laws[0] = ca.vertcat(laws[0], omega_0 / number["C"] * drawn - omega * _turned(added))
+            laws[1] = i - drawn
         else:
             behind, v = v, ca.SX.sym("v", 2)
             r, rate = number["R"], omega_0 / number["L"]
             if ca.depends_on(i, behind):
                 v_in = solved(i - added, behind, v)
-                found[0] = ca.vertcat(found[0], rate * (behind - v - r * added) - omega * _turned(added))
-                found[1] = added
+                laws[0] = ca.vertcat(laws[0], rate * (behind - v - r * added) - omega * _turned(added))
+                laws[1] = added
             else:
-                slope = ca.jacobian(i, ca.vertcat(*states)) @ found[0]
+                slope = ca.jacobian(i, ca.vertcat(*states)) @ laws[0]
                 v_in = solved(behind - v - r * i - (slope + omega * _turned(i)) / rate, behind, v)
                 added = ca.SX(0, 1)
-            found = [ca.substitute(one, behind, v_in) for one in found]
+            laws = [ca.substitute(one, behind, v_in) for one in laws]
         if added.numel():
             states.append(added)
             own.append((k, kind))
     c, s = turn[0], turn[1]
     at_pcc = ca.SX.sym("v", 2)
-    found = [
-        ca.substitute(one, v, ca.vertcat(c * at_pcc[0] + s * at_pcc[1], c * at_pcc[1] - s * at_pcc[0])) for one in found
+    laws = [
+        ca.substitute(one, v, ca.vertcat(c * at_pcc[0] + s * at_pcc[1], c * at_pcc[1] - s * at_pcc[0])) for one in laws
     ]
-    i = found[1]
-    found[1] = ca.vertcat(c * i[0] - s * i[1], s * i[0] + c * i[1])
-    return Through(found, at_pcc, ca.vertcat(*states[1:]), tuple(own), ca.vertcat(*constants))
+    i = laws[1]
+    laws[1] = ca.vertcat(c * i[0] - s * i[1], s * i[0] + c * i[1])
+    return Through(laws, at_pcc, ca.vertcat(*states[1:]), tuple(own), ca.vertcat(*constants))
 
 
 def port_at_rest(
@@ -132,12 +132,12 @@ def drawn_at_pcc(outside: Outside, at: Rest, voltage: CubicSpline, omega_0: floa
 
 def solved(residual: ca.SX, unknown: ca.SX, start: Any = None) -> ca.SX:
     """The unknown that makes a residual zero by Newton's method: exact after one step where it enters linearly."""
-    found: Any = ca.SX.zeros(unknown.numel()) if start is None else start
+    root: Any = ca.SX.zeros(unknown.numel()) if start is None else start
     slope = ca.jacobian(residual, unknown)
     for _ in range(3 if ca.depends_on(slope, unknown) else 1):
-        at = [ca.substitute(one, unknown, found) for one in (slope, residual)]
-        found = found - ca.solve(*at)
-    return found
+        at = [ca.substitute(one, unknown, root) for one in (slope, residual)]
+        root = root - ca.solve(*at)
+    return root
 
 
 def _numbers(at: Rest, k: int) -> Mapping[str, float]:

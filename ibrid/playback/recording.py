@@ -78,18 +78,18 @@ def event_of(text: str) -> Event:
     kind, mark, value = (part.strip() for part in head.partition(":"))
     if kind not in KINDS or not mark:
         raise IbridError(f"{_FORM}, with {', '.join(KINDS)}; found {text!r}, {near(kind, KINDS)}")
-    found = {"value": _number(value, text), "lasts": KINDS[kind][1]}
+    fields = {"value": _number(value, text), "lasts": KINDS[kind][1]}
     names = {"at": "at", "for": "lasts", "rise": "rise"} | ({"ramp": "ramp"} if kind == "frequency" else {})
     for part in rest:
         name, mark, value = (piece.strip() for piece in part.partition("="))
         if not mark or name not in names:
             raise IbridError(f"{_FORM}, with {', '.join(names)}; found {part.strip()!r}, {near(name, names)}")
-        found[names[name]] = _number(value, text)
-        if found[names[name]] <= 0:
+        fields[names[name]] = _number(value, text)
+        if fields[names[name]] <= 0:
             raise IbridError(f"{name} of an event must be positive, s; found {value} in {text!r}")
-    if kind in ("dip", "swell") and found["value"] < 0:
+    if kind in ("dip", "swell") and fields["value"] < 0:
         raise IbridError(f"{kind} takes {KINDS[kind][0]}, zero or more; found {text!r}")
-    return Event(kind, **found)
+    return Event(kind, **fields)
 
 
 def record_events(

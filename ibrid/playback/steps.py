@@ -214,7 +214,7 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
     rates = np.zeros((rule[2].size, x.shape[0], lanes))
     y, rates_old, x_old, m_old = np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(m)
     now, before = np.zeros((switch_at.size, lanes)), np.zeros((switch_at.size, lanes))
-    found = np.full((number, 2, lanes), np.nan)
+    current = np.full((number, 2, lanes), np.nan)
     left = np.full(lanes, np.nan)
     _at(tape, w, x, m, 0.0, 0.0, spline, 0)
     _take(w, rates_at, rates[0])
@@ -225,8 +225,8 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
             if np.isnan(left[s]):
                 d, q = w[current_at[0], s], w[current_at[1], s]
                 if d * d + q * q < LEFT * LEFT:
-                    found[k, 0, s] = d
-                    found[k, 1, s] = q
+                    current[k, 0, s] = d
+                    current[k, 1, s] = q
                 else:
                     left[s] = time[k]
             if not np.isnan(left[s]):
@@ -249,4 +249,4 @@ def simulate(tape, size, literal_at, literal, constants_at, constants, x, m, spl
                 done += length
                 while length < whole and done % (length * DIVIDED) == 0:
                     length *= DIVIDED
-    return found, left
+    return current, left

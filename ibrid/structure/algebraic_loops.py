@@ -119,12 +119,12 @@ def _direct(
 
 def _draw(table: ParameterTable, rng: np.random.Generator) -> dict[str, float]:
     values = {}
-    for one in table.free:
-        if one.logarithmic:
-            value = one.typical * 10 ** rng.uniform(-0.5, 0.5)
+    for parameter in table.free:
+        if parameter.logarithmic:
+            value = parameter.typical * 10 ** rng.uniform(-0.5, 0.5)
         else:
-            value = one.typical + 0.05 * (one.high - one.low) * rng.uniform(-1, 1)
-        values[one.name] = float(np.clip(value, one.low, one.high))
+            value = parameter.typical + 0.05 * (parameter.high - parameter.low) * rng.uniform(-1, 1)
+        values[parameter.name] = float(np.clip(value, parameter.low, parameter.high))
     return values
 
 

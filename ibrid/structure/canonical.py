@@ -100,7 +100,7 @@ class _Labelling:
             cells.setdefault(colour, []).append(vertex)
         cell = cells[min(cells, key=lambda colour: (len(cells[colour]), colour))]
         best: tuple[list, list[int]] | None = None
-        found: list[tuple[list, list[int]]] = []
+        leaves: list[tuple[list, list[int]]] = []
         alike: set[int] = set()
         symmetries: list[dict[int, int]] = []
         for vertex in cell:
@@ -114,12 +114,12 @@ class _Labelling:
             if order is None:
                 return None
             certificate = self._certificate(order, colours)
-            for known, other in found:
+            for known, other in leaves:
                 if known == certificate:
                     symmetries.append(dict(zip(other, order, strict=True)))
                     break
             else:
-                found.append((certificate, order))
+                leaves.append((certificate, order))
             alike = _orbit(alike | {vertex}, symmetries)
             if best is None or certificate < best[0]:
                 best = certificate, order

@@ -67,11 +67,11 @@ def examine(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
     """Violations and warnings at the cost of one check."""
-    found = violations(diagram, vocabulary, equilibrium=equilibrium)
+    breaches = violations(diagram, vocabulary, equilibrium=equilibrium)
     findings = Violations()
-    if not found:
+    if not breaches:
         check_habits(diagram, choose_vocabulary(vocabulary), equilibrium, findings)
-    return found, findings.sorted
+    return breaches, findings.sorted
 
 
 def require_legal(

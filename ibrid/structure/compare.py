@@ -84,14 +84,14 @@ def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKi
     Raises DiagramError for a kind or port that does not exist.
     """
     kinds = choose_vocabulary(vocabulary)
-    one, other = simplified(first, kinds), simplified(second, kinds)
-    matching = best_matching(one, other)
-    pairs = sorted((_label(one.blocks[a], first), _label(other.blocks[b], second)) for a, b in matching.pairs)
+    drawing, other = simplified(first, kinds), simplified(second, kinds)
+    matching = best_matching(drawing, other)
+    pairs = sorted((_label(drawing.blocks[a], first), _label(other.blocks[b], second)) for a, b in matching.pairs)
     return Comparison(
-        modules=Overlap(len(pairs), len(_own(one)), len(_own(other))),
-        connections=Overlap(matching.links, len(one.links), len(other.links)),
+        modules=Overlap(len(pairs), len(_own(drawing)), len(_own(other))),
+        connections=Overlap(matching.links, len(drawing.links), len(other.links)),
         matched=tuple(pairs),
-        only_first=_without(one, {a for a, _ in matching.pairs}, first),
+        only_first=_without(drawing, {a for a, _ in matching.pairs}, first),
         only_second=_without(other, {b for _, b in matching.pairs}, second),
     )
 

@@ -126,7 +126,7 @@ def _check_driven(diagram: Diagram, kinds: Kinds, driven: set[str], findings: Vi
 
 def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal) -> str:
     outer = [TERMINAL_VOLTAGE] if signal is Signal.DQ_VEC else []
-    found = outer + [
+    drivers = outer + [
         f"{name}.{port}"
         for name, kind in kinds.items()
         if kind is not None and name != instance.name
@@ -134,9 +134,9 @@ def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal)
         if carried is signal
     ]
     zero = f"; a {usual_kind(Element.ZERO).name} gives zero" if signal is Signal.SCALAR else ""
-    if not found:
+    if not drivers:
         return f"add a module with a {signal} output{zero}"
-    return f"connect {'one of ' * (len(found) > 1)}{some(found)} to it{zero}"
+    return f"connect {'one of ' * (len(drivers) > 1)}{some(drivers)} to it{zero}"
 
 
 def check_modules(

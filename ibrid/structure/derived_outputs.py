@@ -23,16 +23,16 @@ def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
     for port, signal in kind.inputs.items():
         basis.append((("input", port), through[left : left + signal.width]))
         left += signal.width
-    found: dict[str, Origins] = {}
+    origins: dict[str, Origins] = {}
     for port, own in _wide_first(kind, rows):
         stacked = np.vstack([block for _, block in basis])
         weights = np.linalg.lstsq(stacked.T, own.T, rcond=None)[0].T
         whole = np.round(weights)
         if np.allclose(whole @ stacked, own, atol=1e-12) and np.abs(weights - whole).max() < 1e-9:
-            found[port] = _split(whole, basis)
+            origins[port] = _split(whole, basis)
         else:
             basis.append((("output", port), own))
-    return found
+    return origins
 
 
 def _wide_first(kind: ModuleKind, rows: np.ndarray) -> list[tuple[str, np.ndarray]]:

@@ -88,13 +88,11 @@ def _check_shares(
 
 
 def _check_shares_in_place(diagram: Diagram, shares: Sequence[Instance], findings: Violations) -> None:
-    for one in shares:
-        entering = [each.source for each in diagram.connections if each.target == f"{one.name}.v_DQ"]
+    for share in shares:
+        entering = [each.source for each in diagram.connections if each.target == f"{share.name}.v_DQ"]
         if entering and entering != [TERMINAL_VOLTAGE]:
-            message = (
-                f"{one.name} ({one.kind}) takes the terminal voltage and nothing else; connect {TERMINAL_VOLTAGE} to it"
-            )
-            findings.add(one.line, "share", message)
+            message = f"{share.name} ({share.kind}) takes the terminal voltage and nothing else; connect {TERMINAL_VOLTAGE} to it"
+            findings.add(share.line, "share", message)
 
 
 def _parts(names: Mapping[str, object], edges: Sequence[tuple[str, str]]) -> dict[str, int]:

@@ -113,11 +113,11 @@ class Drawing:
                     front.append(int(key[there]))
         return reached
 
-    def exchange(self, one: int, other: int) -> None:
+    def exchange(self, block: int, other: int) -> None:
         """Let two blocks of one input and one output change places."""
-        first, second = self.blocks[one], self.blocks[other]
-        self.blocks[one], self.blocks[other] = second, first
-        ports = {one: second, other: first}
+        first, second = self.blocks[block], self.blocks[other]
+        self.blocks[block], self.blocks[other] = second, first
+        ports = {block: second, other: first}
         renamed = {}
         for (source, output, target, port), weight in self.links.items():
             output = next(iter(ports[source].outputs)) if source in ports else output

@@ -47,18 +47,18 @@ def _of_one(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]
     seen, draft = roles(diagram, kinds), Draft(diagram, kinds)
     if seen is None:
         return {}
-    found: dict[str, tuple[str, ...]] = {}
+    by_title: dict[str, tuple[str, ...]] = {}
 
     def put(title: str, *first: str | None, beside: str = "") -> None:
         names = [name for name in first if name]
-        taken = {name for members in found.values() for name in members}
+        taken = {name for members in by_title.values() for name in members}
         for name in names:  # grows while it is walked
             names += [one for one in _before(draft, name) if one not in names]
         if beside and names:
             around = [split_port(one)[0] for one in draft.sources(beside)]
             names += [one for one in around if one and draft.kind(one).element in COUPLINGS and one not in names]
         if kept := tuple(one for one in names if one not in taken):
-            found[title] = kept
+            by_title[title] = kept
 
     if seen.frequency:
         pll = draft.kind(seen.frequency).element is Element.PLL
@@ -66,7 +66,7 @@ def _of_one(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]
     put("current", seen.current_loop, beside=seen.command)
     put("voltage", seen.voltage_loop, beside=f"{seen.current_loop}.in_" if seen.current_loop else seen.command)
     put("power", *seen.outer, *seen.power)
-    return found
+    return by_title
 
 
 def _before(draft: Draft, name: str) -> list[str]:

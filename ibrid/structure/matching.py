@@ -211,12 +211,12 @@ def _assigned(first: Simplified, second: Simplified, classes: list[tuple[list[in
 
 
 def _neighbours(drawing: Simplified) -> dict[int, dict[tuple, list[int]]]:
-    found: dict[int, dict[tuple, list[int]]] = {}
+    neighbours: dict[int, dict[tuple, list[int]]] = {}
     for (source, output, target, port), weight in drawing.links.items():
         pattern = (weight != 0).tobytes()
-        found.setdefault(source, {}).setdefault(("out", output, port, pattern), []).append(target)
-        found.setdefault(target, {}).setdefault(("in", output, port, pattern), []).append(source)
-    return found
+        neighbours.setdefault(source, {}).setdefault(("out", output, port, pattern), []).append(target)
+        neighbours.setdefault(target, {}).setdefault(("in", output, port, pattern), []).append(source)
+    return neighbours
 
 
 def _improved(pairing: Pairing, classes: list[tuple[list[int], list[int]]], scorer: _Scorer) -> Pairing:

@@ -102,15 +102,15 @@ class _Parser:
             match = _TOKEN.match(text, position)
             if match is None:
                 raise self.fail(line, f"unexpected {_unread(text, position)}; {_ALLOWED}")
-            kind, found, column = str(match.lastgroup), match.group(), position - start
+            kind, lexeme, column = str(match.lastgroup), match.group(), position - start
             position = match.end()
-            if kind == "mark" and found in "()":
-                depth += 1 if found == "(" else -1
+            if kind == "mark" and lexeme in "()":
+                depth += 1 if lexeme == "(" else -1
             if kind not in ("comment", "space") and not (kind == "newline" and depth > 0):
-                yield _Token(kind, found, line, column)
-            if "\n" in found:
-                line += found.count("\n")
-                start = match.start() + found.rindex("\n") + 1
+                yield _Token(kind, lexeme, line, column)
+            if "\n" in lexeme:
+                line += lexeme.count("\n")
+                start = match.start() + lexeme.rindex("\n") + 1
         yield _Token("newline", "", line, 0)
         yield _Token("end", "", line, 0)
 
@@ -271,14 +271,14 @@ class _Parser:
 
 def _unread(text: str, position: int) -> str:
     """What stands where no token begins, and why when that is plain."""
-    found = text[position]
-    if found in "\"'":
-        return f"{found} without the same mark at the end of a string on this line (a string has no backslashes)"
-    if found == "\r":
+    character = text[position]
+    if character in "\"'":
+        return f"{character} without the same mark at the end of a string on this line (a string has no backslashes)"
+    if character == "\r":
         return "carriage return without a line feed (end lines with a line feed)"
-    if found.isprintable():
+    if character.isprintable():
         return repr(re.split(r"\s", text[position : position + 12])[0])
-    return f"character U+{ord(found):04X}"
+    return f"character U+{ord(character):04X}"
 
 
 def _shown(token: _Token) -> str:

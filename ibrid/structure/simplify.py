@@ -101,14 +101,14 @@ def _wire_matrix(kind: ModuleKind, parameters: dict[str, str | float]) -> dict[t
     rows = np.array(kind.state_space(**fixed)[3], dtype=float).reshape(
         sum(signal.width for signal in kind.outputs.values()), -1
     )
-    found, top = {}, 0
+    matrices, top = {}, 0
     for output, signal in kind.outputs.items():
         left = 0
         for port, entering in kind.inputs.items():
-            found[output, port] = rows[top : top + signal.width, left : left + entering.width]
+            matrices[output, port] = rows[top : top + signal.width, left : left + entering.width]
             left += entering.width
         top += signal.width
-    return found
+    return matrices
 
 
 # --- steps that need no more than the links; each returns whether it changed anything ---------------------------------

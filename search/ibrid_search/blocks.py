@@ -61,7 +61,7 @@ def read_blocks(edit: str) -> list[EditBlock]:
             Status.NO_EDIT,
             f"an edit has at most {LONGEST_EDIT} characters, found {len(edit)}; write only the lines that change",
         )
-    found: list[EditBlock] = []
+    blocks: list[EditBlock] = []
     parts: list[list[str]] = []  # of the open block: SEARCH, then REPLACE
     begun = 0
     for number, line in enumerate(split_lines(edit), 1):
@@ -71,7 +71,7 @@ def read_blocks(edit: str) -> list[EditBlock]:
         elif marker is _MIDDLE and len(parts) == 1:
             parts.append([])
         elif marker is _CLOSE and len(parts) == 2:
-            found.append(EditBlock(len(found) + 1, tuple(parts[0]), tuple(parts[1])))
+            blocks.append(EditBlock(len(blocks) + 1, tuple(parts[0]), tuple(parts[1])))
             parts = []
         elif marker is not None and parts:
             raise EditError(Status.NO_EDIT, _unfinished(begun, len(parts), f"line {number} is `{shown(line)}`"))
@@ -79,13 +79,13 @@ def read_blocks(edit: str) -> list[EditBlock]:
             parts[-1].append(line)
     if parts:
         raise EditError(Status.NO_EDIT, _unfinished(begun, len(parts), "the answer ends there"))
-    if not 1 <= len(found) <= MOST_BLOCKS:
+    if not 1 <= len(blocks) <= MOST_BLOCKS:
         raise EditError(
             Status.NO_EDIT,
-            f"an answer has 1 to {MOST_BLOCKS} SEARCH/REPLACE blocks, found {len(found) or 'none'}; "
+            f"an answer has 1 to {MOST_BLOCKS} SEARCH/REPLACE blocks, found {len(blocks) or 'none'}; "
             "write a line <<<<<<< SEARCH, the lines to replace, =======, the new lines and >>>>>>> REPLACE",
         )
-    return found
+    return blocks
 
 
 def has_blocks(text: str) -> bool:

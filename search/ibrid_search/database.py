@@ -111,14 +111,14 @@ class Database:
             raise
 
     def _require(self, version: int) -> None:
-        application, found = self.rows("PRAGMA application_id")[0][0], self.rows("PRAGMA user_version")[0][0]
+        application, stored = self.rows("PRAGMA application_id")[0][0], self.rows("PRAGMA user_version")[0][0]
         if application != APPLICATION:
             empty = not self.rows("SELECT 1 FROM sqlite_master")
             what = "it is empty, of a run that ended before it began" if empty else "it is a database of something else"
             raise IbridError(f"{self.path}: {what}; start a new run")
-        if found != version:
+        if stored != version:
             raise IbridError(
-                f"{self.path}: the archive must have schema version {version}, found {found}; "
+                f"{self.path}: the archive must have schema version {version}, found {stored}; "
                 "read it with the version of ibrid that wrote it, or start a new run"
             )
 

@@ -237,7 +237,7 @@ class Looker(Looks):
         """Whatever the code of a user's own kind raises makes an edit look worthless; its evaluation would say why."""
         study = self.study
         errors: list[float] = []
-        found: dict[str, Mapping[str, float]] = {}
+        by_point: dict[str, Mapping[str, float]] = {}
         free = bound = 0
         try:
             with time_limit(LIMIT):
@@ -248,15 +248,15 @@ class Looker(Looks):
                     best = int(np.argmin(batch.cost))
                     bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
                     errors.append(sqrt(batch.cost[best] / len(group)) * self._scale(group))
-                    found |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
+                    by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
                     free = problem.size
         except (Exception, SystemExit):
             return RankedEdit(edit, inf, 0, inf)
         error = float(np.mean(errors))
         if not np.isfinite(error):
             return RankedEdit(edit, inf, free, inf)
-        first = next(iter(found.values()))
-        values = tuple(found.get(name, first) for name in study.fitted.names)
+        first = next(iter(by_point.values()))
+        values = tuple(by_point.get(name, first) for name in study.fitted.names)
         odd = Oddities(at_bound=bound, absurd=max(absurd(edit.diagram, one, study.kinds) for one in values))
         return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL), odd), values)
 

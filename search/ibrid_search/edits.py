@@ -87,12 +87,12 @@ def _places(search: Sequence[str], lines: Sequence[str], normal: Callable[[str],
     if not any(wanted):
         return []
     text, pattern = ("\n" + "\n".join(some) + "\n" for some in ([one for _, one in present], wanted))
-    found, position, line = [], -1, 0
-    while len(found) < 6 and (following := text.find(pattern, position + 1)) >= 0:
+    ranges, position, line = [], -1, 0
+    while len(ranges) < 6 and (following := text.find(pattern, position + 1)) >= 0:
         line += text.count("\n", max(position, 0), following)
         position = following
-        found.append((present[line][0], present[line + len(wanted) - 1][0] + 1))
-    return found
+        ranges.append((present[line][0], present[line + len(wanted) - 1][0] + 1))
+    return ranges
 
 
 def _only(places: list[tuple[int, int]], block: EditBlock) -> tuple[int, int]:

@@ -61,13 +61,13 @@ def read_experience(folder: Path) -> Experience:
     """The experience in a folder; IbridError, one sentence, for anything else."""
     path = inside(folder, FILE)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        tried, kept = ({str(part): int(n) for part, n in found[name].items()} for name in ("tried", "kept"))
-        whole = Experience(tried, kept, float(found["tau"]))
+        content = json.loads(path.read_text(encoding="utf-8"))
+        tried, kept = ({str(part): int(n) for part, n in content[name].items()} for name in ("tried", "kept"))
+        whole = Experience(tried, kept, float(content["tau"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise IbridError(f"{path}: is no experience; make one with ibrid policy train --from RUN --out DIR") from None
     counts = all(0 <= kept.get(part, 0) <= n for part, n in tried.items()) and {*kept} <= {*tried}
-    if found.get("schema") != SCHEMA or not counts or not 0 <= whole.tau <= MOST:
+    if content.get("schema") != SCHEMA or not counts or not 0 <= whole.tau <= MOST:
         raise IbridError(
             f"{path}: holds numbers that no searches give; make it again with ibrid policy train --from RUN"
         )

@@ -62,14 +62,14 @@ def judge_program(
     except ProgramError as error:
         return Judgement(Status.UNREADABLE, str(error), text)
     text = program_text(diagram)
-    found = study.examined(diagram, text)
-    digest = found.hash
-    if found.violations:
-        return Judgement(Status.ILLEGAL, "; ".join(map(str, found.violations)), text, digest)
+    examined = study.examined(diagram, text)
+    digest = examined.hash
+    if examined.violations:
+        return Judgement(Status.ILLEGAL, "; ".join(map(str, examined.violations)), text, digest)
     if digest and digest == parent_hash:
         return Judgement(Status.UNCHANGED, "the edit changes names or the order of lines alone", text, digest)
     if digest and (same := known(digest)) is not None:
         return Judgement(Status.DUPLICATE, f"step {same} has this structure already", text, digest, same)
-    if reason := implausible(found.warnings):
+    if reason := implausible(examined.warnings):
         return Judgement(Status.IMPLAUSIBLE, reason, text, digest)
     return Judgement(Status.PENDING, "", text, digest)

@@ -97,14 +97,14 @@ class Logbook:
         step = replace(step, program=program_text(diagram))
         try:
             with time_limit(fit.seconds):
-                found = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
-                structure = "" if found else self.study.hash_of(diagram)
+                breaches = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
+                structure = "" if breaches else self.study.hash_of(diagram)
         except TimeoutError as error:
             return self._keep(
                 replace(step, status=Status.TIMEOUT, reason=f"the check was {error}; simplify the diagram")
             )
-        if found:
-            reason = "; ".join(map(str, found))[:KEPT]
+        if breaches:
+            reason = "; ".join(map(str, breaches))[:KEPT]
             return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
         step = replace(step, hash=structure)
         if (same := self._known.get(_key(step.hash, step.usage))) is not None:

@@ -130,9 +130,9 @@ def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
 
 
 def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step, ...]:
-    found = [
+    siblings = [
         step
         for step in steps.values()
         if step.edited == parent.number and step.number != child.number and step.status is Status.OK
     ]
-    return tuple(sorted(found, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))
+    return tuple(sorted(siblings, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))

@@ -175,12 +175,13 @@ def milestone_head(width: int) -> tuple[str, str]:
     return names, "-" * max(min(width, WIDEST), len(names))
 
 
-def milestone_row(one: Milestone, width: int) -> tuple[str, ...]:
+def milestone_row(milestone: Milestone, width: int) -> tuple[str, ...]:
     """Evaluation, what changed, the best NRMSE with it, and which band got better; a long note goes on below."""
-    room = _room(width)
-    notes = wrap(printable(one.note), room, max_lines=LINES, placeholder=" ...") or [""]
-    band = f"{one.band}, {error(one.band_before)} -> {error(one.band_after)}" if one.band else ""
-    first = _line(str(one.evaluation), notes[0], error(one.after), band, width)
+    notes = wrap(printable(milestone.note), _room(width), max_lines=LINES, placeholder=" ...") or [""]
+    band = (
+        f"{milestone.band}, {error(milestone.band_before)} -> {error(milestone.band_after)}" if milestone.band else ""
+    )
+    first = _line(str(milestone.evaluation), notes[0], error(milestone.after), band, width)
     return first, *(" " * (EVALUATION + 2) + line for line in notes[1:])
 
 

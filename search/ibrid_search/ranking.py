@@ -118,11 +118,11 @@ class Front:
 
     def entries(self, most: int) -> tuple[Entry, ...]:
         """The front, fewest parameters first; at most that many, those of the highest values."""
-        found: list[Entry] = []
+        front: list[Entry] = []
         for free in sorted(self._best):
-            if not found or self._best[free].plain > found[-1].plain:
-                found.append(self._best[free])
-        return tuple(found[-most:])
+            if not front or self._best[free].plain > front[-1].plain:
+                front.append(self._best[free])
+        return tuple(front[-most:])
 
 
 def _key(entry: Entry) -> tuple[Any, ...]:

@@ -114,15 +114,15 @@ def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
         norm = float(np.linalg.norm(point.admittance)) ** 2
         for k, band in enumerate(band_index(point.frequency)):
             for entry, place in ENTRIES.items():
-                measured, found = complex(point.admittance[k][place]), complex(model[k][place])
+                measured, modelled = complex(point.admittance[k][place]), complex(model[k][place])
                 yield {
                     "op": op,
                     "band": BAND_NAMES[band],
                     "entry": entry,
                     "hz": float(point.frequency[k]),
                     "measured": measured,
-                    "model": found,
-                    "squared": abs(found - measured) ** 2 / norm,
+                    "model": modelled,
+                    "squared": abs(modelled - measured) ** 2 / norm,
                     "size": abs(measured) ** 2 / norm,
                 }
 
@@ -201,12 +201,12 @@ def record_facts(record: Record, *, short: bool = False) -> dict[str, Any]:
 
 
 def _stability(record: Record) -> str:
-    found = []
+    unstable = []
     for op, stable in record.stable.items():
         worst = max(record.poles.get(op, ()), key=lambda pole: pole[0], default=None)
         if not stable and worst is not None:
-            found.append(f"at {quoted(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s")
-    return "UNSTABLE, " + "; ".join(found) if found else "stable at every operating point"
+            unstable.append(f"at {quoted(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s")
+    return "UNSTABLE, " + "; ".join(unstable) if unstable else "stable at every operating point"
 
 
 def _parameters(record: Record) -> str:

@@ -67,13 +67,13 @@ def rivals_of(
     Law: with known noise the odds are exp(difference of the Bayesian information criterion / 2); else a rival fits exactly.
     """
     own, most = _information(record_of(answer.number), floor), int(answer.free or 0)
-    found: list[Rival] = []
+    rivals: list[Rival] = []
     for step in steps:
         if step.number != answer.number and eligible(step) and step.hash != answer.hash and int(step.free or 0) <= most:
             difference = _information(record_of(step.number), floor) - own
             if difference <= 2 * log(ODDS):
-                found.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
-    likely = sorted(found, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
+                rivals.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
+    likely = sorted(rivals, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
     return tuple(told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
 
 
@@ -128,15 +128,15 @@ def judged_by_events(
     study: Study,
 ) -> list[Judged]:
     """The steps that have a rest in every record and are allowed as they are fitted to both, the most likely first."""
-    found = []
+    judged = []
     for step in steps:
         try:
             record, bic = weighed_by_events(asked(record_of(step), study, None, events, {}))
         except IbridError:
             continue
         if allowed(record):
-            found.append(Judged(step, record, bic))
-    return sorted(found, key=lambda one: one.bic)
+            judged.append(Judged(step, record, bic))
+    return sorted(judged, key=lambda one: one.bic)
 
 
 def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Rival, ...]:

@@ -149,13 +149,13 @@ def digest(content: str | bytes) -> str:
 
 def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options by name, those of a table as "table.name"; without the versions."""
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in options.items():
         if isinstance(value, Mapping) and name != "versions":
-            found |= {f"{name}.{key}": inner for key, inner in value.items()}
+            flat |= {f"{name}.{key}": inner for key, inner in value.items()}
         elif name != "versions":
-            found[name] = value
-    return found
+            flat[name] = value
+    return flat
 
 
 def _shown(value: Any) -> str:
@@ -172,10 +172,10 @@ def _plain(value: Any) -> Any:
 
 
 def _versions() -> dict[str, str]:
-    found = {"python": python_version()}
+    versions = {"python": python_version()}
     for name in _PACKAGES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions

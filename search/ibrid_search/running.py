@@ -316,15 +316,15 @@ def _concluded(
     swept = assessor.floor.known and assessor.study.events is None
     noise = assessor.floor.level if swept else VISIBLE
     seconds += _fit_longer(loop, assessor, answer.number)
-    found = worth.record(answer.number)
+    record = worth.record(answer.number)
     ranked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
     numbers = dict.fromkeys((answer.number, *(rival.step for rival in rivals), *(step.number for step in ranked)))
     if events is not None and (
         judged := judged_by_events(numbers, worth.record, partial(_allowed, loop), events, assessor.study)
     ):
-        found, rivals = judged[0].record, rivals_beside(judged, loop.steps)
+        record, rivals = judged[0].record, rivals_beside(judged, loop.steps)
         seconds += sum(one.record.seconds for one in judged)
-        selection |= {"answer": judged[0].step, "why": WHY_EVENTS, "residual_modules": residual_modules(found)}
+        selection |= {"answer": judged[0].step, "why": WHY_EVENTS, "residual_modules": residual_modules(record)}
         selection["events"] = [one.against(judged[0]) for one in judged]
     elif events is not None:
         selection["why"] += (
@@ -334,9 +334,9 @@ def _concluded(
     write_json(inside(folder, SELECTION), selection)
     store.set_meta("refits", str(seconds))
     store.set_meta("best", str(selection["answer"]))
-    found = replace(found, labels=labels)
-    write_best(folder, found)
-    return found, selection
+    record = replace(record, labels=labels)
+    write_best(folder, record)
+    return record, selection
 
 
 def _fit_finalists(loop: Loop, assessor: Assessor) -> float:

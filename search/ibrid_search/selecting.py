@@ -61,12 +61,12 @@ def select(
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
     refits = {number: _refit(record, assessor) for number, record in records.items()}
-    found = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
-    answer, why = _chosen(found, best, way, floor)
+    finalists = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
+    answer, why = _chosen(finalists, best, way, floor)
     alike = _alike(steps, best, error, floor)
     return {
         "schema": "ibrid.selection/1",
-        "front": [vars(one) for one in sorted(found, key=lambda one: one.nrmse)],
+        "front": [vars(one) for one in sorted(finalists, key=lambda one: one.nrmse)],
         "equally_good": alike,
         "answer": answer,
         "why": why,
@@ -104,14 +104,14 @@ def residual_modules(record: Record) -> list[str]:
     return [one.name for one in record.diagram.instances if kinds[one.kind].residual]
 
 
-def _chosen(found: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:
+def _chosen(finalists: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:
     """The answer and why. Held-out errors within the noise, or alike, are equal: the smaller structure is the answer."""
     for ways, what, error in _HELD_OUT:
-        errors = {candidate.step: error(candidate) for candidate in found if candidate.stable}
+        errors = {candidate.step: error(candidate) for candidate in finalists if candidate.stable}
         known = {step: value for step, value in errors.items() if value is not None}
         if way in ways and known:
             least = max(ALIKE * min(known.values()), floor.most if floor.known else 0.0)
-            able = [candidate for candidate in found if known.get(candidate.step, inf) <= least]
+            able = [candidate for candidate in finalists if known.get(candidate.step, inf) <= least]
             answer = min(
                 able, key=lambda candidate: (candidate.free_parameters, candidate.order, known[candidate.step])
             )

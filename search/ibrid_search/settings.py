@@ -136,18 +136,19 @@ _LEAST = {"islands": 1, "elites": 1, "sweep": 1, "front_size": 1, "devices": 1, 
 _OFF = {"sweep": " (migrants = 0 switches migration off)", "front_size": " (front = 0 switches it off)"}
 
 
-def _laws(one: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
+def _laws(settings: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     """Whether a law holds, the law in words, and what was found."""
     for name, least in _LEAST.items():
-        found = getattr(one, name)
+        found = getattr(settings, name)
         yield (found or 0) >= least, f"{name} must be {least} or more{_OFF.get(name, '')}", found
     for name in _SHARES:
-        yield 0 <= getattr(one, name) <= 1, f"{name} must be a share from 0 to 1", getattr(one, name)
-    drawn, scales = one.from_elites + one.from_island, dict(one.scales)
+        yield 0 <= getattr(settings, name) <= 1, f"{name} must be a share from 0 to 1", getattr(settings, name)
+    drawn, scales = settings.from_elites + settings.from_island, dict(settings.scales)
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
-    yield one.crowding > 0, "crowding must be above 0, infinity for none", one.crowding
-    yield 0 <= one.rank_power < math.inf, "rank_power must be finite and not negative", one.rank_power
-    yield one.population > one.elites + one.islands, "population must exceed elites plus islands", one.population
+    yield settings.crowding > 0, "crowding must be above 0, infinity for none", settings.crowding
+    yield 0 <= settings.rank_power < math.inf, "rank_power must be finite and not negative", settings.rank_power
+    kept = settings.elites + settings.islands
+    yield settings.population > kept, "population must exceed elites plus islands", settings.population
     yield set(scales) == set(SCALES), f"scales must name {', '.join(SCALES)}", ", ".join(map(str, scales))
     whole = all(share >= 0 for share in scales.values()) and abs(sum(scales.values()) - 1) < 1e-9
     yield whole, "scales must be shares that add up to 1", scales

@@ -129,12 +129,12 @@ class Store(AbstractContextManager["Store"]):
 
     def step(self, number: int) -> Step:
         """One step; IbridError when there is none of this number."""
-        found = self._steps("WHERE number = ?", number)
-        if not found:
+        steps = self._steps("WHERE number = ?", number)
+        if not steps:
             last = self._database.rows("SELECT MAX(number) FROM steps")[0][0]
             known = "there is none at all" if last is None else f"the last is {last}"
             raise IbridError(f"{self.path}: there is no step {number}; {known}")
-        return found[0]
+        return steps[0]
 
     def record(self, number: int, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
         """The record of a step; IbridError when it has none or it is damaged."""
@@ -235,14 +235,14 @@ def row_of(step: Step) -> list[Any]:
 
 def step_of(row: tuple[Any, ...]) -> Step:
     """The step of a row; ValueError or TypeError when the row was not written here."""
-    found = dict(zip(FIELDS, row, strict=True))
-    found["status"] = Status(found["status"])
-    found["usage"] = json.loads(found["usage"])
-    found["stable"] = None if found["stable"] is None else bool(found["stable"])
-    for name, value in found.items():
+    fields = dict(zip(FIELDS, row, strict=True))
+    fields["status"] = Status(fields["status"])
+    fields["usage"] = json.loads(fields["usage"])
+    fields["stable"] = None if fields["stable"] is None else bool(fields["stable"])
+    for name, value in fields.items():
         if not isinstance(value, _TYPES[name]):
             raise TypeError(f"{name} must not be {value!r:.40}")
-    return Step(**found)
+    return Step(**fields)
 
 
 def numbers_of(record: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -106,27 +106,27 @@ def complaint(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
     error = first_error(validator(schema), value)
     if error is None:
         return None
-    path, where, found, bounds = [*error.absolute_path], what, error.instance, error.schema
+    path, where, instance, bounds = [*error.absolute_path], what, error.instance, error.schema
     if path:
         where = f"entry {path[-1] + 1} of {path[-2]!r}" if isinstance(path[-1], int) else repr(path[-1])
     if error.validator == "required":
-        return f"{where} lack {next(name for name in bounds['required'] if name not in found)!r}"
+        return f"{where} lack {next(name for name in bounds['required'] if name not in instance)!r}"
     if error.validator == "additionalProperties":
-        name = next(name for name in found if name not in bounds["properties"])
+        name = next(name for name in instance if name not in bounds["properties"])
         return f"{where} have no {str(name)[:60]!r}; {near(str(name)[:60], bounds['properties'])}"
-    return f"{where} must {_must(error.validator, bounds, found)}"
+    return f"{where} must {_must(error.validator, bounds, instance)}"
 
 
-def _must(broken: str, bounds: Mapping[str, Any], found: Any) -> str:
+def _must(broken: str, bounds: Mapping[str, Any], instance: Any) -> str:
     if broken == "type":
         names = bounds["type"]
-        return f"be of type {names if isinstance(names, str) else ' or '.join(names)}, found {_shown(found)}"
+        return f"be of type {names if isinstance(names, str) else ' or '.join(names)}, found {_shown(instance)}"
     if broken == "enum":
-        return f"be one of {', '.join(map(str, bounds['enum']))}, found {_shown(found)}"
+        return f"be one of {', '.join(map(str, bounds['enum']))}, found {_shown(instance)}"
     if broken == "maxLength":
-        return f"have at most {bounds['maxLength']} characters, found {len(found)}"
+        return f"have at most {bounds['maxLength']} characters, found {len(instance)}"
     low, high = bounds.get("minimum", -math.inf), bounds.get("maximum", math.inf)
-    return f"lie within {low:g} and {high:g}, found {_shown(found)}"
+    return f"lie within {low:g} and {high:g}, found {_shown(instance)}"
 
 
 def plain(value: Any) -> Any:

@@ -87,22 +87,23 @@ class Tools:
         measured = sweep.point(op) if op in sweep.names else None
         frequency = (measured or sweep.points[0]).frequency
         with time_limit(LOOKING):
-            found = predict(record, op, frequency)
+            prediction = predict(record, op, frequency)
         chosen = evenly(len(frequency), PREDICTED)
         answer: dict[str, Any] = {
             "step": step,
-            "op": found.op.name,
-            "stable": found.stable,
-            "warnings": list(found.warnings),
+            "op": prediction.op.name,
+            "stable": prediction.stable,
+            "warnings": list(prediction.warnings),
         }
         if measured is not None:
-            answer |= {"nrmse": nrmse(found.admittance, measured), "fitted": op in record.settings["fitted_points"]}
-        band = found.relative_band
+            fitted = op in record.settings["fitted_points"]
+            answer |= {"nrmse": nrmse(prediction.admittance, measured), "fitted": fitted}
+        band = prediction.relative_band
         return answer | {
             "relative_band_95": None if band is None else float(band.max()),
             "rows": [
                 {"hz": round(float(frequency[k]), 2)}
-                | {entry: polar(complex(found.admittance[k][place])) for entry, place in ENTRIES.items()}
+                | {entry: polar(complex(prediction.admittance[k][place])) for entry, place in ENTRIES.items()}
                 for k in chosen
             ],
             **left_out("rows", len(chosen), len(frequency)),
@@ -148,13 +149,13 @@ class Tools:
     def compare(self, a: str | int, b: str | int) -> dict[str, Any]:
         """`ibrid compare` of two legal programs; of two steps also what changed in numbers."""
         with time_limit(LOOKING):
-            found = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
+            comparison = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
         answer: dict[str, Any] = {
-            "same": found.same,
-            "f1_modules": found.modules.f1,
-            "f1_connections": found.connections.f1,
-            "only_a": list(found.only_first),
-            "only_b": list(found.only_second),
+            "same": comparison.same,
+            "f1_modules": comparison.modules.f1,
+            "f1_connections": comparison.connections.f1,
+            "only_a": list(comparison.only_first),
+            "only_b": list(comparison.only_second),
         }
         if isinstance(a, int) and isinstance(b, int):
             answer |= differences(self.steps.record(a), self.steps.record(b))

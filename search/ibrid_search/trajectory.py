@@ -104,13 +104,13 @@ def trajectory_csv(points: Iterable[Point]) -> str:
 
 def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: RecordOf) -> tuple[Milestone, ...]:
     """The improvements in their order; `record_of` gives the record of a step, None where there is none."""
-    found: list[Milestone] = []
-    for one in points:
-        if one.better:
-            step = steps[one.step]
+    improvements: list[Milestone] = []
+    for point in points:
+        if point.better:
+            step = steps[point.step]
             parent = None if step.edited is None else record_of(step.edited)
-            found.append(milestone(one.evaluation, step, record_of(step.number), parent))
-    return tuple(found)
+            improvements.append(milestone(point.evaluation, step, record_of(step.number), parent))
+    return tuple(improvements)
 
 
 def milestone(

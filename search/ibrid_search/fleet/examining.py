@@ -117,7 +117,7 @@ def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
     for family in prior.families[:LOOKED_AT]:
         edit = Edited(parse_program(family.program), family.label, family.label, {})
         looks.append(looker.fresh(edit, family.values))
-    looks.sort(key=lambda one: one.worth)
+    looks.sort(key=lambda look: look.worth)
     fitted: list[Record] = []
     for look in looks[:FITTED]:
         if look.error == inf or (fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR):

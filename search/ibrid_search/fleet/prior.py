@@ -94,9 +94,9 @@ def learned_from(number: int) -> int:
 def learned(answers: Iterable[DeviceAnswer], devices: int) -> Prior:
     """The prior that answers give of so many devices, those without an answer included."""
     by_structure: dict[str, list[DeviceAnswer]] = {}
-    for one in answers:
-        if one.grade in TRUSTED:
-            by_structure.setdefault(one.structure, []).append(one)
+    for answer in answers:
+        if answer.grade in TRUSTED:
+            by_structure.setdefault(answer.structure, []).append(answer)
     families = [
         DeviceFamily(structure, members[0].label, members[0].program, len(members), _typical(members))
         for structure, members in by_structure.items()
@@ -105,7 +105,7 @@ def learned(answers: Iterable[DeviceAnswer], devices: int) -> Prior:
 
 
 def _typical(members: list[DeviceAnswer]) -> dict[str, tuple[float, float]]:
-    found = {}
+    typical = {}
     for name in set().union(*(one.values for one in members)):
         signed = [one.values[name][0] for one in members if name in one.values]
         logarithms = np.log(np.abs(signed))
@@ -114,8 +114,8 @@ def _typical(members: list[DeviceAnswer]) -> dict[str, tuple[float, float]]:
         low, middle, high = np.percentile(logarithms, (25, 50, 75))
         number = len(signed)
         spread = sqrt((number * ((high - low) / QUARTILES) ** 2 + BELIEVED * ANYTHING**2) / (number + BELIEVED))
-        found[name] = copysign(exp(middle), signed[0]), spread
-    return dict(sorted(found.items()))
+        typical[name] = copysign(exp(middle), signed[0]), spread
+    return dict(sorted(typical.items()))
 
 
 def joined(record: Record, family: DeviceFamily) -> dict[str, list[float]]:

@@ -116,13 +116,13 @@ def _pieces(text: str) -> Iterator[str]:
             begin = text.find(opening, end + len(closing))
 
 
-def _call(found: Any) -> Call | None:
-    if not isinstance(found, Mapping):
+def _call(value: Any) -> Call | None:
+    if not isinstance(value, Mapping):
         return None
-    name = found.get("tool", found.get("name"))
-    if name is None and "edit" in found:
-        return Call("submit_edit", found)
-    arguments = found.get("arguments", found.get("parameters", {}))
+    name = value.get("tool", value.get("name"))
+    if name is None and "edit" in value:
+        return Call("submit_edit", value)
+    arguments = value.get("arguments", value.get("parameters", {}))
     return Call(shown(name)[:60], arguments) if isinstance(name, str) else None
 
 

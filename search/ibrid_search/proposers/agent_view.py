@@ -208,9 +208,9 @@ def question(context: Context, view: RunView, settings: AgentSettings, *, author
 def _merged(messages: Sequence[Message]) -> list[dict[str, Any]]:
     """Neighbours of one role become one message; some models take strict turns only."""
     merged: list[dict[str, Any]] = []
-    for one in messages:
-        if merged and merged[-1]["role"] == one["role"]:
-            merged[-1]["content"] += f"\n\n{one['content']}"
+    for message in messages:
+        if merged and merged[-1]["role"] == message["role"]:
+            merged[-1]["content"] += f"\n\n{message['content']}"
         else:
-            merged.append(dict(one))
+            merged.append(dict(message))
     return merged

@@ -69,12 +69,12 @@ def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes |
 
     Thread(target=ask, daemon=True).start()
     try:
-        found = answers.get(timeout=timeout + GRACE)
+        answer = answers.get(timeout=timeout + GRACE)
     except Empty:
         return Refusal(f"did not end its answer within {timeout:.3g} s", again=True, late=True)
-    if isinstance(found, BaseException):
-        raise found
-    return found
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer
 
 
 def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
@@ -249,13 +249,13 @@ def _text(content: Any) -> str:
 
 def _tool_calls(found: Any) -> tuple[ToolCall, ...]:
     calls = []
-    for one in found[:MOST_TOOL_CALLS] if isinstance(found, list) else ():
-        function = one.get("function") if isinstance(one, Mapping) else None
+    for entry in found[:MOST_TOOL_CALLS] if isinstance(found, list) else ():
+        function = entry.get("function") if isinstance(entry, Mapping) else None
         if not isinstance(function, Mapping) or not isinstance(function.get("name"), str):
             continue
         arguments = function.get("arguments")
         text = _text(arguments if isinstance(arguments, str) else json.dumps(arguments))
-        calls.append(ToolCall(_text(function["name"])[:64], text[:LONGEST_ARGUMENTS], _text(one.get("id"))[:100]))
+        calls.append(ToolCall(_text(function["name"])[:64], text[:LONGEST_ARGUMENTS], _text(entry.get("id"))[:100]))
     return tuple(calls)
 
 
@@ -263,13 +263,13 @@ def _tokens(usage: Any) -> dict[str, int]:
     if not isinstance(usage, Mapping):
         return {}
     details = usage.get("completion_tokens_details")
-    found = {
+    counts = {
         "prompt_tokens": usage.get("prompt_tokens"),
         "completion_tokens": usage.get("completion_tokens"),
         "thinking_tokens": details.get("reasoning_tokens") if isinstance(details, Mapping) else None,
     }
     return {
         name: value
-        for name, value in found.items()
+        for name, value in counts.items()
         if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MOST_TOKENS
     }

@@ -160,26 +160,26 @@ class ChatServer:
             if isinstance(reply, Refusal):
                 times = f", {retries + 1} times" if retries else ""
                 raise StatusError(f"{where} {reply.sentence}{times}", status=reply.status)
-            found = read_reply(reply, where)
+            completion = read_reply(reply, where)
         except IbridError as error:
             spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
             said = without_key(key, str(error))
             raise (
                 StatusError(said, spent, error.status) if isinstance(error, StatusError) else ChatError(said, spent)
             ) from None
-        calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in found.tool_calls)
-        spoken = found.text + "".join(one.arguments for one in calls)
+        calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in completion.tool_calls)
+        spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
             "model": self.model,
             "prompt_tokens": estimated_tokens(prompt_text(messages)),
             "completion_tokens": estimated_tokens(spoken),
-            **found.tokens,
+            **completion.tokens,
             "seconds": time.monotonic() - started,
             "retries": retries,
         }
         price_in, price_out = self.price
         usage["cost"] = (usage["prompt_tokens"] * price_in + usage["completion_tokens"] * price_out) / 1e6
-        return Answer(without_key(key, found.text), calls, usage, found.cut)
+        return Answer(without_key(key, completion.text), calls, usage, completion.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
         """The reply or the last refusal, and how often it was asked again; no longer than `within` in all."""

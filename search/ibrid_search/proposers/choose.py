@@ -177,7 +177,7 @@ def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
 
 def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> list[tuple[str, Callable[[], Proposer], float]]:
     """(name, how it is made, weight) of each word."""
-    found: list[tuple[str, Callable[[], Proposer], float]] = []
+    weighted: list[tuple[str, Callable[[], Proposer], float]] = []
     for word in text.split(","):
         name, _, number = word.strip().partition(":")
         if name not in makers:
@@ -190,5 +190,5 @@ def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> list[tup
             weight = 0.0
         if not _is_weight(weight):
             raise IbridError(f"the proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
-        found.append((name, makers[name], weight))
-    return found
+        weighted.append((name, makers[name], weight))
+    return weighted

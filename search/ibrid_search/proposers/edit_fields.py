@@ -48,13 +48,13 @@ def edit_schema(
 def read_fields(text: str) -> Mapping[str, Any] | None:
     """The fields of the edit in an answer, and its `change`; None where it is no such JSON."""
     try:
-        found = json.loads(text.strip().removeprefix("```json").removeprefix("```").removesuffix("```"))
+        answer = json.loads(text.strip().removeprefix("```json").removeprefix("```").removesuffix("```"))
     except (ValueError, RecursionError):
         return None
-    edit = found.get("edit") if isinstance(found, dict) else None
+    edit = answer.get("edit") if isinstance(answer, dict) else None
     if not isinstance(edit, dict) or not ("take" in edit or writes(edit)):
         return None
-    return {**edit, "change": found.get("change", "")}
+    return {**edit, "change": answer.get("change", "")}
 
 
 def writes(fields: Mapping[str, Any]) -> bool:

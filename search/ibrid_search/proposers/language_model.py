@@ -198,12 +198,12 @@ def placed(proposal: Proposal, context: Context) -> Proposal:
 
 def whole_program(text: str) -> str:
     """The last whole program in an answer, as it is printed where it can be read; "" when there is none."""
-    found = [one for one in text.split("```")[1::2] if _BUILD.search(one)] or (
+    programs = [one for one in text.split("```")[1::2] if _BUILD.search(one)] or (
         [text] if _BUILD.match(text.strip()) else []
     )
-    if not found:
+    if not programs:
         return ""
-    lines = found[-1].strip("\n").split("\n")
+    lines = programs[-1].strip("\n").split("\n")
     begin = next(number for number, line in enumerate(lines) if _BUILD.match(line.strip()))
     written = "\n".join(lines[begin:]) + "\n"
     try:

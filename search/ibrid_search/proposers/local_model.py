@@ -124,7 +124,7 @@ class LocalModel:
             held = None if schema is None else [_Held(tokenizer, schema, ends, begins)]
             with torch.random.fork_rng(), torch.inference_mode():
                 torch.manual_seed(seed)
-                found = model.generate(
+                sequences = model.generate(
                     **prompt.to(model.device),
                     do_sample=True,
                     temperature=self.temperature,
@@ -139,7 +139,7 @@ class LocalModel:
             raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
         finally:
             torch.set_num_threads(threads)
-        return found[0].tolist()
+        return sequences[0].tolist()
 
     @cached_property
     def _loaded(self) -> tuple[Any, Any, Any]:

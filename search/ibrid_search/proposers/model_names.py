@@ -68,16 +68,16 @@ def models_of(options: Sequence[str], prices: Prices = (), **settings: Any) -> l
 
 
 def _weight(option: str) -> tuple[str, float]:
-    found = _WEIGHT.fullmatch(option.strip())
-    if found is None:
+    match = _WEIGHT.fullmatch(option.strip())
+    if match is None:
         return option.strip(), 1.0
     try:
-        weight = float(found[2])
+        weight = float(match[2])
     except ValueError:
         weight = -1.0
     if not isfinite(weight) or weight < 0:
-        raise IbridError(f"the weight of a language model is a number not below zero, found {found[2]!r}; write *0.7")
-    return found[1], weight
+        raise IbridError(f"the weight of a language model is a number not below zero, found {match[2]!r}; write *0.7")
+    return match[1], weight
 
 
 def _require(extra: str, *packages: str) -> None:

@@ -84,15 +84,15 @@ def _pairs(
     return ((view, both_moves(one, other)) for (view, one), (same, other) in combinations(doubted, 2) if same is view)
 
 
-def both_moves(one: Move, other: Move) -> Move:
+def both_moves(first: Move, other: Move) -> Move:
     """Two removals at once: two blocks may make up for each other, so that neither can go alone."""
 
     def change(draft: Edit) -> None:
-        one.draw(draft)
+        first.draw(draft)
         with suppress(KeyError):  # the first may have taken along what the second would take
             other.draw(draft)
 
-    return Move(f"{one.note}, {other.note}", change)
+    return Move(f"{first.note}, {other.note}", change)
 
 
 def unseen_modules(record: Record) -> set[str]:

@@ -158,14 +158,14 @@ def _records(
     store: Store, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
 ) -> dict[int, Record]:
     """Records of those steps that were fitted; a damaged one becomes a note."""
-    found: dict[int, Record] = {}
+    records: dict[int, Record] = {}
     for number in sorted(numbers):
         if number in steps and steps[number].nrmse is not None:
             try:
-                found[number] = store.record(number, kinds)
+                records[number] = store.record(number, kinds)
             except IbridError as problem:
                 notes.append(str(problem))
-    return found
+    return records
 
 
 def settings_of(text: str) -> dict[str, Any]:
@@ -213,7 +213,7 @@ def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
 SAME = ("parameters", "equilibrium", "objective", "seed")
 
 
-def given_truth(program: str, sweep: Sweep | None, found: Record | None) -> tuple[Diagram | None, Record | None, str]:
+def given_truth(program: str, sweep: Sweep | None, best: Record | None) -> tuple[Diagram | None, Record | None, str]:
     """Diagram and record of the truth, and a sentence when one of them cannot be had; nothing at all for no program."""
     if not program.strip():
         return None, None, ""
@@ -221,13 +221,13 @@ def given_truth(program: str, sweep: Sweep | None, found: Record | None) -> tupl
         diagram = parse_program(program, "the given truth")
     except IbridError as problem:
         return None, None, str(problem)
-    if sweep is None or found is None:
+    if sweep is None or best is None:
         return diagram, None, ""
-    options = {name: found.settings[name] for name in SAME if name in found.settings}
-    fitted = found.settings.get("fitted_points", sweep.names)
+    options = {name: best.settings[name] for name in SAME if name in best.settings}
+    fitted = best.settings.get("fitted_points", sweep.names)
     held = [name for name in sweep.names if name not in fitted]
     try:
-        record = evaluate(diagram, sweep, vocabulary=found.vocabulary, holdout_op=held, **options)
+        record = evaluate(diagram, sweep, vocabulary=best.vocabulary, holdout_op=held, **options)
     except IbridError as problem:
         return diagram, None, f"The given truth is not fitted: {problem}"
     if record.nrmse is None:

@@ -45,20 +45,20 @@ class Selection:
 def read_selection(path: Path) -> Selection | None:
     """The selection of a run, None where it has none yet; IbridError, one sentence, for a file that is damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):
         raise IbridError(f"{path}: must be the JSON of a selection; it cannot be read, finish the run again") from None
-    if broken := breach(found, "selection"):
+    if broken := breach(content, "selection"):
         raise IbridError(f"{path}: {broken}; finish the run again")
-    rivals = found.get("rivals") or ()
+    rivals = content.get("rivals") or ()
     return Selection(
-        front=tuple(map(_choice, found["front"])),
-        equally_good=tuple(found.get("equally_good") or ()),
-        answer=found.get("answer"),
-        why=found.get("why") or "",
-        residual=tuple(found.get("residual_modules") or ()),
+        front=tuple(map(_choice, content["front"])),
+        equally_good=tuple(content.get("equally_good") or ()),
+        answer=content.get("answer"),
+        why=content.get("why") or "",
+        residual=tuple(content.get("residual_modules") or ()),
         rivals=tuple(rival["words"] for rival in rivals),
         rival_steps=tuple(rival["step"] for rival in rivals),
     )

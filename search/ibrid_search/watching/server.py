@@ -134,11 +134,11 @@ class _Answers(BaseHTTPRequestHandler):
             )
         elif path == "/state":
             self._send(json.dumps(run_state(self.server.folder), allow_nan=False), "application/json")
-        elif found := re.fullmatch(r"/step/(\d{1,9})", path):
-            text = step_page(self.server.folder, int(found[1]), self.server.kinds)
+        elif match := re.fullmatch(r"/step/(\d{1,9})", path):
+            text = step_page(self.server.folder, int(match[1]), self.server.kinds)
             self._send(text, "text/html", policy=_FRAMED)
-        elif found := re.fullmatch(r"/started/(\d{1,9})", path):
-            report = Path(self.server.dropped.name) / found[1] / ".start" / "report.html"
+        elif match := re.fullmatch(r"/started/(\d{1,9})", path):
+            report = Path(self.server.dropped.name) / match[1] / ".start" / "report.html"
             if not report.is_file():
                 raise _Refused(404, "there is no such first answer")
             self._send(report.read_text(encoding="utf-8"), "text/html", policy=_FRAMED)
