@@ -60,12 +60,12 @@ def run_playback(arguments: Namespace) -> int:
     model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
     if model.assumed:
         complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
-    found = play(model, events)
-    page = playback_page(found, Path(arguments.model).name)
+    playback = play(model, events)
+    page = playback_page(playback, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(places[f"the {JSON} of --out"], found.plain())
+    write_json(places[f"the {JSON} of --out"], playback.plain())
     write_whole(places[f"the {PAGE} of --out"], page)
-    print(playback_text(found))
+    print(playback_text(playback))
     return 0
 
 

@@ -20,7 +20,7 @@ def run(arguments: Namespace) -> int:
         return 0
     try:
         with telling() as tell:
-            found = fleet(
+            survey = fleet(
                 arguments.folder,
                 arguments.out,
                 job=arguments.job,
@@ -38,10 +38,10 @@ def run(arguments: Namespace) -> int:
             "--resume (and the same options)"
         )
         return 1
-    summary = found.summary
+    summary = survey.summary
     if not give_json(summary.to_json(), arguments.json):
         print(f"\n{summary.sentence}")
         for family in summary.families[:6]:
             print(f"  {family.devices} of {family.label}")
-        print(f"{found.folder}: devices.csv, report.html; {found.seconds:.0f} s")
+        print(f"{survey.folder}: devices.csv, report.html; {survey.seconds:.0f} s")
     return 0

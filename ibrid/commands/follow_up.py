@@ -34,11 +34,11 @@ def run_next(arguments: Namespace) -> int:
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
     names, records = (names[:1], records[:1]) if among.parameters else with_twins(names, records)
-    found = experiments(records, names, among)
-    said = sentences(found, among)
-    content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in found], "sentences": list(said)}
+    ranking = experiments(records, names, among)
+    said = sentences(ranking, among)
+    content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in ranking], "sentences": list(said)}
     if not give_json(content, arguments.json):
-        print(format_experiments(found, said, among.parameters))
+        print(format_experiments(ranking, said, among.parameters))
     return 0
 
 
@@ -53,12 +53,12 @@ def run_drift(arguments: Namespace) -> int:
     record = inputs.record(arguments.record, arguments.kinds)
     if inputs.holds_events(arguments.data):
         inputs.require_no_plant(arguments)
-        found = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
+        change = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
     else:
         sweep = inputs.measured(arguments.data)
-        found = drift(record, sweep, read_collector(arguments.port, sweep) if arguments.port else None)
-    if not give_json(found.plain(), arguments.json):
-        print(f"{found.verdict}: {found.sentence}")
+        change = drift(record, sweep, read_collector(arguments.port, sweep) if arguments.port else None)
+    if not give_json(change.plain(), arguments.json):
+        print(f"{change.verdict}: {change.sentence}")
     return 0
 
 

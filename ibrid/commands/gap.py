@@ -84,11 +84,11 @@ def _answer(
     simulated = inputs.data(arguments.model)
     where = differences(simulated, sweep)
     tell("the program of the simulated sweep", 0.0)
-    found = identify(simulated, arguments.seed)
-    gap = find_gap(found.record.diagram, sweep, found.values, **options)
+    identified = identify(simulated, arguments.seed)
+    gap = find_gap(identified.record.diagram, sweep, identified.values, **options)
     first = where[0]
     most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"
-    return replace(gap, steps=(f"{found.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
+    return replace(gap, steps=(f"{identified.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":

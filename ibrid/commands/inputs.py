@@ -197,18 +197,18 @@ def price(text: str) -> tuple[float, float]:
 
 def overrides(settings: Iterable[str]) -> dict[str, float | str]:
     """name=value pairs; the value is a number where it reads as one."""
-    found: dict[str, float | str] = {}
+    values: dict[str, float | str] = {}
     for setting in settings:
         name, mark, value = (part.strip() for part in setting.partition("="))
         if not (name and mark and value):
             raise IbridError(f"--set is written name=value, for instance plant.L_F=0.1; found {setting!r}")
-        if name in found:
+        if name in values:
             raise IbridError(f"--set {name} is given twice; keep one")
         try:
-            found[name] = float(value)
+            values[name] = float(value)
         except ValueError:
-            found[name] = value
-    return found
+            values[name] = value
+    return values
 
 
 def _known_sweeps() -> Mapping[str, Path]:

@@ -39,11 +39,11 @@ def require_distinct(outputs: Mapping[str, str | Path | None], inputs: Mapping[s
                 raise IbridError(f"{other} and {name} must be two files, found {written[name]} for both; rename one")
 
 
-def _same_file(one: str | Path, other: str | Path) -> bool:
+def _same_file(path: str | Path, other: str | Path) -> bool:
     try:
-        if os.path.exists(one) and os.path.exists(other):
-            return os.path.samefile(one, other) and os.path.isfile(one)
-        return os.path.realpath(one) == os.path.realpath(other)
+        if os.path.exists(path) and os.path.exists(other):
+            return os.path.samefile(path, other) and os.path.isfile(path)
+        return os.path.realpath(path) == os.path.realpath(other)
     except (OSError, ValueError):  # a name that no file can have: refused where it is opened
         return False
 

@@ -42,16 +42,16 @@ def _kinds_in(file: str) -> "tuple[ModuleKind, ...]":
     from ibrid.modules.kind import ModuleKind
 
     module = _executed(Path(file))
-    found: list[ModuleKind] = []
+    kinds: list[ModuleKind] = []
     for value in vars(module).values():
         for kind in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(kind, ModuleKind) and kind not in found and _made_in(kind, module):
-                found.append(kind)
-    if not found:
+            if isinstance(kind, ModuleKind) and kind not in kinds and _made_in(kind, module):
+                kinds.append(kind)
+    if not kinds:
         raise IbridError(
             f"--kinds {file}: no ModuleKind is made in it; assign one to a name, as in the page on own modules"
         )
-    return tuple(found)
+    return tuple(kinds)
 
 
 def _made_in(kind: "ModuleKind", module: "ModuleType") -> bool:

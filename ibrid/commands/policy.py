@@ -19,11 +19,11 @@ def _learn_from_runs(arguments: Namespace) -> int:
     from ibrid_search.experience import experience_of
     from ibrid_search.run_folder import make_folder
 
-    found, folder = experience_of(arguments.runs), Path(arguments.out)
+    learned, folder = experience_of(arguments.runs), Path(arguments.out)
     make_folder(folder)
-    found.write(folder)
+    learned.write(folder)
     print(f"{'idea':<40} {'tried':>6} {'in the answer':>14} {'bonus in ln(error)':>19}")
-    for part in sorted(found.tried, key=lambda part: -found.bonus(part)):
-        print(f"{part:<40} {found.tried[part]:>6} {found.kept.get(part, 0):>14} {found.bonus(part):>19.2f}")
+    for part in sorted(learned.tried, key=lambda part: -learned.bonus(part)):
+        print(f"{part:<40} {learned.tried[part]:>6} {learned.kept.get(part, 0):>14} {learned.bonus(part):>19.2f}")
     print(f"\n{folder}: experience.json; search with --proposer diagnosis --policy {folder}")
     return 0

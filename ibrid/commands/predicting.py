@@ -37,14 +37,14 @@ def run_predict(arguments: Namespace) -> int:
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
-    found = [predict(record, op, frequency) for op in arguments.op]
-    sweep = predicted_sweep(record, found)
+    predictions = [predict(record, op, frequency) for op in arguments.op]
+    sweep = predicted_sweep(record, predictions)
     made = f"predicted, not measured: {_command(arguments)}"
     bands = "sigma: one standard deviation of the prediction, from the covariance of the parameters"
     write_sweep(sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,))
-    content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in found]}
+    content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in predictions]}
     if not give_json(content, arguments.json):
-        print(format_predictions(found))
+        print(format_predictions(predictions))
         print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(sweep.names)}")
     return 0
 
@@ -59,11 +59,11 @@ def run_nfp(arguments: Namespace) -> int:
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
-    found = [power_jacobian(record, op, frequency) for op in arguments.op or record.parameters or [None]]
+    jacobians = [power_jacobian(record, op, frequency) for op in arguments.op or record.parameters or [None]]
     if arguments.out is not None:
-        write_whole(arguments.out, jacobian_csv(found))
-    if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in found]}, arguments.json):
-        print("\n".join(map(format_jacobian, found)))
+        write_whole(arguments.out, jacobian_csv(jacobians))
+    if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in jacobians]}, arguments.json):
+        print("\n".join(map(format_jacobian, jacobians)))
     return 0
 
 
@@ -79,13 +79,13 @@ def _predict_plant(arguments: Namespace) -> int:
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
     known = KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"]))
     network = read_collector(arguments.port, known)
-    found = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
-    write_sweep(found.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
+    plant = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
+    write_sweep(plant.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
     if arguments.equivalent is not None:
-        write_whole(arguments.equivalent, equivalent_file(found.equivalent))
-    if not give_json(found.plain(), arguments.json):
-        print(format_plant(found))
-        print(f"{arguments.out}: {len(found.sweep.points[0].frequency)} frequencies at {'; '.join(found.sweep.names)}")
+        write_whole(arguments.equivalent, equivalent_file(plant.equivalent))
+    if not give_json(plant.plain(), arguments.json):
+        print(format_plant(plant))
+        print(f"{arguments.out}: {len(plant.sweep.points[0].frequency)} frequencies at {'; '.join(plant.sweep.names)}")
     return 0
 
 
@@ -96,11 +96,11 @@ def _predict_events(arguments: Namespace) -> int:
 
     require_distinct({"--out": arguments.out}, {"--events": arguments.events})
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
-    found = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
-    command = shlex.join(["ibrid", "predict", arguments.record, "--events", arguments.events])
-    write_events(answered(events, found), arguments.out, header=(f"the current is predicted, not measured: {command}",))
-    if not give_json(found.plain(), arguments.json):
-        print(playback_text(found))
+    playback = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
+    line = shlex.join(["ibrid", "predict", arguments.record, "--events", arguments.events])
+    write_events(answered(events, playback), arguments.out, header=(f"the current is predicted, not measured: {line}",))
+    if not give_json(playback.plain(), arguments.json):
+        print(playback_text(playback))
     return 0
 
 
@@ -124,19 +124,19 @@ def run_stability(arguments: Namespace) -> int:
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
     grid = None if arguments.grid is None else _grid(arguments.grid, record)
-    found = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
-    printed = give_json(found.plain(), arguments.json)
-    _write_page(found, arguments)
+    study = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
+    printed = give_json(study.plain(), arguments.json)
+    _write_page(study, arguments)
     if not printed:
-        print(format_stability(found).rstrip("\n"))
+        print(format_stability(study).rstrip("\n"))
     return 0
 
 
-def _write_page(found: "Stability", arguments: Namespace) -> None:
+def _write_page(study: "Stability", arguments: Namespace) -> None:
     if arguments.report is not None:
         from ibrid.report.stability_page import stability_page
 
-        write_whole(arguments.report, stability_page(found, Path(arguments.record).name))
+        write_whole(arguments.report, stability_page(study, Path(arguments.record).name))
 
 
 def _grid(text: str, record: "Record") -> "SeriesRL | MeasuredGrid":

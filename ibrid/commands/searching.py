@@ -51,7 +51,7 @@ def run_search(arguments: Namespace) -> int:
     )
     goal = Goal(arguments.budget, arguments.target, require=arguments.require or "", choose=arguments.choose)
     try:
-        found = search(
+        run = search(
             data,
             arguments.out,
             start=start,
@@ -74,7 +74,7 @@ def run_search(arguments: Namespace) -> int:
     except KeyboardInterrupt:
         complain(f"stopped at once; {_go_on(arguments)}")
         return 1
-    return _say(found, arguments, truth)
+    return _say(run, arguments, truth)
 
 
 def _learning_options() -> Mapping[str, tuple[str, Callable[[str], Any], str]]:
@@ -127,35 +127,35 @@ def _go_on(arguments: Namespace) -> str:
     return f"go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same options)"
 
 
-def _say(found: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
+def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     from ibrid_search.spending import spent_words
 
     from ibrid.evaluation.record import Record
     from ibrid.measurement.quantities import counted
 
-    ending = found.ending
-    if found.evaluations > arguments.budget:
+    ending = run.ending
+    if run.evaluations > arguments.budget:
         ending = f"the budget of {arguments.budget} was spent already, a larger one goes on"
-    print(f"\n{counted(found.evaluations, 'evaluation')} in {found.seconds:.0f} s; {ending}.")
-    if spent := spent_words(found.spent):
+    print(f"\n{counted(run.evaluations, 'evaluation')} in {run.seconds:.0f} s; {ending}.")
+    if spent := spent_words(run.spent):
         print(f"Language models took {spent}.")
-    if not found.finished:
+    if not run.finished:
         complain(f"stopped; {_go_on(arguments)}")
         return 1
-    if not isinstance(found.best, Record):
+    if not isinstance(run.best, Record):
         complain("no candidate was valid and stable; see report.html for the reasons")
         return 1
     from ibrid.report.text import format_record
 
-    print(format_record(found.best).rstrip("\n"))
+    print(format_record(run.best).rstrip("\n"))
     if truth is not None:
         from ibrid.structure.compare import compare, format_comparison
 
         print()
-        print(format_comparison(compare(found.best.diagram, truth, found.best.vocabulary)).rstrip("\n"))
-    for rival in found.selection.get("rivals", ()):
+        print(format_comparison(compare(run.best.diagram, truth, run.best.vocabulary)).rstrip("\n"))
+    for rival in run.selection.get("rivals", ()):
         print(f"Not proven: {rival['words']}.")
-    print(f"\n{found.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
+    print(f"\n{run.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
     return 0
 
 

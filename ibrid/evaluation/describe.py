@@ -164,16 +164,16 @@ class _Description:
             return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
 
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
-        found = []
+        warnings = []
         for name, order in orders.items():
             parameter = str(self.wiring.kinds[name].delay)
             delay = max(self.table.value(name, parameter, values) for values in self.values.values())
             if (limit := pade_limit(delay, order)) < highest:
-                found.append(
+                warnings.append(
                     f"{name}: its Pade form of order {order} is within 1 degree of the delay up to {limit:.0f} Hz only; "
                     "matrices, poles and exports hold to there, frequency responses are exact"
                 )
-        return tuple(found)
+        return tuple(warnings)
 
     def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
         """Poles with Pade forms of the delays; not a number where there is no operating point."""
@@ -196,13 +196,13 @@ class _Description:
 
     def _intervals(self) -> dict[str, dict[str, Any]]:
         intervals: dict[str, dict[str, Any]] = {}
-        for one, answer in zip(self.fitted, self.seen, strict=True):
-            for index, name in enumerate(one.names):
-                found = {
-                    parameter.name: answer.intervals.get(one.labels[one.problem.index[index, local]])
-                    for local, parameter in enumerate(one.problem.model.parameters)
+        for fit, answer in zip(self.fitted, self.seen, strict=True):
+            for index, name in enumerate(fit.names):
+                bounds = {
+                    parameter.name: answer.intervals.get(fit.labels[fit.problem.index[index, local]])
+                    for local, parameter in enumerate(fit.problem.model.parameters)
                 }
-                intervals[name] = {parameter: found[parameter] for parameter in self.table.names}
+                intervals[name] = {parameter: bounds[parameter] for parameter in self.table.names}
         for point in self.study.held_out:
             intervals[point.op.name] = dict(next(iter(intervals.values())))
         return intervals
@@ -217,13 +217,13 @@ class _Description:
 
     def _sentences(self) -> tuple[str, ...]:
         sentences: list[str] = []
-        for one, answer, others in zip(self.fitted, self.seen, self.others, strict=True):
-            where = "" if len(self.fitted) == 1 else f"at {one.names[0]}: "
+        for fit, answer, others in zip(self.fitted, self.seen, self.others, strict=True):
+            where = "" if len(self.fitted) == 1 else f"at {fit.names[0]}: "
             sentences += [where + sentence for sentence in answer.sentences]
-            sentences += [where + _twin_sentence(one, twin) for twin in one.solution.twins]
-            sentences += [where + _others_sentence(one, answer, others)] if others else []
-            if one.solution.waves:
-                sentences.append(where + _support_sentence(one.solution, answer))
+            sentences += [where + _twin_sentence(fit, twin) for twin in fit.solution.twins]
+            sentences += [where + _others_sentence(fit, answer, others)] if others else []
+            if fit.solution.waves:
+                sentences.append(where + _support_sentence(fit.solution, answer))
         return tuple(sentences)
 
     def _count_warnings(self) -> tuple[str, ...]:
@@ -288,24 +288,24 @@ def _sorted_poles(poles: np.ndarray) -> list[list[float]]:
     return [[float(one.real), float(one.imag)] for one in ordered]
 
 
-def _twin_sentence(one: BestFit, twin: np.ndarray) -> str:
-    here = one.problem.coordinates.to_theta(one.solution.x)
-    there = one.problem.coordinates.to_theta(twin)
+def _twin_sentence(fit: BestFit, twin: np.ndarray) -> str:
+    here = fit.problem.coordinates.to_theta(fit.solution.x)
+    there = fit.problem.coordinates.to_theta(twin)
     moved = [
         f"{label} {after:.4g} instead of {before:.4g}"
-        for label, before, after in zip(one.labels, here, there, strict=True)
+        for label, before, after in zip(fit.labels, here, there, strict=True)
         if abs(after - before) > 1e-3 * abs(before)
     ]
     return f"a twin fits as well: {', '.join(moved)}; the more usual one is reported"
 
 
-def _others_sentence(one: BestFit, answer: Visibility, others: Sequence[Minimum]) -> str:
+def _others_sentence(fit: BestFit, answer: Visibility, others: Sequence[Minimum]) -> str:
     """Other minima within the noise, and what has another value at the likeliest of them."""
-    coordinates = one.problem.coordinates
-    here, there = coordinates.to_theta(one.solution.x), coordinates.to_theta(others[0].x)
+    coordinates = fit.problem.coordinates
+    here, there = coordinates.to_theta(fit.solution.x), coordinates.to_theta(others[0].x)
     outside = [
         f"{label} {after:.3g} instead of {before:.3g}"
-        for label, before, after in zip(one.labels, here, there, strict=True)
+        for label, before, after in zip(fit.labels, here, there, strict=True)
         if (interval := answer.intervals.get(label)) and not interval[0] <= after <= interval[1]
     ]
     number = "1 other minimum" if len(others) == 1 else f"{len(others)} other minima"

@@ -48,13 +48,13 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
 
     words = (one for one in written_otherwise(study.sweep) if one.ids)
     tried = [(one, fitted(one)) for one in (*words, *_numbers(record, diagram, believed, quick, evaluate))]
-    found = sorted(
+    candidates = sorted(
         ((one, other) for one, other in tried if _explains_far_more(one, record, other)),
         key=lambda pair: _left(pair[1]),
     )
-    if not found:
+    if not candidates:
         return record
-    near = [pair for pair in found if _left(pair[1]) < ALIKE * _left(found[0][1])]
+    near = [pair for pair in candidates if _left(pair[1]) < ALIKE * _left(candidates[0][1])]
     convention, best = min(near, key=lambda pair: _likely(pair[0]))
     rivals = [one for one, _ in near if one is not convention]
     alike = dict.fromkeys(name for one in rivals for name in one.ids)

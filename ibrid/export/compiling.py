@@ -51,14 +51,14 @@ def shared_library(
         folder, suffix, triple = target
         compiler, *more = _zig(triple)
     else:
-        found = next(filter(None, map(shutil.which, COMPILERS)), None)
-        if found is None:
+        compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
+        if compiler is None:
             raise IbridError(
                 f"an FMU or a library needs a C compiler, found none of {', '.join(COMPILERS)}; install one (Debian: apt-get "
                 "install gcc libc6-dev), or export c or modelica, which need none"
             )
         folder, suffix = fmi_platform()
-        compiler, more = found, [] if sys.platform == "win32" else ["-fPIC"]
+        more = [] if sys.platform == "win32" else ["-fPIC"]
     with tempfile.TemporaryDirectory(prefix="ibrid-") as place:
         for name, content in sources.items():
             (Path(place) / name).write_bytes(content)

@@ -46,7 +46,7 @@ def control_json(*models: LinearModel) -> bytes:
     model, many = _same_states(models), len(models) > 1
 
     def told(part: Callable[[LinearModel], Any]) -> Any:
-        return [part(one) for one in models] if many else part(model)
+        return [part(point) for point in models] if many else part(model)
 
     data = {
         "schema": SCHEMA,
@@ -54,15 +54,15 @@ def control_json(*models: LinearModel) -> bytes:
         "units": UNITS,
         **{name: getattr(model, name) for name in _COMMON},
         "operating_point": {
-            "name": told(lambda one: one.op),
-            **{key: told(lambda one, key=key: getattr(one, key)) for key in "pqv"},
+            "name": told(lambda point: point.op),
+            **{key: told(lambda point, key=key: getattr(point, key)) for key in "pqv"},
             "power_node": model.power_node,
         },
         "states": model.states,
         "inputs": model.inputs,
         "outputs": model.outputs,
-        **{name: _listed(_stacked(models, lambda one, name=name: getattr(one, name))) for name in _NUMBERS},
-        "parameters": {name: told(lambda one, name=name: one.parameters[name]) for name in model.parameters},
+        **{name: _listed(_stacked(models, lambda point, name=name: getattr(point, name))) for name in _NUMBERS},
+        "parameters": {name: told(lambda point, name=name: point.parameters[name]) for name in model.parameters},
         "pade_orders": model.pade_orders,
     }
     return json_lines(data).encode()
@@ -124,15 +124,15 @@ def _arrays(models: Sequence[LinearModel], listed: Callable[[Sequence[str]], np.
     model = _same_states(models)
     unknown = float("nan")
     return {
-        **{name: _stacked(models, lambda one, name=name: getattr(one, name)) for name in (*_NUMBERS, *"pqv")},
+        **{name: _stacked(models, lambda point, name=name: getattr(point, name)) for name in (*_NUMBERS, *"pqv")},
         **{name: unknown if (value := getattr(model, name)) is None else value for name in _COMMON},
         "state_names": listed(model.states),
         "input_names": listed(model.inputs),
         "output_names": listed(model.outputs),
         "parameter_names": listed(tuple(model.parameters)),
-        "parameter_values": _stacked(models, lambda one: list(one.parameters.values())),
+        "parameter_values": _stacked(models, lambda point: list(point.parameters.values())),
         "name": model.name,
-        "op": model.op if len(models) == 1 else listed([one.op for one in models]),
+        "op": model.op if len(models) == 1 else listed([point.op for point in models]),
         "power_node": model.power_node,
         "units": UNITS,
     }

@@ -45,13 +45,13 @@ def modelica(model: LinearModel, name: str = "LinearInverter") -> bytes:
 
 def identifiers(names: Iterable[str]) -> tuple[str, ...]:
     """A Modelica identifier for each name: dots become underscores; keywords and doubles get one more."""
-    found: list[str] = []
+    unique: list[str] = []
     for name in names:
         word = re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
-        while word in found or word in MODELICA_WORDS:
+        while word in unique or word in MODELICA_WORDS:
             word += "_"
-        found.append(word)
-    return tuple(found)
+        unique.append(word)
+    return tuple(unique)
 
 
 def quoted(text: str) -> str:

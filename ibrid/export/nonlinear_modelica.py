@@ -67,12 +67,12 @@ class _Words:
         titles = {module.name: f"{module.kind.name}{orders[module.name]}" for module in at.modules}
         kinds = tuple(dict.fromkeys(titles.values()))
         references = [f"reference_{one}" for one in channel_names(list(at.references), wiring)]
-        found = iter(identifiers(["Inverter", *outer, *kinds, *wiring.kinds, *self.table.names, *references])[5:])
-        block = dict(zip(kinds, found, strict=False))
+        unused = iter(identifiers(["Inverter", *outer, *kinds, *wiring.kinds, *self.table.names, *references])[5:])
+        block = dict(zip(kinds, unused, strict=False))
         self.blocks = {name: block[title] for name, title in titles.items()}
-        self.instances = dict(zip(wiring.kinds, found, strict=False))
-        self.parameters = dict(zip(self.table.names, found, strict=False))
-        self.references = dict(zip(at.references, found, strict=True))
+        self.instances = dict(zip(wiring.kinds, unused, strict=False))
+        self.parameters = dict(zip(self.table.names, unused, strict=False))
+        self.references = dict(zip(at.references, unused, strict=True))
 
     def parameter(self, instance: str, name: str, value: float) -> str:
         """What a module's parameter is set to: a parameter of the inverter, or a number."""

@@ -78,7 +78,7 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
         chosen = parameters or wiring.kinds[name].parameters
         return tuple(entry[name, one] for one in chosen if (name, one) in entry)
 
-    found = []
+    swaps = []
     for plant in (name for name, kind in wiring.kinds.items() if kind.family == PLANT):
         joining = [split_port(source)[0] for source in wiring.sources.get(f"{plant}.u_r", ())]
 
@@ -94,8 +94,8 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
         if all(len(group) == 2 for group in groups):
             box = problem.numbers[groups[0][0]].parameter
             typical = float(np.log(box.typical)) if box.logarithmic else box.typical
-            found.append(CornerSwap(*groups, couplings, typical, omega_0))
-    return tuple(found)
+            swaps.append(CornerSwap(*groups, couplings, typical, omega_0))
+    return tuple(swaps)
 
 
 def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:

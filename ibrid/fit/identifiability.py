@@ -235,13 +235,13 @@ def other_minima(problem: Problem, solution: Solution, deviations: Sequence[np.n
     chi2 = float((np.abs(best) ** 2).sum())
     least = min((end.error for end in solution.finished), default=0.0)
     worth = least * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
-    found = [
+    candidates = [
         (end.x, residual, max(float((np.abs(residual) ** 2).sum()) - chi2, 0.0))
         for end in solution.finished
         if end.error <= worth and np.isfinite(residual := whitened(end.x)).all()
     ]
     kept, seen = [], [best]
-    for x, residual, above in sorted(found, key=lambda end: end[2]):
+    for x, residual, above in sorted(candidates, key=lambda end: end[2]):
         if above < FARTHEST and len(kept) < MOST and min(np.linalg.norm(residual - other) for other in seen) > SAME:
             kept.append(Minimum(x, above))
             seen.append(residual)

@@ -165,7 +165,7 @@ class Problem:
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """dY/dx at each operating point: x (P,) -> list of (K, 2, 2, P) complex."""
-        model, found = self.model, []
+        model, matrices = self.model, []
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all)
         for m, index in enumerate(self.index):
@@ -178,8 +178,8 @@ class Problem:
             )  # fmt: skip
             whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)
             whole[..., index] = slope * slope_all[index]
-            found.append(whole)
-        return found
+            matrices.append(whole)
+        return matrices
 
     def state_matrices(self, x: np.ndarray, point: int) -> np.ndarray:
         """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S, n, n)."""

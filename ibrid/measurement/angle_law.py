@@ -89,19 +89,19 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
     factors = np.array([one.power.real / one.point.op.p for one in loaded])
     if not len(loaded) or len(set(np.sign(factors))) > 1:
         return ()
-    found, factor = [], float(np.sign(factors[0]))
+    mistakes, factor = [], float(np.sign(factors[0]))
     if factor < 0:
-        found.append(f"the lowest frequencies show power that flows the other way than p says: {_REVERSED[direction]}.")
+        mistakes += [f"the lowest frequencies show power that flows the other way than p says: {_REVERSED[direction]}."]
     off, doubt = np.log(np.abs(factors)), np.array([one.doubt for one in loaded])
     beyond = np.abs(off) > CLOSE + doubt / 2
     if beyond.all() and len(set(np.sign(off))) == 1 and np.ptp(off) < ALIKE + doubt.max():
         scale = float(np.exp(np.median(off)))
         factor *= scale
-        found.append(
+        mistakes.append(
             f"the lowest frequencies show {scale:.2g} times the p of the file at every operating point: {scale_reason(scale)}."
         )
     reactive = _reactive(loaded, factor, power_node)
-    return (*found, *([] if reactive is None else [reactive]))
+    return (*mistakes, *([] if reactive is None else [reactive]))
 
 
 _REVERSED = {

@@ -33,14 +33,14 @@ def channels_told(text: ToldChannels) -> dict[str, str]:
     if not text:
         return {}
     pairs = text.items() if isinstance(text, Mapping) else (item.partition("=")[::2] for item in text.split(","))
-    found = {str(role).strip().lower().replace("_", ""): str(name).strip() for role, name in pairs}
-    for role, name in found.items():
+    named = {str(role).strip().lower().replace("_", ""): str(name).strip() for role, name in pairs}
+    for role, name in named.items():
         if role not in ROLES or not name:
             raise SweepError(
                 f"--channels is written va=1,vb=2,vc=3,ia=4,ib=5,ic=6, numbers or names; found {role[:40]}={name[:40]}, "
                 f"{near(role, ROLES)}"
             )
-    return found
+    return named
 
 
 def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> dict[str, int]:
@@ -49,27 +49,27 @@ def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> 
     Raises SweepError that lists the channels where a role has none or several.
     """
     names = [channel.name for channel in channels]
-    found: dict[str, int] = {}
+    placed: dict[str, int] = {}
     for role, name in told.items():
         places = [k for k, one in enumerate(names) if one == name]
         if not places and name.isdigit() and 0 < int(name) <= len(names):
             places = [int(name) - 1]
         if not places:
             raise SweepError(f"{where}: there is no channel {name[:40]!r} for {role}; {_listed(names)}")
-        found[role] = places[0]
-    if any(set(family) <= set(found) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
-        return found
+        placed[role] = places[0]
+    if any(set(family) <= set(placed) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
+        return placed
     for role in PHASES:
-        if role in found or (role[0] == "v" and set(BETWEEN) <= set(found)):
+        if role in placed or (role[0] == "v" and set(BETWEEN) <= set(placed)):
             continue
-        fitting = [k for k, channel in enumerate(channels) if role_of(channel) == role and k not in found.values()]
+        fitting = [k for k, channel in enumerate(channels) if role_of(channel) == role and k not in placed.values()]
         if len(fitting) != 1:
             raise SweepError(
                 f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that its name and unit show, "
                 f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6; {_listed(names)}"
             )
-        found[role] = fitting[0]
-    return found
+        placed[role] = fitting[0]
+    return placed
 
 
 def role_of(channel: Channel) -> str:

@@ -35,7 +35,7 @@ def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, t
     """What each role is made of. known : names of the columns. beside : numbers outside the table, by name, with their units.
     SweepError names the near ones."""
     columns = tuple(known)
-    found: dict[str, Source] = {}
+    sources: dict[str, Source] = {}
     for text in texts:
         for item in re.findall(r'(?:"[^"]*"|\[[^\]]*\]|[^,]|,(?!\s*\w+\s*=))+', text):
             role, mark, value = (part.strip() for part in item.partition("="))
@@ -43,8 +43,8 @@ def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, t
                 raise SweepError(f"--map is written {_FORMS}; found {item.strip()[:60]!r}.")
             if role not in ROLES:
                 raise SweepError(f"--map: {role[:40]!r} cannot be mapped, {near(role, ROLES)}")
-            found[role] = _source(value, columns, beside, role)
-    return found
+            sources[role] = _source(value, columns, beside, role)
+    return sources
 
 
 def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[float, str]], role: str) -> Source:
@@ -52,11 +52,11 @@ def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[flo
     if name:
         return Source((name,), "", unit)
     for mark in re.finditer(r"\+j\*?|\+i|[@∠]", value):
-        (one, unit), (other, behind) = (_column(part, columns) for part in (value[: mark.start()], value[mark.end() :]))
-        if one and other:
+        (first, unit), (other, behind) = _column(value[: mark.start()], columns), _column(value[mark.end() :], columns)
+        if first and other:
             turned = (unit_of(behind) or " ")[0].startswith("angle")
             joined = "@" if mark[0] in "@∠" else "j"
-            return Source((one, other), joined, unit or ("" if turned else behind), angle=behind if turned else "")
+            return Source((first, other), joined, unit or ("" if turned else behind), angle=behind if turned else "")
     bare, unit = _unit_behind(value)
     if bare in beside:
         return Source((), "", unit or beside[bare][1], beside[bare][0], name=bare)

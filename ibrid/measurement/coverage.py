@@ -54,7 +54,7 @@ def resonances(point: PointSweep, noise: PointNoise) -> tuple[Resonance, ...]:
     """Peaks that stand twice above the lowest value on each side before the next higher one, and above the noise."""
     size = np.linalg.norm(point.admittance, axis=(1, 2))
     level = np.zeros(len(size)) if noise.relative is None else noise.relative
-    found = []
+    peaks = []
     for k in range(1, len(size) - 1):
         if size[k] <= size[k - 1] or size[k] < size[k + 1]:
             continue
@@ -64,8 +64,8 @@ def resonances(point: PointSweep, noise: PointNoise) -> tuple[Resonance, ...]:
             continue
         above = size >= size[k] / np.sqrt(2)
         width = 1 + _run(above[k + 1 :]) + _run(above[k - 1 :: -1])
-        found.append(Resonance(float(point.frequency[k]), width))
-    return tuple(found)
+        peaks.append(Resonance(float(point.frequency[k]), width))
+    return tuple(peaks)
 
 
 def _lowest_before_higher(sizes: np.ndarray) -> float:

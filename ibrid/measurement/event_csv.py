@@ -37,11 +37,11 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     Raises SweepError naming file and line, or the record (event_rest, event_samples).
     """
     comments, body = comments_and_body(lines)
-    found, notes = read_keys(comments, where, KEYS, CHOICES)
+    stated, notes = read_keys(comments, where, KEYS, CHOICES)
     for key in keys:
         if key not in KEYS:
             raise SweepError(f"{key} is not something to say about events; {near(key, KEYS)}")
-    told = {**found, **{key: value for key, value in keys.items() if value is not None}}
+    told = {**stated, **{key: value for key, value in keys.items() if value is not None}}
     header = values_of(told, where, CHOICES)
     require_body(body, where)
     head, *numbers = body

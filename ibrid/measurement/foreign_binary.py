@@ -30,7 +30,7 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
     MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes.
     """
     file = _package("h5py").File(io.BytesIO(content), "r")
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
 
     def take(name: str, item: Any) -> None:
         if name.startswith("#") or not hasattr(item, "shape") or item.dtype.kind == "O":
@@ -44,10 +44,10 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
         if matlab == b"char":
             value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
         if value.dtype.kind in "biufcU":
-            found[name.replace("/", ".")] = value
+            arrays[name.replace("/", ".")] = value
 
     file.visititems(take)
-    return found
+    return arrays
 
 
 def mat_arrays(content: bytes) -> dict[str, np.ndarray]:

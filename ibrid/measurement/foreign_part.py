@@ -104,7 +104,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
 
 def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Source]:
     """What the names of the columns say beside the map; of several readings of an entry, real and imaginary part come first."""
-    found: dict[str, Source] = {}
+    sources: dict[str, Source] = {}
     parts: dict[str, dict[tuple[str, str], list[str]]] = {}
     settled = {role[1:] for role in mapped if len(role) == 3}
     settled |= {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
@@ -114,23 +114,23 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
             readings = parts.setdefault(meaning.letter + meaning.entry, {})
             readings.setdefault((meaning.part, meaning.dimension), []).append(name)
         elif meaning.role == "sigma":
-            found.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
+            sources.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
         elif meaning.role not in ("", "matrix", "positive", "entry", "re", "im", "mag", "phase", *settled):
-            found.setdefault(meaning.role, Source((name,)))
+            sources.setdefault(meaning.role, Source((name,)))
     if twice := [names for readings in parts.values() for names in readings.values() if len(names) > 1]:
         raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}.")
     for entry, readings in parts.items():
         named = {part: names[0] for (part, _), names in reversed(readings.items())}
         size = named.get("mag") or named.get("")
         if {"re", "im"} <= set(named):
-            found[entry] = Source((named["re"], named["im"]), "j")
+            sources[entry] = Source((named["re"], named["im"]), "j")
         elif "phase" in named and size:
-            found[entry] = Source((size, named["phase"]), "@")
+            sources[entry] = Source((size, named["phase"]), "@")
         elif "" in named:
-            found[entry] = Source((named[""],))
+            sources[entry] = Source((named[""],))
         elif "re" in named and table.columns[named["re"]].dtype.kind == "c":
-            found[entry] = Source((named["re"],))
-    return found
+            sources[entry] = Source((named["re"],))
+    return sources
 
 
 def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]) -> None:

@@ -223,13 +223,13 @@ def _unmarked(cells: list[str], width: int) -> list[str]:
 
 def _glued(cells: list[str]) -> list[str]:
     """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate columns."""
-    found: list[str] = []
+    joined: list[str] = []
     for cell in cells:
-        if found and (re.fullmatch(r"[\[(].*[\])]", cell) or found[-1].endswith("/") or cell.startswith("/")):
-            found[-1] = f"{found[-1]} {cell}"
+        if joined and (re.fullmatch(r"[\[(].*[\])]", cell) or joined[-1].endswith("/") or cell.startswith("/")):
+            joined[-1] = f"{joined[-1]} {cell}"
         else:
-            found.append(cell)
-    return found
+            joined.append(cell)
+    return joined
 
 
 def _unlike(name: str, taken: dict[str, Any]) -> str:
@@ -261,11 +261,11 @@ def _plain(values: np.ndarray) -> np.ndarray:
 def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
     """A table for each element of a structure array, with what stands beside it; else one."""
     elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
-    found = []
+    tables = []
     for one in elements:
         own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
-        found.append(_of_columns(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
-    return found
+        tables.append(_of_columns(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
+    return tables
 
 
 def _of_columns(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:

@@ -16,10 +16,10 @@ def hardware_sweeps() -> dict[str, Path]:
     """
     root = os.environ.get(VARIABLE)
     base = Path(root) if root else Path(__file__).resolve().parents[2].parent / "shared" / "data"
-    found = {}
+    paths = {}
     for name in NAMES:
         for path in (base / FOLDER / f"{name}.csv", base / f"{name}.csv"):
             if path.is_file():
-                found[name] = path
+                paths[name] = path
                 break
-    return found
+    return paths

@@ -247,13 +247,13 @@ def widened(table: ForeignTable) -> ForeignTable:
 
 def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
     """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as one table."""
-    found: list[ForeignTable] = []
+    joined: list[ForeignTable] = []
     groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
     for table in tables:
         entry = entry_named(table.stem)
         generic = [name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")]
         if not entry or not generic or any(meaning_of(name).role == "matrix" for name in table.columns):
-            found.append(table)
+            joined.append(table)
             continue
         key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
         groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
@@ -275,8 +275,8 @@ def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
                     )
                 columns[own] = table.columns[name]
         where = some((table.where for _, table in members), 1)
-        found.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
-    return found
+        joined.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
+    return joined
 
 
 def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:

@@ -167,12 +167,12 @@ def warnings_of(
     seen: SequenceView,
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
-    found = [*([WORDS] if NOTE in sweep.notes else []), *conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
+    sentences = [WORDS] if NOTE in sweep.notes else []
+    sentences += [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
     amplitudes = linearity(sweep)
-    found += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
-    found += seen.sentences
+    sentences += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
     checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
-    return tuple(found + [sentence for check in checks for sentence in check(points)])
+    return (*sentences, *seen.sentences, *(sentence for check in checks for sentence in check(points)))
 
 
 def _setpoints(points: Sequence[PointInspection]) -> list[str]:

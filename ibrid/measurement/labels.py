@@ -45,27 +45,27 @@ class Convention:
     @classmethod
     def told(cls, labels: Sequence[Mapping[str, Any]], sweep: Sweep) -> "Convention":
         """Of a sweep, what the `labels` of a record made from it say."""
-        found = cls()
-        for one in labels:
-            if (number := one.get("scale", one.get("angle"))) is not None:
-                found = replace(found, **{_NUMBERS[one["id"]]: number})
-            elif one["id"] == "power_node":
-                found = replace(found, node=_other_node(sweep))
+        convention = cls()
+        for label in labels:
+            if (number := label.get("scale", label.get("angle"))) is not None:
+                convention = replace(convention, **{_NUMBERS[label["id"]]: number})
+            elif label["id"] == "power_node":
+                convention = replace(convention, node=_other_node(sweep))
             else:
-                found = replace(found, **{"sign" if one["id"] == "current_sign" else "q": -1})
-        return found
+                convention = replace(convention, **{"sign" if label["id"] == "current_sign" else "q": -1})
+        return convention
 
     @property
     def ids(self) -> dict[str, dict[str, float]]:
         """Id of each label that is wrong -> its number, where it has one."""
         scales = {label: getattr(self, name) for label, name in _NUMBERS.items() if label != FRAME}
-        found: dict[str, dict[str, float]] = {
+        wrong: dict[str, dict[str, float]] = {
             label: {"scale": value} for label, value in scales.items() if value != 1.0
         }
-        found |= {"current_sign": {}} if self.sign < 0 else {}
-        found |= {"q_axis": {}} if self.q < 0 else {}
-        found |= {"power_node": {}} if self.node else {}
-        return found | ({FRAME: {"angle": self.angle}} if self.angle else {})
+        wrong |= {"current_sign": {}} if self.sign < 0 else {}
+        wrong |= {"q_axis": {}} if self.q < 0 else {}
+        wrong |= {"power_node": {}} if self.node else {}
+        return wrong | ({FRAME: {"angle": self.angle}} if self.angle else {})
 
     @property
     def words(self) -> str:
@@ -110,11 +110,11 @@ class Convention:
     def undone(self, sweep: Sweep) -> Sweep:
         """The data as the model means them; labels that a sweep lacks stay."""
         by_name = {point.op.name: self._undone(point) for point in sweep.points}
-        for one, other in self.labels:
-            if one not in by_name or other not in by_name:
+        for label, other in self.labels:
+            if label not in by_name or other not in by_name:
                 continue
-            first, second = by_name[one], by_name[other]
-            by_name[one], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
+            first, second = by_name[label], by_name[other]
+            by_name[label], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
         node = self.node or sweep.power_node
         return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node)
 

@@ -102,18 +102,18 @@ def linearity(sweep: Sweep) -> Linearity | None:
     )
 
 
-def small_signal(sweep: Sweep, found: Linearity) -> Sweep | None:
+def small_signal(sweep: Sweep, dependence: Linearity) -> Sweep | None:
     """The sweep of the smallest amplitude without the frequencies that are refused; None where a point has none left.
 
     Where the response depends on the amplitude at all, a known sigma is widened by what products may add at the smallest.
     """
     points = []
     for point in at_amplitudes(sweep)[0].points:
-        kept = ~np.isin(point.frequency, found.refused)
+        kept = ~np.isin(point.frequency, dependence.refused)
         if not kept.any():
             return None
         known = estimate_point(point).sigma is not None
-        wide = replace(with_products(point), repeats=None) if found.bands and known else point
+        wide = replace(with_products(point), repeats=None) if dependence.bands and known else point
         points.append(wide.at(kept))
     return replace(sweep, points=tuple(points))
 
@@ -139,14 +139,14 @@ def _cells(point: PointSweep) -> Iterator[_Cell]:
     levels = levels_of(point)
     noise, wide = [sigma_of(one) for one in levels], [np.asarray(with_products(one).sigma) for one in levels]
     for k, frequency in enumerate(point.frequency):
-        found = [(j, int(np.flatnonzero(one.frequency == frequency)[0])) for j, one in enumerate(levels)
+        present = [(j, int(np.flatnonzero(one.frequency == frequency)[0])) for j, one in enumerate(levels)
                  if frequency in one.frequency]  # fmt: skip
-        if len(found) < 2:
+        if len(present) < 2:
             continue
-        values = np.array([levels[j].admittance[place].ravel() for j, place in found])
-        p, z = _tested(values, np.array([noise[j][place].ravel() for j, place in found]))
-        p_products, _ = _tested(values, np.array([wide[j][place].ravel() for j, place in found]))
-        amplitudes = [float(np.asarray(levels[j].amplitude)[place]) for j, place in found]
+        values = np.array([levels[j].admittance[place].ravel() for j, place in present])
+        p, z = _tested(values, np.array([noise[j][place].ravel() for j, place in present]))
+        p_products, _ = _tested(values, np.array([wide[j][place].ravel() for j, place in present]))
+        amplitudes = [float(np.asarray(levels[j].amplitude)[place]) for j, place in present]
         yield _Cell(
             point.op.name,
             float(frequency),

@@ -53,7 +53,7 @@ def _seen(point: PointSweep) -> np.ndarray:
 
 def _peaks(frequency: np.ndarray, impedance: np.ndarray, f0: float) -> dict[int, tuple[float, float]]:
     """Where the sweep has points between the multiple and both of its sides, or on it."""
-    found = {}
+    peaks = {}
     size, place = np.log(np.abs(impedance)), np.log(frequency)
     for multiple in TUNED:
         at, below, above = (np.log(multiple * f0 * factor) for factor in (1.0, 1 / BESIDE, BESIDE))
@@ -64,8 +64,8 @@ def _peaks(frequency: np.ndarray, impedance: np.ndarray, f0: float) -> dict[int,
             float(np.interp(at, place, one) - (np.interp(below, place, one) + np.interp(above, place, one)) / 2)
             for one in size.T
         ]
-        found[multiple] = (rises[0], rises[1])
-    return found
+        peaks[multiple] = (rises[0], rises[1])
+    return peaks
 
 
 def _of_peaks(peaks: dict[str, dict[int, tuple[float, float]]], f0: float) -> list[str]:

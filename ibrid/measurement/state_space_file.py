@@ -72,9 +72,9 @@ def state_space_data(path: Path) -> dict[str, Any]:
             f"{path} must be a sweep or a model; found JSON that cannot be read, make it with ibrid export "
             "--format control-json."
         ) from None
-    found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-    if found == "ibrid.record/1":
+    schema = data.get("schema") if isinstance(data, dict) else type(data).__name__
+    if schema == "ibrid.record/1":
         raise SweepError(f"{path} must be a sweep or a model; found a record, make one of it with ibrid export.")
-    if found != SCHEMA:
-        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {found!r}, make it with ibrid export.")
+    if schema != SCHEMA:
+        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {schema!r}, make it with ibrid export.")
     return data

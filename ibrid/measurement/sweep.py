@@ -136,12 +136,12 @@ class PointSweep:
         )
 
     def _check_frequency(self) -> None:
-        found = self.frequency
-        if found.ndim != 1 or not len(found):
+        frequency = self.frequency
+        if frequency.ndim != 1 or not len(frequency):
             raise SweepError(
-                f"operating point {self.op.name} must have at least one frequency; found shape {found.shape}."
+                f"operating point {self.op.name} must have at least one frequency; found shape {frequency.shape}."
             )
-        if not np.isfinite(found).all() or found[0] <= 0 or (np.diff(found) <= 0).any():
+        if not np.isfinite(frequency).all() or frequency[0] <= 0 or (np.diff(frequency) <= 0).any():
             raise SweepError(
                 f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
                 "sort them and keep each one once."

@@ -23,31 +23,31 @@ Told = tuple[float, str, str, str]
 def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, str]]:
     """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name; P, Q and V as the name of a
     file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them."""
-    found: dict[str, tuple[float, str]] = {}
+    numbers: dict[str, tuple[float, str]] = {}
     for note in notes:
         for name, bracket, value, behind in _PAIR.findall(note):
-            found.setdefault(name.strip(), (_number(value), bracket or behind))
+            numbers.setdefault(name.strip(), (_number(value), bracket or behind))
     for letter, sign, value, unit in _IN_NAME.findall(stem):
         size = _number(value.replace("p", "."))
-        found.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
-    return found
+        numbers.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
+    return numbers
 
 
 def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     """The numbers of known names, and words of `key: value` or `key = value`; the first of a key counts."""
-    found: dict[str, Told | str] = {}
+    entries: dict[str, Told | str] = {}
     for name, (value, unit) in numbers_beside(stem, notes).items():
         letters = letters_of(name)
         if key := next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""):
-            found.setdefault(key, _told(value, unit, name))
+            entries.setdefault(key, _told(value, unit, name))
     for note in notes:
         for name, word in _WORD.findall(note):
             key = re.sub("[^a-z]", "", name.lower())
             if key == "unit" and unit_of(word):
-                found.setdefault("unit", word)
+                entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
-                found.setdefault({"qaxis": "q_axis", "powernode": "power_node"}.get(key, key), word.lower())
-    return found
+                entries.setdefault({"qaxis": "q_axis", "powernode": "power_node"}.get(key, key), word.lower())
+    return entries
 
 
 def base_of(text: str, option: str) -> tuple[float, float]:

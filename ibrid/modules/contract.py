@@ -32,7 +32,7 @@ def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *
         symbolic = _symbolic(kind)
     except ModuleError as complaint:
         return (str(complaint),)
-    found: dict[str, None] = {}
+    complaints: dict[str, None] = {}
     checks = (lambda given, values: _check_symbols(given, symbolic, values), _check_effects, _check_states)
     for _ in range(points):
         arguments = _draw(kind, rng)
@@ -40,10 +40,10 @@ def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *
             try:
                 check(kind, arguments)
             except ModuleError as complaint:
-                found[str(complaint)] = None
-        if found:  # another draw would say the same with other numbers
+                complaints[str(complaint)] = None
+        if complaints:  # another draw would say the same with other numbers
             break
-    return tuple(found)
+    return tuple(complaints)
 
 
 def _draw(kind: ModuleKind, rng: np.random.Generator) -> dict[str, Any]:
@@ -86,11 +86,11 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
 def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
     flat = [one for value in arguments.values() for one in (value if isinstance(value, tuple) else (value,))]
     numbers = np.concatenate([part.ravel() for part in numbers_of(kind, arguments)])
-    found = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
-    wrong = ~(np.abs(found - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
+    by_symbols = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
+    wrong = ~(np.abs(by_symbols - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
     if wrong.any():
         raise ModuleError(
-            f"{kind.name}: the matrices must be the same for symbols and numbers; an entry is {found[wrong][0]:.17g} with "
+            f"{kind.name}: the matrices must be the same for symbols and numbers; an entry is {by_symbols[wrong][0]:.17g} with "
             f"symbols and {numbers[wrong][0]:.17g} with numbers, is there a comparison or a conversion in state_space?"
         )
 
@@ -147,13 +147,13 @@ def check_linearisation(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
         return
     found = _derivatives(kind, kind.large_signal, arguments)
     expected = [np.array(rows, dtype=float) for rows in kind.state_space(**arguments)]
-    for name, one, other in zip("ABCD", found, expected, strict=True):
-        other = other.reshape(one.shape)
-        if one.size and not np.abs(one - other).max() <= EXACT * max(1.0, np.abs(other).max()):
-            row, column = np.unravel_index(np.argmax(np.abs(one - other)), one.shape)
+    for name, matrix, other in zip("ABCD", found, expected, strict=True):
+        other = other.reshape(matrix.shape)
+        if matrix.size and not np.abs(matrix - other).max() <= EXACT * max(1.0, np.abs(other).max()):
+            row, column = np.unravel_index(np.argmax(np.abs(matrix - other)), matrix.shape)
             raise ModuleError(
                 f"{kind.name}: the large-signal law must linearise to the state space; {name}[{row}, {column}] is "
-                f"{one[row, column]:.10g} by the law and {other[row, column]:.10g} in state_space, correct one of them"
+                f"{matrix[row, column]:.10g} by the law and {other[row, column]:.10g} in state_space, correct one of them"
             )
 
 

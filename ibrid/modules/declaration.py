@@ -85,12 +85,12 @@ def _trial_matrices(kind: "ModuleKind") -> list[np.ndarray]:
     """A, B, C, D at typical parameters, with the shapes that ports and states ask for."""
     order, width_in, width_out = len(kind.states), width(kind.inputs), width(kind.outputs)
     shapes = {"A": (order, order), "B": (order, width_in), "C": (width_out, order), "D": (width_out, width_in)}
-    found = kind.state_space(**trial_arguments(kind))
-    if not isinstance(found, Sequence) or len(found) != 4:
-        number = len(found) if isinstance(found, Sequence) else type(found).__name__
+    returned = kind.state_space(**trial_arguments(kind))
+    if not isinstance(returned, Sequence) or len(returned) != 4:
+        number = len(returned) if isinstance(returned, Sequence) else type(returned).__name__
         raise ModuleError(f"{kind.name}: state_space returns four nested lists (A, B, C, D), got {number}")
     matrices = []
-    for (label, (height, columns)), rows in zip(shapes.items(), found, strict=True):
+    for (label, (height, columns)), rows in zip(shapes.items(), returned, strict=True):
         nested = isinstance(rows, Sequence) and all(isinstance(row, Sequence) for row in rows)
         lengths = [len(row) for row in rows] if nested else None
         if lengths != [columns] * height:

@@ -156,18 +156,18 @@ class MotulatorDevice:
         return times, data.e_gs[first] * turn / self.converter.peak, data.i_cs[first] * turn / self.converter.current
 
     def _simulation(self, asked: OperatingPoint) -> Any:
-        model, one = self._model, self.converter
+        model, converter = self._model, self.converter
         grid = _Voltage(asked.v)
 
         class InjectedGrid(model.ThreePhaseVoltageSource):
             """The grid with what is injected."""
 
             def __init__(self) -> None:
-                super().__init__(w_g=2 * pi * one.f0_hz, abs_e_g=one.peak)
+                super().__init__(w_g=2 * pi * converter.f0_hz, abs_e_g=converter.peak)
                 self.grid = grid
 
             def generate_space_vector(self, t: Any, exp_j_theta_g: Any) -> Any:
-                return one.peak * self.grid.at(t) * exp_j_theta_g
+                return converter.peak * self.grid.at(t) * exp_j_theta_g
 
         class CopiedFilter(type(model.ACFilter(self._filter))):  # type: ignore[misc]
             """The L filter, which can be copied."""
@@ -175,30 +175,30 @@ class MotulatorDevice:
             def __new__(cls, *_: Any) -> Any:
                 return object.__new__(cls)
 
-        converter = model.VoltageSourceConverter(u_dc=one.u_dc)
+        bridge = model.VoltageSourceConverter(u_dc=converter.u_dc)
         system = model.GridConverterSystem(
-            converter=converter, ac_filter=CopiedFilter(self._filter), ac_source=InjectedGrid()
+            converter=bridge, ac_filter=CopiedFilter(self._filter), ac_source=InjectedGrid()
         )
         return model.Simulation(system, self._controller(asked))
 
     def _controller(self, asked: OperatingPoint) -> Any:
-        one, control = self.converter, self._control
+        converter, control = self.converter, self._control
         given = {
-            "nom_u": one.peak,
-            "nom_w": 2 * pi * one.f0_hz,
-            "max_i": 2 * one.current,
-            "T_s": one.T_s,
-            **one.settings,
+            "nom_u": converter.peak,
+            "nom_w": 2 * pi * converter.f0_hz,
+            "max_i": 2 * converter.current,
+            "T_s": converter.T_s,
+            **converter.settings,
         }
-        power, reactive, v = asked.p * one.s_base_va, asked.q * one.s_base_va, one.peak
-        if one.control == "grid-following":
-            found = control.GridFollowingControl(control.GridFollowingControlCfg(L=one.L, **given))
-            found.ref.q_g = lambda t: reactive
-        elif one.control == "power-synchronization":
-            found = control.PowerSynchronizationControl(control.PowerSynchronizationControlCfg(R=one.R, **given))
+        power, reactive, v = asked.p * converter.s_base_va, asked.q * converter.s_base_va, converter.peak
+        if converter.control == "grid-following":
+            ctrl = control.GridFollowingControl(control.GridFollowingControlCfg(L=converter.L, **given))
+            ctrl.ref.q_g = lambda t: reactive
+        elif converter.control == "power-synchronization":
+            ctrl = control.PowerSynchronizationControl(control.PowerSynchronizationControlCfg(R=converter.R, **given))
         else:
-            found = control.ObserverBasedGridFormingControl(
-                control.ObserverBasedGridFormingControlCfg(L=one.L, R=one.R, **given)
+            ctrl = control.ObserverBasedGridFormingControl(
+                control.ObserverBasedGridFormingControlCfg(L=converter.L, R=converter.R, **given)
             )
-        found.ref.p_g, found.ref.v_c = lambda t: power, lambda t: v
-        return found
+        ctrl.ref.p_g, ctrl.ref.v_c = lambda t: power, lambda t: v
+        return ctrl

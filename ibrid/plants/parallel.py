@@ -39,16 +39,16 @@ def parallel_dynamics(parameters: ParallelParameters, omega_0: float) -> Dynamic
     share = ca.vertcat(m.share_p, m.share_q)
     x, r, rates, asked, states = [], [], [], [], []
     current = ca.SX.zeros(2)
-    for name, one, part in (
+    for name, dynamics, part in (
         ("following", gfl_dynamics(m.following, omega_0), share),
         ("forming", gfm_dynamics(m.forming, omega_0), 1 - share),
     ):
-        x.append(ca.SX.sym(f"x_{name}", len(one.states)))
-        r.append(ca.SX.sym(f"r_{name}", one.set_points))
-        i = one.g(x[-1], v_DQ)
-        rates.append(one.f(x[-1], v_DQ, r[-1]))
+        x.append(ca.SX.sym(f"x_{name}", len(dynamics.states)))
+        r.append(ca.SX.sym(f"r_{name}", dynamics.set_points))
+        i = dynamics.g(x[-1], v_DQ)
+        rates.append(dynamics.f(x[-1], v_DQ, r[-1]))
         asked.append(ca.vertcat(ca.dot(v_DQ, i), ca.dot(v_DQ, J(i))) - part * pq)
-        states += [f"{name}.{state}" for state in one.states]
+        states += [f"{name}.{state}" for state in dynamics.states]
         current += i
     whole, set_points = ca.vertcat(*x), ca.vertcat(*r)
     return Dynamics(

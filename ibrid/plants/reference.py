@@ -105,13 +105,13 @@ class ReferenceInverter:
         if f0_hz <= 0:
             raise IbridError(f"f0_hz must be positive; found {f0_hz:g}.")
         told = ", ".join(f"{name} = {value}" for name, value in overrides.items())
-        found = replace(
+        changed = replace(
             self, parameters=replace(self.parameters, **values), f0_hz=f0_hz, source=f"{self.source} Changed: {told}."
         )
         for name in overrides:
-            if found._ignores(self.family.fields.get(name, name), self.parameters):
+            if changed._ignores(self.family.fields.get(name, name), self.parameters):
                 raise IbridError(f"{name} belongs to no part that {self.name} has, as it is set; leave it out.")
-        return found
+        return changed
 
     def _ignores(self, field: str, before: Parameters) -> bool:
         """True when the diagram is the same whether a field has its new value or the one before."""

@@ -30,12 +30,12 @@ def true_values(parameters: GFLParameters, omega_0: float) -> dict[str, float]:
 
 def _other_loops(m: GFLParameters) -> dict[str, float]:
     """Of the DC link and the AC voltage, where they are controlled."""
-    found: dict[str, float | None] = {}
+    values: dict[str, float | None] = {}
     if m.p_loop == "dc_link":
-        found |= {"dc_link.C_dc": m.C_dc, "dc_loop.kP": m.kP_dc, "dc_loop.kI": m.kI_dc}
+        values |= {"dc_link.C_dc": m.C_dc, "dc_loop.kP": m.kP_dc, "dc_loop.kI": m.kI_dc}
     if m.q_loop == "voltage":
-        found |= {"ac_loop.kP": m.kP_ac, "ac_loop.kI": m.kI_ac}
-    return {name: value for name, value in found.items() if value is not None}
+        values |= {"ac_loop.kP": m.kP_ac, "ac_loop.kI": m.kI_ac}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def true_program(parameters: GFLParameters) -> str:

@@ -60,45 +60,45 @@ def _net(drawing: Layout, index: int) -> list[str]:
     net = drawing.placement.graph.nets[index]
     path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in drawing.pieces(index))
     title = f"{'.'.join(dict.fromkeys(net.source))} to {', '.join('.'.join(dict.fromkeys(pin)) for pin in net.targets)}"
-    found = [f'<g class="net{" vector" if net.vector else ""}"><title>{escape(title)}</title><path d="{path}"/>']
-    found += [
+    markup = [f'<g class="net{" vector" if net.vector else ""}"><title>{escape(title)}</title><path d="{path}"/>']
+    markup += [
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3.4 if net.vector else 2.8}"/>' for x, y in drawing.branches(index)
     ]
     for pin in net.targets:
         x, y = drawing.end(pin, "inputs")
-        found.append(f'<path class="tip" d="M{x:.1f} {y:.1f}l-8 -3.6v7.2z"/>')
-    return [*found, "</g>"]
+        markup.append(f'<path class="tip" d="M{x:.1f} {y:.1f}l-8 -3.6v7.2z"/>')
+    return [*markup, "</g>"]
 
 
 def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
     left, top, width, height = drawing.boxes[node.name]
     middle = left + width / 2
     if node.shape == "sum":
-        found = [f'<circle cx="{middle:.1f}" cy="{top + height / 2:.1f}" r="{height / 2:.1f}"/>']
+        markup = [f'<circle cx="{middle:.1f}" cy="{top + height / 2:.1f}" r="{height / 2:.1f}"/>']
         for port in node.inputs:
             x, y = drawing.end((node.name, port), "inputs")
             sign = "\u2212" if port in node.minus else "+"
-            found.append(_text(x + 6, y + 4, sign, "sign"))
-        return [f'<g class="node sum"><title>{escape(node.name)}</title>', *found, "</g>"]
+            markup.append(_text(x + 6, y + 4, sign, "sign"))
+        return [f'<g class="node sum"><title>{escape(node.name)}</title>', *markup, "</g>"]
     box = f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"'
     if node.shape == "terminal":
         return [f'<g class="node terminal">{box} rx="13"/>', _text(middle, top + 17.5, node.name, "name"), "</g>"]
     family = node.family.replace(" ", "-") if node.family in FAMILIES else "unknown"
     style = f"node family-{family}{' framed' if framed else ''}"
-    found = [f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
-    found.append(_text(middle, top + 17.5, shorten(node.name), "name"))
-    found.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
-    found += [
+    markup = [f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
+    markup.append(_text(middle, top + 17.5, shorten(node.name), "name"))
+    markup.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
+    markup += [
         _text(middle, top + 32.5 + LINE * number, shorten(line), "value")
         for number, line in enumerate(node.values, start=1)
     ]
     if drawing.placement.shapes[node.name].labelled:
-        found.append(f'<path class="rule" d="M{left:.1f} {top + header_of(node) + 2:.1f}h{width:.1f}"/>')
+        markup.append(f'<path class="rule" d="M{left:.1f} {top + header_of(node) + 2:.1f}h{width:.1f}"/>')
         for pin_side, x, anchor in (("inputs", left + 6, "start"), ("outputs", left + width - 6, "end")):
             for port in getattr(node, pin_side):
                 y = top + getattr(drawing.placement.shapes[node.name], pin_side)[port] + 4
-                found.append(_text(x, y, shorten(port), f"port {anchor}"))
-    return [*found, "</g>"]
+                markup.append(_text(x, y, shorten(port), f"port {anchor}"))
+    return [*markup, "</g>"]
 
 
 #: Families with a colour of their own, and words for the legend.

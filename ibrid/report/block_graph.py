@@ -111,14 +111,14 @@ def _signs(
 ) -> dict[str, str]:
     """Module -> what it negates, for those that are drawn as a minus: one source, and no other sign before or behind."""
     signs = [name for name, kind in modules.items() if kind in kinds and kinds[kind].element is Element.SIGN]
-    found: dict[str, str] = {}
+    negated: dict[str, str] = {}
     for name in signs:
         given = [source for source, target in wires if _pin(target)[0] == name]
         taken = [target for source, target in wires if _pin(source)[0] == name]
         around = [_pin(end)[0] for end in (*given, *taken)]
         if name not in kept and len(given) == 1 and taken and not any(one in signs for one in around):
-            found[name] = given[0]
-    return found
+            negated[name] = given[0]
+    return negated
 
 
 def _wires(diagram: Diagram) -> list[tuple[str, str]]:
@@ -138,17 +138,17 @@ def _wires(diagram: Diagram) -> list[tuple[str, str]]:
 
 def _modules(diagram: Diagram, wires: Sequence[tuple[str, str]]) -> dict[str, str]:
     """Instance -> kind, first of a name; instances that only connections mention have the kind "?"."""
-    found: dict[str, str] = {}
+    kinds: dict[str, str] = {}
     for instance in diagram.instances:
-        found.setdefault(instance.name, instance.kind)
+        kinds.setdefault(instance.name, instance.kind)
     for wire in wires:
         for end in wire:
             name = _pin(end)[0]
             if name not in TERMINALS:
-                found.setdefault(name, "?")
+                kinds.setdefault(name, "?")
     if diagram.outside.elements:
-        found[PORT] = ", ".join(element.kind for element in diagram.outside.elements)
-    return found
+        kinds[PORT] = ", ".join(element.kind for element in diagram.outside.elements)
+    return kinds
 
 
 def _module(name: str, kind: str, known: ModuleKind | None, wires: Sequence[tuple[str, str]]) -> Node:

@@ -41,14 +41,14 @@ def curves(record: Record, sweep: Sweep | None, with_model: bool = True) -> tupl
 
     Raises IbridError where the record cannot answer (a module kind that is not in its vocabulary).
     """
-    found = []
+    all_curves = []
     low, high = record.settings["frequency_hz"]
     for index, name in enumerate(record.parameters):
         point = sweep.point(name) if sweep is not None and name in sweep.names else None
         frequency = line_frequency(record, name, (low, high), point, DENSE)
         model = record.response(name, frequency) if with_model else None
-        found.append(Curves(name, index, point, frequency, model))
-    return tuple(found)
+        all_curves.append(Curves(name, index, point, frequency, model))
+    return tuple(all_curves)
 
 
 def line_frequency(
@@ -60,13 +60,13 @@ def line_frequency(
     sharp resonances, which a reader may enlarge.
     """
     low, high = ends[0], max(ends[1], ends[0] * 1.001)
-    found = np.geomspace(low, high, count)
+    frequency = np.geomspace(low, high, count)
     for real, imaginary in record.poles.get(op, ()):
         size = float(np.hypot(real, imaginary))
         if imaginary > 0 and 1e-6 * size < abs(real) < SHARP * size:  # none on a pole itself
             around = size * (1.0 + REACH * abs(real) / size * np.linspace(-1.0, 1.0, PEAK) ** 3) / (2 * np.pi)
-            found = np.union1d(found, around[(around > low) & (around < high)])
-    return found if point is None else np.union1d(found, point.frequency)
+            frequency = np.union1d(frequency, around[(around > low) & (around < high)])
+    return frequency if point is None else np.union1d(frequency, point.frequency)
 
 
 def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> dict[str, Markup]:
@@ -95,21 +95,21 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     start = _phase_window(entry, shown)
     floor = _floor(entry, shown)
     drawn = False
-    for one in shown:
-        colour, marker, dashes = series(one.index)
-        if one.measured is not None:
-            measured = one.measured.admittance[place]
-            drawn |= _dots(magnitude, phase, one.measured, entry, measured, floor, start, colour, marker)
-        if one.model is not None and one.frequency is not None:
-            line = one.model[place]
+    for curve in shown:
+        colour, marker, dashes = series(curve.index)
+        if curve.measured is not None:
+            measured = curve.measured.admittance[place]
+            drawn |= _dots(magnitude, phase, curve.measured, entry, measured, floor, start, colour, marker)
+        if curve.model is not None and curve.frequency is not None:
+            line = curve.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
             if np.isfinite(size).any():
                 drawn = True
-                magnitude.plot(one.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
+                magnitude.plot(curve.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
                 angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
-                phase.plot(*_broken(one.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5)
-                if one.half_width is not None:
-                    _shade(magnitude, phase, one.frequency, size, angle, one.half_width[place], colour)
+                phase.plot(*_broken(curve.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5)
+                if curve.half_width is not None:
+                    _shade(magnitude, phase, curve.frequency, size, angle, curve.half_width[place], colour)
     if drawn:
         magnitude.set_yscale("log")
     else:

@@ -50,12 +50,12 @@ class Layout:
     @property
     def boxes(self) -> dict[str, tuple[float, float, float, float]]:
         """Left, top, width and height of every shape."""
-        found = {}
+        boxes = {}
         for name, shape in self.placement.shapes.items():
             column = self.placement.column[name]
             middle = (self.left[column] + self.right[column]) / 2
-            found[name] = (middle - shape.width / 2, self.placement.top[name] + self.rise, shape.width, shape.height)
-        return found
+            boxes[name] = (middle - shape.width / 2, self.placement.top[name] + self.rise, shape.width, shape.height)
+        return boxes
 
     def end(self, pin: Pin, side: str) -> Point:
         """Where a line meets a shape."""
@@ -73,12 +73,12 @@ class Layout:
         source, targets = self.placement.graph.nets[net].source, self.placement.graph.nets[net].targets
         start = self.end(source, "outputs")
         ends = [self.end(pin, "inputs") for pin in targets]
-        found = [(start, (self.right[self.placement.column[source[0]]], start[1]))]
-        found += [
+        segments = [(start, (self.right[self.placement.column[source[0]]], start[1]))]
+        segments += [
             ((self.left[self.placement.column[pin[0]]], y), (x, y)) for pin, (x, y) in zip(targets, ends, strict=True)
         ]
         for column, passing in self.routes.passes.items():
-            found += [
+            segments += [
                 ((self.left[column], y + self.rise), (self.right[column], y + self.rise))
                 for y, own in passing
                 if own == net
@@ -86,8 +86,8 @@ class Layout:
         for channel, bars in enumerate(self.routes.channels):
             for bar in bars:
                 if bar.net == net:
-                    found += self._crossbar(channel, bar)
-        return [(a, b) for a, b in found if a != b]
+                    segments += self._crossbar(channel, bar)
+        return [(a, b) for a, b in segments if a != b]
 
     def _crossbar(self, channel: int, bar: Crossbar) -> list[tuple[Point, Point]]:
         lift = self.rise
@@ -102,7 +102,7 @@ class Layout:
 
     def branches(self, net: int) -> list[Point]:
         """Points at which a net branches."""
-        found = []
+        junctions = []
         for channel, bars in enumerate(self.routes.channels):
             for bar in bars:
                 if bar.net != net or bar.straight:
@@ -110,8 +110,8 @@ class Layout:
                 for y in bar.left | bar.right:
                     ways = (y in bar.left) + (y in bar.right) + (y > bar.low) + (y < bar.high)
                     if ways > 2:
-                        found.append((self._track(channel, bar.track), y + self.rise))
-        return found
+                        junctions.append((self._track(channel, bar.track), y + self.rise))
+        return junctions
 
 
 def arrange(graph: BlockGraph) -> Layout:

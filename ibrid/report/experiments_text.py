@@ -12,14 +12,14 @@ from ibrid.report.text import table, wrapped
 LISTED, NAMED = 6, 4
 
 
-def format_experiments(found: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()) -> str:
+def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()) -> str:
     """The best in words, a table, and what stays open; `named` : parameters that were asked for."""
-    best = found[0]
+    best = experiments[0]
     do = f"record {best.event}" if best.event else "measure"
     told = ", ".join(f"{hz:g}" for hz in best.frequencies)
     parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best, named)}", "  "))]
     parts += ["\n".join(wrapped(f"frequencies (Hz): {told}", "  "))] if told else []
-    parts.append("\n".join(_table(found)))
+    parts.append("\n".join(_table(experiments)))
     parts += ["\n".join(wrapped(sentence, "  ")) for sentence in said]
     return "\n\n".join(parts) + "\n"
 
@@ -42,8 +42,8 @@ def _most(one: Experiment, named: Sequence[str]) -> str:
     return ", ".join(f"{name} (deviation x {number(one.gain[name], 2)})" for name in names)
 
 
-def _table(found: Sequence[Experiment]) -> list[str]:
-    best, blind = {one.event: one for one in reversed(found)}, hopeless(found)
+def _table(experiments: Sequence[Experiment]) -> list[str]:
+    best, blind = {one.event: one for one in reversed(experiments)}, hopeless(experiments)
     rows = [
         [
             one.op.name,
@@ -52,7 +52,7 @@ def _table(found: Sequence[Experiment]) -> list[str]:
             number(one.information, 3),
             number(float(np.median(list(one.gain.values()))) if one.gain else 1.0, 2),
         ]
-        for place, one in enumerate(found)
+        for place, one in enumerate(experiments)
         if place < LISTED or one is best[one.event]
     ]
     return table(

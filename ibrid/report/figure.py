@@ -133,12 +133,12 @@ def zoom_attributes(figure: "Figure") -> str:
     Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over frequency are linked.
     """
     width, height = PER_INCH * figure.get_size_inches()
-    unit = next((found for axes in figure.axes if (found := unit_of(axes.xaxis))), "")  # below the lowest axes alone
-    found = []
+    unit = next(filter(None, (unit_of(axes.xaxis) for axes in figure.axes)), "")  # below the lowest axes alone
+    views = []
     for axes in figure.axes:
         place = axes.get_position()
         box = [place.x0 * width, (1 - place.y1) * height, place.width * width, place.height * height]
-        found.append(
+        views.append(
             {
                 "box": [round(one, 3) for one in box],
                 "x": _side(axes.xaxis, unit),
@@ -146,7 +146,7 @@ def zoom_attributes(figure: "Figure") -> str:
             }
         )
     linked = "yes" if any(axes.get_xlabel().startswith("frequency") for axes in figure.axes) else "no"
-    return f'data-link="{linked}" data-axes="{escape(json.dumps(found, separators=(",", ":")))}"'
+    return f'data-link="{linked}" data-axes="{escape(json.dumps(views, separators=(",", ":")))}"'
 
 
 def _side(axis: "Axis", unit: str) -> dict[str, Any]:

@@ -82,13 +82,13 @@ def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
     if gap.events is None:
         return []
     limit = next((one.parameters["current_limit.i_max"][0] for one in gap.effects if one.id == "current_limit"), None)
-    found = []
+    rows = []
     pairs = zip(gap.events.before.records, gap.events.after.records, strict=True)
     for number, (before, after) in enumerate(list(pairs)[:POINTS]):
         lines = {"refitted": before.current} | ({"repaired": after.current} if repaired(gap) else {})
         svg = record_svg(f"record-{number}", after, lines, limit)
-        found.append((before.record.name, before.nrmse, after.nrmse if repaired(gap) else None, svg))
-    return found
+        rows.append((before.record.name, before.nrmse, after.nrmse if repaired(gap) else None, svg))
+    return rows
 
 
 def _moved(gap: Gap) -> list[tuple[Moved, float | None, str]]:
@@ -201,19 +201,19 @@ def _ports(gap: Gap) -> str:
 
 
 def _transfer(gap: Gap) -> dict[str, Any] | None:
-    found = gap.missing_transfer
-    if found is None or not gap.ports:
+    transfer = gap.missing_transfer
+    if transfer is None or not gap.ports:
         return None
-    line = "." if found.line is None else ", and the curve of the named block."
+    line = "." if transfer.line is None else ", and the curve of the named block."
     svg = inline_svg(
-        lambda axes: draw_missing(axes, found),
+        lambda axes: draw_missing(axes, transfer),
         name="transfer",
-        label=f"Measured transfer at {found.fit.port.words}, magnitude and phase with error bars{line}",
+        label=f"Measured transfer at {transfer.fit.port.words}, magnitude and phase with error bars{line}",
         size=(7.4, 4.6),
         rows=2,
         zoom=True,
     )
-    return {"found": found, "svg": svg, "hidden": int((~found.seen).sum())}
+    return {"found": transfer, "svg": svg, "hidden": int((~transfer.seen).sum())}
 
 
 def _amplitude(gap: Gap) -> dict[str, Any]:

@@ -31,12 +31,12 @@ def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS)
     heights = np.arange(len(shown))
     values = np.array([max(one.chi2_per_dof, 1e-6) for one in shown])
     low = 0.7 * min(0.7, float(values.min()))
-    for height, value, one in zip(heights, values, shown, strict=True):
+    for height, value, fit in zip(heights, values, shown, strict=True):
         look: dict[str, Any] = {"color": MUTED, "alpha": 0.5}
-        if one.adequate:
+        if fit.adequate:
             look = {"facecolor": SERIES_STAND_INS[2], "edgecolor": INK, "hatch": "///", "linewidth": 0.6}
         plane.barh(height, value - low, left=low, height=0.62, **look)
-        words = f"{number(value, 3)}{'  adequate' if one.adequate else ''}"
+        words = f"{number(value, 3)}{'  adequate' if fit.adequate else ''}"
         plane.annotate(words, (value, height), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
     plane.set_xscale("log")
     plane.set_xlim(low, max(10.0, float(values.max()) * max(8.0, (float(values.max()) / low) ** 0.2)))

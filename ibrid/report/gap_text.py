@@ -115,26 +115,26 @@ def _suggested(gap: Gap) -> Iterator[str]:
 def _amplitudes(gap: Gap) -> Iterator[str]:
     if gap.amplitude is None:
         return
-    found, label = gap.amplitude.linearity, "amplitudes"
-    worst = [one for one in found.bands if not one.products] or list(found.bands)
+    linearity, label = gap.amplitude.linearity, "amplitudes"
+    worst = [one for one in linearity.bands if not one.products] or list(linearity.bands)
     if not worst:
-        yield from _entry(label, f"{len(found.amplitudes)} of them, the response is the same")
+        yield from _entry(label, f"{len(linearity.amplitudes)} of them, the response is the same")
     for one in worst[:2]:
         place = f"{one.op}, {one.entry}, {span(*one.band)}"
         yield from _entry(label, f"{place}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}")
         label = ""
     if len(worst) > 2:
-        left = f"{len(found.refused)} frequencies left out of the small-signal model"
+        left = f"{len(linearity.refused)} frequencies left out of the small-signal model"
         yield from _entry("", f"and {len(worst) - 2} more bands; {left}")
 
 
 def _moved(gap: Gap) -> Iterator[str]:
-    found = far(gap)
-    for place, one in enumerate(found[:MOVED]):
-        more = f"; {len(found) - MOVED} more" if place == MOVED - 1 and len(found) > MOVED else ""
+    moved_far = far(gap)
+    for place, one in enumerate(moved_far[:MOVED]):
+        more = f"; {len(moved_far) - MOVED} more" if place == MOVED - 1 and len(moved_far) > MOVED else ""
         words = f"{one.name} {number(one.nominal)} -> {number(one.refitted)}, 95 %: {moved_interval(one)}"
         yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
-    if gap.moved and not found:
+    if gap.moved and not moved_far:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
 
 

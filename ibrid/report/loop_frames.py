@@ -36,16 +36,16 @@ class Frame(NamedTuple):
         return f'<g class="loop">{rects}</g>', f'<g class="loop">{text}</g>'
 
 
-def loop_frames(drawing: Layout, found: Mapping[str, Sequence[str]]) -> list[Frame]:
+def loop_frames(drawing: Layout, loops: Mapping[str, Sequence[str]]) -> list[Frame]:
     """A frame for each loop, or several where others lie between."""
     boxes = {name: (x, y, x + width, y + height) for name, (x, y, width, height) in drawing.boxes.items()}
-    inside = {title: [one for one in boxes if _belongs(one, members)] for title, members in found.items()}
+    inside = {title: [one for one in boxes if _belongs(one, members)] for title, members in loops.items()}
     framed = {name for names in inside.values() for name in names}
     room = {name: _around(box, _BESIDE if name.startswith(SUM) else _ABOVE) for name, box in boxes.items()}
     nets = range(len(drawing.placement.graph.nets))
     wires = [_hull((*a, *a), (*b, *b)) for net in nets for a, b in drawing.pieces(net)]
     frames: list[Frame] = []
-    for title, members in found.items():
+    for title, members in loops.items():
         others = [room[name] if name in framed else boxes[name] for name in boxes.keys() - inside[title]]
         others += [box for frame in frames for box in frame.boxes]
         own = {room[name]: name in members for name in inside[title]}
@@ -84,12 +84,12 @@ def _merged(boxes: Mapping[Box, bool], others: Sequence[Box]) -> list[list[Box]]
 
 def _joints(a: Box, b: Box) -> list[tuple[Box, ...]]:
     """Rectangles that join two: all around them, or one of them led to the side of the other, as far up or down as it needs."""
-    found: list[tuple[Box, ...]] = [(_hull(a, b),)]
+    joints: list[tuple[Box, ...]] = [(_hull(a, b),)]
     for one, two in ((a, b), (b, a)):
         beside = min(one[3], two[3]) - max(one[1], two[1]) > _BESIDE
         end = two if beside else (two[0], min(one[1], two[1]), two[2], max(one[3], two[3]))
-        found.append(((min(one[0], two[2]), one[1], max(one[2], two[0]), one[3]), end))
-    return found
+        joints.append(((min(one[0], two[2]), one[1], max(one[2], two[0]), one[3]), end))
+    return joints
 
 
 def _around(box: Box, above: float) -> Box:

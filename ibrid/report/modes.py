@@ -24,12 +24,12 @@ class PolePair:
 
 def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[PolePair]:
     """Oscillating modes up to `highest` (Hz), the least damped first."""
-    found = []
+    pole_pairs = []
     for real, imaginary in poles:
         size = math.hypot(real, imaginary)
         if ROUNDING * abs(real) < imaginary <= 2 * math.pi * highest:
-            found.append(PolePair(imaginary / (2 * math.pi), -real / size, real))
-    return sorted(found, key=lambda one: one.damping)
+            pole_pairs.append(PolePair(imaginary / (2 * math.pi), -real / size, real))
+    return sorted(pole_pairs, key=lambda one: one.damping)
 
 
 def slowest(poles: Sequence[Sequence[float]]) -> float:

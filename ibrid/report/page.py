@@ -172,12 +172,12 @@ def measured_events(record: Record, events: Events | None) -> tuple[Events | Non
     if missing:
         return None, f"Records of events are not shown: {events.source} lacks {', '.join(missing)}."
     events = events.only(*record.nrmse_by_record)
-    for one in play(model_of_record(record), events).records:
-        stated = record.nrmse_by_record[one.record.name]
-        if one.nrmse is None or abs(one.nrmse - stated) > SAME * stated + ROUNDING:
+    for played in play(model_of_record(record), events).records:
+        stated = record.nrmse_by_record[played.record.name]
+        if played.nrmse is None or abs(played.nrmse - stated) > SAME * stated + ROUNDING:
             return events, (
-                f"The records shown are not those that were fitted: {one.record.name} has an NRMSE of "
-                f"{one.nrmse or float('nan'):.3g}, the record states {stated:.3g}."
+                f"The records shown are not those that were fitted: {played.record.name} has an NRMSE of "
+                f"{played.nrmse or float('nan'):.3g}, the record states {stated:.3g}."
             )
     return events, ""
 
@@ -190,12 +190,12 @@ def _doubt(record: Record, sweep: Sweep) -> str:
     for name, stated in {**record.nrmse_by_op, **record.holdout}.items():
         try:
             point = sweep.point(name)
-            found = nrmse(record.response(name, point.frequency), point)
+            actual = nrmse(record.response(name, point.frequency), point)
         except IbridError:
             return ""
-        if abs(found - stated) > SAME * stated + ROUNDING:
+        if abs(actual - stated) > SAME * stated + ROUNDING:
             return (
-                f"The dots are not those that were fitted: at {name} they give an NRMSE of {found:.3g}, the record "
+                f"The dots are not those that were fitted: at {name} they give an NRMSE of {actual:.3g}, the record "
                 f"states {stated:.3g}; the file has changed, or was read with other options."
             )
     return ""

@@ -5,15 +5,15 @@ from ibrid.report.numbers import number
 from ibrid.report.text import listed, table
 
 
-def format_plant(found: PlantPrediction) -> str:
+def format_plant(prediction: PlantPrediction) -> str:
     """Where each device works, and how far one device in place of all would be."""
     rows = []
-    for name, rests in found.devices.items():
+    for name, rests in prediction.devices.items():
         for op, rest in rests.items():
             rows.append([name, op, *(number(one, 3) for one in (rest.p, rest.q, rest.v))])
     head = ["device", "at the plant's", "own p", "own q", "own v"]
-    warned = ["", *listed("warnings", found.warnings)] if found.warnings else []
-    return "\n".join([*table(head, rows, right=(2, 3, 4)), *warned, "", found.equivalent.sentence])
+    warned = ["", *listed("warnings", prediction.warnings)] if prediction.warnings else []
+    return "\n".join([*table(head, rows, right=(2, 3, 4)), *warned, "", prediction.equivalent.sentence])
 
 
 def equivalent_file(found: Equivalent) -> str:

@@ -33,11 +33,11 @@ def played_facts(playback: Playback) -> dict[str, Any]:
     return {"rows": rows, "windows": WINDOWS, "figures": figures}
 
 
-def record_svg(name: str, one: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:
+def record_svg(name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:
     """Five curves of a record over time. lines : what each current (N, 2) is called. limit : magnitude of a current limit."""
-    record = one.record
+    record = played.record
     return inline_svg(
-        lambda axes: _draw(axes, record, one.windows, lines, limit),
+        lambda axes: _draw(axes, record, played.windows, lines, limit),
         name=name,
         label=f"Record {record.name}: |v|, i_d, i_q, p and q over time, measured and {', '.join(lines)}; errors in the table.",
         size=(7.4, 8.2),

@@ -62,33 +62,33 @@ def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any
     return _bode([Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)], ax, entry)
 
 
-def jacobian_plot(found: PowerJacobian, ax: Any = None) -> Any:
+def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
     """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
     with rc_context({"axes.grid": True, "font.size": 9}):
         if ax is not None:
             pair = list(getattr(ax, "flat", ax))
-            _nfp(pair, found)
+            _nfp(pair, jacobian)
             for one in pair:
                 on_white(one)
             return ax
         figure = Figure(figsize=(11, 6), layout="constrained")
         parts: Any = figure.subplots(2, 2, sharex=True)
-        _nfp([parts[0, 1], parts[1, 1]], found)
+        _nfp([parts[0, 1], parts[1, 1]], jacobian)
         for column, cause in enumerate(("angle", "voltage")):
             for row, power in enumerate("pq"):
-                size = 20 * np.log10(np.abs(found.matrix[:, row, column]))
-                parts[column, 0].semilogx(found.frequency, size, label=f"d{power}")
+                size = 20 * np.log10(np.abs(jacobian.matrix[:, row, column]))
+                parts[column, 0].semilogx(jacobian.frequency, size, label=f"d{power}")
             parts[column, 0].set(title=f"Jacobian: over {cause}", ylabel="dB")
             parts[column, 0].legend()
         on_white(figure)
     return figure
 
 
-def _nfp(pair: Sequence[Any], found: PowerJacobian) -> None:
+def _nfp(pair: Sequence[Any], jacobian: PowerJacobian) -> None:
     magnitude, phase = pair
-    magnitude.semilogx(found.frequency, 20 * np.log10(np.abs(found.nfp)))
+    magnitude.semilogx(jacobian.frequency, 20 * np.log10(np.abs(jacobian.nfp)))
     magnitude.set(title="NFP: dp over df", ylabel="dB")
-    phase.semilogx(found.frequency, np.degrees(np.unwrap(np.angle(found.nfp))))
+    phase.semilogx(jacobian.frequency, np.degrees(np.unwrap(np.angle(jacobian.nfp))))
     phase.set(ylabel="degrees", xlabel="Hz")
 
 
@@ -172,17 +172,17 @@ def _draw_entries(figure: FigureBase, shown: PointView) -> None:
 
 
 def _draw_ports(figure: FigureBase, gap: Gap) -> None:
-    found = gap.missing_transfer
-    grid = figure.add_gridspec(2 if found else 1, 1)
+    transfer = gap.missing_transfer
+    grid = figure.add_gridspec(2 if transfer else 1, 1)
     top = figure.add_subfigure(grid[0, 0])
     draw_ports([plane := top.add_subplot()], gap.ports, PORTS)
     plane.set_title("One unknown transfer at each port", fontsize=10)
-    if found is not None:
+    if transfer is not None:
         below = figure.add_subfigure(grid[1, 0])
         magnitude = below.add_subplot(2, 1, 1)
-        draw_missing([magnitude, below.add_subplot(2, 1, 2, sharex=magnitude)], found)
+        draw_missing([magnitude, below.add_subplot(2, 1, 2, sharex=magnitude)], transfer)
         magnitude.tick_params(labelbottom=False)
-        magnitude.set_title(f"Measured at: {found.fit.port.words}", fontsize=10)
+        magnitude.set_title(f"Measured at: {transfer.fit.port.words}", fontsize=10)
 
 
 def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
@@ -221,8 +221,8 @@ def on_white(figure: Artist) -> None:
         for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):
             read, write = getattr(artist, f"get_{name}", None), getattr(artist, f"set_{name}", None)
             if read is not None and write is not None:
-                found = read()
-                colours = [found] if is_color_like(found) else list(found)
+                paint = read()
+                colours = [paint] if is_color_like(paint) else list(paint)
                 if any(to_hex(one) in _COLOURS for one in colours):
                     new = [_COLOURS.get(to_hex(one), one) for one in colours]
-                    write(new[0] if is_color_like(found) else new)
+                    write(new[0] if is_color_like(paint) else new)

@@ -37,22 +37,22 @@ def mode_words(mode: Mode) -> list[str]:
     return [hertz(mode.frequency), damping, real, ", ".join(f"{name} {percent(share)}" for name, share in mode.states)]
 
 
-def shown_modes(found: Sequence[Mode]) -> list[Mode]:
+def shown_modes(modes: Sequence[Mode]) -> list[Mode]:
     """The least damped oscillating modes and the slowest of the others, and whatever is unstable."""
-    chosen = [one for one in found if not one.stable]
-    chosen += [one for one in least_damped(found) if one not in chosen][: max(LISTED - len(chosen), 1)]
-    return chosen + [one for one in found if one.frequency == 0 and one not in chosen][:1]
+    chosen = [one for one in modes if not one.stable]
+    chosen += [one for one in least_damped(modes) if one not in chosen][: max(LISTED - len(chosen), 1)]
+    return chosen + [one for one in modes if one.frequency == 0 and one not in chosen][:1]
 
 
 def _points(predictions: Sequence[Prediction]) -> list[str]:
     rows = []
-    for one in predictions:
-        band = one.relative_band
+    for point in predictions:
+        band = point.relative_band
         words = "unknown"
         if band is not None:
             worst = int(band.argmax())
-            words = f"+- {percent(float(band[worst]))} of |Y| at {hertz(float(one.frequency[worst]))}"
-        rows.append([one.op.name, "stable" if one.stable else "UNSTABLE", f"{len(one.frequency)}", words])
+            words = f"+- {percent(float(band[worst]))} of |Y| at {hertz(float(point.frequency[worst]))}"
+        rows.append([point.op.name, "stable" if point.stable else "UNSTABLE", f"{len(point.frequency)}", words])
     return table(["operating point", "ideal grid", "frequencies", "widest 95 % band"], rows, right=(2,))
 
 
@@ -68,16 +68,16 @@ _ROWS = 12
 _ENTRIES = ("p_theta", "p_v", "q_theta", "q_v", "nfp")
 
 
-def format_jacobian(found: PowerJacobian) -> str:
+def format_jacobian(jacobian: PowerJacobian) -> str:
     """A table of at most twelve frequencies, in dB and degrees, and what its columns mean."""
-    chosen = evenly(len(found.frequency), _ROWS)
+    chosen = evenly(len(jacobian.frequency), _ROWS)
     head = ["f", *(f"{name.replace('_', '/')}" for name in _ENTRIES)]
     rows = [
-        [hertz(float(found.frequency[k])), *(_polar(complex(getattr(found, name)[k])) for name in _ENTRIES)]
+        [hertz(float(jacobian.frequency[k])), *(_polar(complex(getattr(jacobian, name)[k])) for name in _ENTRIES)]
         for k in chosen
     ]
     meaning = "dB and degrees; delivered p, q over angle (rad) and relative voltage; nfp: p over relative frequency"
-    return "\n".join([f"at {found.op}", *table(head, rows), meaning])
+    return "\n".join([f"at {jacobian.op}", *table(head, rows), meaning])
 
 
 def jacobian_csv(points: Sequence[PowerJacobian]) -> str:

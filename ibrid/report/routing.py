@@ -118,12 +118,12 @@ def _trunks(placement: Placement, net: Net, index: int) -> list[tuple[int, range
     start = placement.column[net.source[0]]
     ahead = [pin for pin in net.targets if placement.column[pin[0]] > start + 1]
     back = [pin for pin in net.targets if placement.column[pin[0]] <= start]
-    found = []
+    trunks = []
     if ahead:
-        found.append((index, range(start + 1, max(placement.column[pin[0]] for pin in ahead)), ahead))
+        trunks.append((index, range(start + 1, max(placement.column[pin[0]] for pin in ahead)), ahead))
     if back:
-        found.append((index, range(min(placement.column[pin[0]] for pin in back), start + 1), back))
-    return found
+        trunks.append((index, range(min(placement.column[pin[0]] for pin in back), start + 1), back))
+    return trunks
 
 
 def _free_height(

@@ -97,12 +97,12 @@ FARTHEST = 5.0
 SHOWN = 3
 
 
-def draw_locus(axes: Sequence[Axes], one: PointStability) -> None:
+def draw_locus(axes: Sequence[Axes], point: PointStability) -> None:
     """Poles in the upper half plane while the short-circuit ratio goes from the weakest to the strongest grid."""
     (plane,) = axes
-    ratios, poles = one.locus
+    ratios, poles = point.locus
     if not len(ratios):
-        ratios, poles = np.array([1.0]), np.array([[mode.pole for mode in one.cases[0].modes or one.ideal]])
+        ratios, poles = np.array([1.0]), np.array([[mode.pole for mode in point.cases[0].modes or point.ideal]])
     real, hertz = np.real(poles), np.imag(poles) / (2 * np.pi)
     upper = hertz >= 0
     right = max(2.0, 3.0 * float(real.max()))
@@ -115,20 +115,20 @@ def draw_locus(axes: Sequence[Axes], one: PointStability) -> None:
         ends = upper[row]
         plane.plot(real[row][ends], hertz[row][ends], linestyle="none", marker=marker, markersize=7,
                    markerfacecolor="none", markeredgewidth=1.5, color=colour)  # fmt: skip
-    highest = max((found.mode.frequency for found in one.critical), default=0.0)
-    for found in one.critical:
-        plane.plot(0.0, found.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none")
-        lift = 7 if found.mode.frequency == highest else -11
-        plane.annotate(f"SCR {found.scr:.3g}", (0.0, found.mode.frequency), xytext=(-8, lift),
+    highest = max((critical.mode.frequency for critical in point.critical), default=0.0)
+    for critical in point.critical:
+        plane.plot(0.0, critical.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none")
+        lift = 7 if critical.mode.frequency == highest else -11
+        plane.annotate(f"SCR {critical.scr:.3g}", (0.0, critical.mode.frequency), xytext=(-8, lift),
                        textcoords="offset points", ha="right", color=DANGER)  # fmt: skip
     plane.set_xticks([-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1))
     plane.set_yticks([0.0] + [10.0**n for n in range(9) if 10.0**n <= height])
     plane.minorticks_off()
 
 
-def shown_cases(one: PointStability) -> list[GridCase]:
+def shown_cases(point: PointStability) -> list[GridCase]:
     """The weakest grid, the one nearest to a critical ratio or in the middle, and the strongest."""
-    cases = list(one.cases)
+    cases = list(point.cases)
     if len(cases) <= SHOWN:
         return cases
     middle = len(cases) // 2
@@ -136,12 +136,12 @@ def shown_cases(one: PointStability) -> list[GridCase]:
     return [cases[0], cases[changes[0] if changes else middle], cases[-1]]
 
 
-def draw_eigenloci(axes: Sequence[Axes], one: PointStability) -> None:
+def draw_eigenloci(axes: Sequence[Axes], point: PointStability) -> None:
     """Both eigenvalues of Z (-Y) over frequency; radii are log2(1 + size), which leaves the unit circle as it is."""
     (plane,) = axes
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
     largest = 1.0
-    for index, case in enumerate(shown_cases(one)):
+    for index, case in enumerate(shown_cases(point)):
         colour, _, dashes = series(index)
         for locus in case.nyquist.loci.T:
             drawn = _squeezed(_dense(locus))
@@ -167,7 +167,7 @@ def draw_eigenloci(axes: Sequence[Axes], one: PointStability) -> None:
     plane.set_yticks([-1.0, 0.0, 1.0])
     plane.set_xlabel("real part of the eigenvalue  (squeezed)")
     plane.set_ylabel("imaginary part  (squeezed)")
-    _draw_near(plane.inset_axes((0.66, 0.09, 0.32, 0.32)), shown_cases(one))
+    _draw_near(plane.inset_axes((0.66, 0.09, 0.32, 0.32)), shown_cases(point))
     plane.axhline(0, color=MUTED, linewidth=0.6)
     plane.axvline(0, color=MUTED, linewidth=0.6)
 

@@ -16,21 +16,21 @@ def format_stability(found: Stability) -> str:
     )
 
 
-def _point(one: PointStability, sentence: str) -> str:
-    parts = [wrapped(sentence, "  "), _grids(one), wrapped(passivity_words(one), "  ")]
-    parts += [_critical(one)] if one.critical else []
-    parts.append(mode_table(f"on an ideal grid at {one.op}", one.ideal))
-    parts += [listed("warnings", one.warnings)] if one.warnings else []
+def _point(point: PointStability, sentence: str) -> str:
+    parts = [wrapped(sentence, "  "), _grids(point), wrapped(passivity_words(point), "  ")]
+    parts += [_critical(point)] if point.critical else []
+    parts.append(mode_table(f"on an ideal grid at {point.op}", point.ideal))
+    parts += [listed("warnings", point.warnings)] if point.warnings else []
     return "\n\n".join("\n".join(part) for part in parts)
 
 
-def passivity_words(one: PointStability) -> str:
+def passivity_words(point: PointStability) -> str:
     """Where the inverter is active, in a sentence."""
-    index, bands = one.passivity.smallest, one.passivity.bands
+    index, bands = point.passivity.smallest, point.passivity.bands
     worst = int(index.argmin())
-    least = f"its smallest value is {number(float(index[worst]), 3)} at {hertz(float(one.frequency[worst]))}"
+    least = f"its smallest value is {number(float(index[worst]), 3)} at {hertz(float(point.frequency[worst]))}"
     if not bands:
-        return f"passivity index of -Y: positive from {span(one.frequency[0], one.frequency[-1])}; {least}"
+        return f"passivity index of -Y: positive from {span(point.frequency[0], point.frequency[-1])}; {least}"
     words = ", ".join(span(low, high) for low, high in bands)
     return f"passivity index of -Y: negative, so that the inverter can feed an oscillation, in {words}; {least}"
 
@@ -72,19 +72,19 @@ def grid_name(case: GridCase) -> str:
     return number(case.grid.scr, 4) if isinstance(case.grid, SeriesRL) else case.grid.name
 
 
-def _grids(one: PointStability) -> list[str]:
-    rows = [[grid_name(case), *case_cells(case, float(one.frequency[-1]))] for case in one.cases]
-    name = "SCR" if isinstance(one.cases[0].grid, SeriesRL) else "grid"
+def _grids(point: PointStability) -> list[str]:
+    rows = [[grid_name(case), *case_cells(case, float(point.frequency[-1]))] for case in point.cases]
+    name = "SCR" if isinstance(point.cases[0].grid, SeriesRL) else "grid"
     return table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
 
 
-def _critical(one: PointStability) -> list[str]:
+def _critical(point: PointStability) -> list[str]:
     rows = []
-    for found in one.critical:
-        band = "-" if found.interval is None else interval(found.scr, found.interval, None)
-        nyquist = "not found" if found.scr_nyquist is None else number(found.scr_nyquist, 5)
-        kind = hertz(found.mode.frequency) if found.mode.frequency else "no oscillation"
-        states = ", ".join(f"{name} {percent(share)}" for name, share in found.mode.states)
-        rows.append([number(found.scr, 5), nyquist, band, found.unstable, kind, states])
+    for critical in point.critical:
+        band = "-" if critical.interval is None else interval(critical.scr, critical.interval, None)
+        nyquist = "not found" if critical.scr_nyquist is None else number(critical.scr_nyquist, 5)
+        kind = hertz(critical.mode.frequency) if critical.mode.frequency else "no oscillation"
+        states = ", ".join(f"{name} {percent(share)}" for name, share in critical.mode.states)
+        rows.append([number(critical.scr, 5), nyquist, band, critical.unstable, kind, states])
     head = ["critical SCR", "by Nyquist", "95 %", "unstable", "mode", "states that take part"]
     return table(head, rows, right=(0, 1))

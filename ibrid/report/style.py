@@ -128,15 +128,15 @@ def plain_decades(*drawn: Axis) -> None:
     """
     from matplotlib.ticker import FuncFormatter, NullLocator
 
-    for one in drawn:
-        if one.get_scale() in ("log", "symlog"):
-            one.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
-            low, high = one.get_view_interval()
-            if one.get_scale() == "log" and low > 0 and high < SOME * low:
+    for axis in drawn:
+        if axis.get_scale() in ("log", "symlog"):
+            axis.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
+            low, high = axis.get_view_interval()
+            if axis.get_scale() == "log" and low > 0 and high < SOME * low:
                 leading = "123456789" if high < ALL * low else "25"
-                one.set_minor_formatter(FuncFormatter(lambda value, _, kept=leading: _between(value, kept)))
+                axis.set_minor_formatter(FuncFormatter(lambda value, _, kept=leading: _between(value, kept)))
             else:
-                one.set_minor_locator(NullLocator())
+                axis.set_minor_locator(NullLocator())
 
 
 def unit_of(axis: Axis) -> str:

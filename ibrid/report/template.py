@@ -44,15 +44,15 @@ def shortened(text: str, longest: int = 160) -> str:
 def _environment(package: str) -> "Environment":
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined  # only pages need it
 
-    found = Environment(
+    jinja = Environment(
         loader=ChoiceLoader([PackageLoader(name) for name in dict.fromkeys((package, "ibrid.report"))]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds")}
-    found.filters |= {
+    jinja.filters |= {name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds")}
+    jinja.filters |= {
         "hertz": hertz,
         "heat": heat,
         "exact": lambda value: repr(float(value)),
@@ -60,15 +60,15 @@ def _environment(package: str) -> "Environment":
         "sentence": _sentence,
         "shortened": shortened,
     }
-    found.globals |= {
+    jinja.globals |= {
         "ENTRIES": list(ENTRIES),
         "span": span,
         "shapes": SHAPES,
         "series_line": series_line,
         "style_sheet": style_sheet,
     }
-    found.globals |= {"notebook_style_sheet": notebook_style_sheet, "content_policy": content_policy, "script": script}
-    return found
+    jinja.globals |= {"notebook_style_sheet": notebook_style_sheet, "content_policy": content_policy, "script": script}
+    return jinja
 
 
 def _sentence(text: str) -> str:
