@@ -53,14 +53,14 @@ class Collector:
     @cached_property
     def numbers(self) -> Mapping[str, tuple[float, float]]:
         """Name -> value per unit and its tolerance, of every number of every element; a ratio is known."""
-        found = {}
+        by_label = {}
         for branch in self.all():
             for k, element in enumerate(branch.elements, start=1):
                 for name in ELEMENTS[element.kind]:
                     value = element.values[name]
                     known = name == "ratio" or not value
-                    found[branch.label(k, name)] = value, 0.0 if known else element.tolerance
-        return found
+                    by_label[branch.label(k, name)] = value, 0.0 if known else element.tolerance
+        return by_label
 
     def at(self, op: OperatingPoint, s: np.ndarray, numbers: Mapping[str, float]) -> "Flow":
         """The network when the plant feeds p, q at v into the grid. s : (K,) over omega_0. numbers : name -> value."""

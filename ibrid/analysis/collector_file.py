@@ -59,29 +59,29 @@ def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names
     if not isinstance(inner, list) or not all(isinstance(one, dict) for one in inner):
         raise SweepError(f"the branches of {where} must be tables; write [[branch]]")
     elements = port_elements(entry["element"], where, bases) if "element" in entry else ()
-    found = []
-    for one in inner:
-        own = one.get("name", f"{'node' if one.get('branch') else 'device'}_{len(names)}")
+    branches = []
+    for table in inner:
+        own = table.get("name", f"{'node' if table.get('branch') else 'device'}_{len(names)}")
         there = f"branch {own!r:.40} of {where}"
-        require_known(one, _BRANCH, there)
+        require_known(table, _BRANCH, there)
         if not isinstance(own, str) or not own.replace("-", "_").isidentifier():
             raise SweepError(f"the name of {there} must be of letters, digits, _ and -")
         if own in names:
             raise SweepError(f"{there} has a name that means another, or all devices; change it")
         names.append(own)
-        rating, share = (number_of(one, key, there, 0.0) for key in ("rating", "share"))
-        values = one.get("values", {})
+        rating, share = (number_of(table, key, there, 0.0) for key in ("rating", "share"))
+        values = table.get("values", {})
         if not isinstance(values, dict):
             raise SweepError(f'the values of {there} must be a table such as {{"pll.kP_pll" = 30.0}}')
         values = {key: number_of(values, key, f"the values of {there}", None) for key in values}
-        if min(rating, share) < 0 or (one.get("branch") and (rating or values)):
+        if min(rating, share) < 0 or (table.get("branch") and (rating or values)):
             raise SweepError(f"rating, share and values of {there} must be of a device, and positive")
         if rating > LARGEST:
             raise SweepError(
                 f"the rating of {there} is {rating:g} times the base of power; give it over that, not in VA"
             )
-        found.append(replace(_branch(one, own, there, bases, names), rating=rating, share=share, values=values))
-    return Collector(name, elements, tuple(found), 0.0)
+        branches.append(replace(_branch(table, own, there, bases, names), rating=rating, share=share, values=values))
+    return Collector(name, elements, tuple(branches), 0.0)
 
 
 def _finished(branch: Collector, usual: float) -> Collector:

@@ -82,7 +82,7 @@ class CollectorModel:
         """(K, 2, 2, X) of them."""
         flows, problems = self._placed(self._logs(x))
         own = [one.jacobians(values) for one, values in zip(problems, self.coordinates.devices(x), strict=True)]
-        found = []
+        jacobians = []
         for m, flow in enumerate(flows):
             parts = []
             for device, rest, (left, right), slopes in zip(
@@ -91,13 +91,13 @@ class CollectorModel:
                 turn = turning(rest.angle)
                 left, right = device.rating * left @ turn, turn.T @ right
                 parts.append(np.moveaxis(left[:, None] @ np.moveaxis(slopes[m], -1, 1) @ right[:, None], 1, -1))
-            found.append(np.concatenate([sum(parts), *parts], axis=-1))
+            jacobians.append(np.concatenate([sum(parts), *parts], axis=-1))
         here = self.responses(x)
         for j in range(len(self.x) - len(self.spread), len(self.x)):
             there = self.responses(x + STEP * (np.arange(len(x)) == j))
             further = [((moved - one) / STEP)[..., None] for moved, one in zip(there, here, strict=True)]
-            found = [np.concatenate(both, axis=-1) for both in zip(found, further, strict=True)]
-        return found
+            jacobians = [np.concatenate(both, axis=-1) for both in zip(jacobians, further, strict=True)]
+        return jacobians
 
     def behind(self, device: int, point: PointSweep, m: int) -> PointSweep:
         """What one device has to be for the plant to be as measured at the m-th point, the others being as in the record: its
@@ -145,12 +145,12 @@ class CollectorModel:
 
     def _known_to_differ(self) -> np.ndarray:
         """(N, P) by how much a device's coordinates differ from the record's."""
-        model, found = self._model, []
+        model, offsets = self._model, []
         for device in self.collector.devices:
             if strange := set(device.values) - set(model.names):
                 names = ", ".join(sorted(strange))
                 raise IbridError(f"{device.name} has values of {names}, which the record's model does not have")
             theta = model.coordinates.to_theta(model.x)
             own = [device.values.get(name, value) for name, value in zip(model.names, theta, strict=True)]
-            found.append(model.coordinates.to_x(np.array(own)) - model.x)
-        return np.array(found)
+            offsets.append(model.coordinates.to_x(np.array(own)) - model.x)
+        return np.array(offsets)

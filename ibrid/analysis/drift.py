@@ -104,34 +104,34 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         raise IbridError(
             f"the record is of {record.settings['f0_hz']:g} Hz, the data of {data.f0_hz:g} Hz; take data of one"
         )
-    found = fits_of(record, data, collector)
-    added, fit = _changed(found)
-    p_value, gap = found.p_value(fit.cost), None
+    fits = fits_of(record, data, collector)
+    added, fit = _changed(fits)
+    p_value, gap = fits.p_value(fit.cost), None
     if p_value <= ADEQUATE or len(added) >= MOST:
-        if isinstance(found, PlantFits):
-            return _in_one_device(found, record, p_value)
+        if isinstance(fits, PlantFits):
+            return _in_one_device(fits, record, p_value)
         swept, events = (data, None) if isinstance(data, Sweep) else (None, data)
         gap = find_gap(record, swept, events=events, progress="silent")
         verdict = _VERDICTS.get(gap.verdict, "structure")
         changed = _moved(gap) if verdict == "parameters" else ()
         if verdict != "parameters" or changed or not added:
-            return Drift(verdict, gap.sentence, changed, p_value, found.source, gap)
-    changed = tuple(_change(found, k, added, fit) for k in range(len(added)))
+            return Drift(verdict, gap.sentence, changed, p_value, fits.source, gap)
+    changed = tuple(_change(fits, k, added, fit) for k in range(len(added)))
     named = {name.split(".")[0] for one in changed for name in (one.parameter, *one.alike) if f".{PORT}." not in name}
     device = named.pop() if collector and len(named) == 1 and "all" not in named else None
     return Drift(
-        "parameters" if changed else "same", _sentence(changed, found, gap), changed, p_value, found.source, gap, device
+        "parameters" if changed else "same", _sentence(changed, fits, gap), changed, p_value, fits.source, gap, device
     )
 
 
-def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:
+def _in_one_device(fits: PlantFits, record: Record, p_value: float) -> Drift:
     """What the gap says of the first device that it explains, those first whose freest fits leave least; else of the nearest."""
-    plant = found.plant
+    plant = fits.plant
     own = [range(*(plant.parameters * (k + side) for side in (1, 2))) for k in range(len(plant.collector.devices))]
-    nearest = sorted(range(len(own)), key=lambda device: found.fit(tuple(own[device])).cost)[:ASKED]
+    nearest = sorted(range(len(own)), key=lambda device: fits.fit(tuple(own[device])).cost)[:ASKED]
     asked: list[tuple[Gap, int]] = []
     for device in nearest:
-        asked.append((find_gap(record, found.behind(device), progress="silent"), device))
+        asked.append((find_gap(record, fits.behind(device), progress="silent"), device))
         if explained := asked[-1][0].verdict in ("named", *_VERDICTS):
             break
     gap, device = asked[-1 if explained else 0]
@@ -139,56 +139,56 @@ def _in_one_device(found: PlantFits, record: Record, p_value: float) -> Drift:
     changed = _moved(gap) if verdict == "parameters" else ()
     changed = tuple(replace(one, parameter=f"{name}.{one.parameter}") for one in changed)
     said = f"{name} differs: " if explained else f"No device alone explains what differs; {name} is nearest: "
-    return Drift(verdict, said + gap.sentence, changed, p_value, found.source, gap, name if explained else None)
+    return Drift(verdict, said + gap.sentence, changed, p_value, fits.source, gap, name if explained else None)
 
 
-def _changed(found: FreedFits) -> tuple[list[int], FreedFit]:
+def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
     """Places of the parameters that changed, in the order in which they entered, and the fit with them."""
     added: list[int] = []
-    last = found.fit(())
-    level = float(chi2.isf(FALSE_ALARM / max(found.size, 1), 1))
-    while len(added) < min(MOST, found.size):
-        tried = {j: found.fit((*added, j), last) for j in found.likely(added, last)}
+    last = fits.fit(())
+    level = float(chi2.isf(FALSE_ALARM / max(fits.size, 1), 1))
+    while len(added) < min(MOST, fits.size):
+        tried = {j: fits.fit((*added, j), last) for j in fits.likely(added, last)}
         least = min((one.cost for one in tried.values()), default=last.cost)
         if last.cost - least > level:
-            worth = {j: one.cost + (found.move(j, float(one.w[-1])) / USUAL) ** 2 for j, one in tried.items()}
+            worth = {j: one.cost + (fits.move(j, float(one.w[-1])) / USUAL) ** 2 for j, one in tried.items()}
             best = min(worth, key=worth.__getitem__)
             added, last = [*added, best], tried[best]
             continue
-        if added or found.p_value(last.cost) > ADEQUATE:
+        if added or fits.p_value(last.cost) > ADEQUATE:
             break
         few = sorted(tried, key=lambda j: tried[j].cost)[:PAIRED]
-        pairs = {pair: found.fit(pair, last) for pair in combinations(few, 2)}
+        pairs = {pair: fits.fit(pair, last) for pair in combinations(few, 2)}
         pair = min(pairs, key=lambda one: pairs[one].cost, default=())
         if not pair or last.cost - pairs[pair].cost <= chi2.isf(FALSE_ALARM / len(pairs), 2):
             break
         added, last = list(pair), pairs[pair]
     for j in tuple(added[:-1]):
         rest = [one for one in added if one != j]
-        without = found.fit(rest)
+        without = fits.fit(rest)
         if without.cost - last.cost < level:
             added, last = rest, without
     return added, last
 
 
-def _change(found: FreedFits, k: int, added: Sequence[int], last: FreedFit) -> Change:
+def _change(fits: FreedFits, k: int, added: Sequence[int], last: FreedFit) -> Change:
     """The parameter that entered k-th, in the fit with all."""
     j = added[k]
-    place = found.root.shape[1] + k
+    place = fits.root.shape[1] + k
     deviation = float(np.sqrt(max(np.linalg.pinv(last.curvature)[place, place], 0.0)))
     moved = [last.w[place] + side * 1.96 * deviation for side in (0.0, -1.0, 1.0)]
-    ends = [found.x0 + one * np.eye(found.size)[j] for one in (0.0, *moved)]
-    before, after, low, high = (float(found.coordinates.to_theta(x)[j]) for x in ends)
+    ends = [fits.x0 + one * np.eye(fits.size)[j] for one in (0.0, *moved)]
+    before, after, low, high = (float(fits.coordinates.to_theta(x)[j]) for x in ends)
     others = tuple(one for one in added if one != j)
-    without = found.fit(others)
+    without = fits.fit(others)
     ratio = max(without.cost - last.cost, 0.0)
     alike = [
-        found.names[other]
-        for other in found.likely(others, without)
-        if other != j and found.fit((*others, other)).cost < last.cost + ALIKE
+        fits.names[other]
+        for other in fits.likely(others, without)
+        if other != j and fits.fit((*others, other)).cost < last.cost + ALIKE
     ]
     z = float(np.copysign(np.sqrt(ratio), after - before))
-    return Change(found.names[j], before, after, (min(low, high), max(low, high)), z, tuple(alike))
+    return Change(fits.names[j], before, after, (min(low, high), max(low, high)), z, tuple(alike))
 
 
 def _moved(gap: Gap) -> tuple[Change, ...]:
@@ -206,17 +206,17 @@ def _moved(gap: Gap) -> tuple[Change, ...]:
     )
 
 
-def _sentence(changed: Sequence[Change], found: FreedFits, gap: Gap | None) -> str:
+def _sentence(changed: Sequence[Change], fits: FreedFits, gap: Gap | None) -> str:
     if not changed:
         return (
-            f"The same within the noise ({found.source}): no parameter changed "
+            f"The same within the noise ({fits.source}): no parameter changed "
             f"(an unchanged device is called changed in {100 * FALSE_ALARM:g} % of cases)."
         )
     words = []
-    for one in changed:
-        factor = f", {one.after / one.before:.3g} times as much" if one.before else ""
-        interval = "" if one.interval is None else f" ({one.interval[0]:.4g} to {one.interval[1]:.4g})"
-        alike = f", or {' or '.join(one.alike)}, which the data cannot tell from it" if one.alike else ""
-        words.append(f"{one.parameter} went from {one.before:.4g} to {one.after:.4g}{interval}{factor}{alike}")
+    for change in changed:
+        factor = f", {change.after / change.before:.3g} times as much" if change.before else ""
+        interval = "" if change.interval is None else f" ({change.interval[0]:.4g} to {change.interval[1]:.4g})"
+        alike = f", or {' or '.join(change.alike)}, which the data cannot tell from it" if change.alike else ""
+        words.append(f"{change.parameter} went from {change.before:.4g} to {change.after:.4g}{interval}{factor}{alike}")
     rest = "nothing else changed" if gap is None else "what else differs is within the tolerances of a gap"
     return f"{'; '.join(words)}; {rest}."

@@ -124,7 +124,7 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
             raise IbridError(f"the answer has no free parameter {name!r}; {near(name, free)}")
     frequency = _frequencies(answer, among)
     noise = among.noise or _noise(answer)
-    found, why = list[Experiment](), "none was asked"
+    asked, why = list[Experiment](), "none was asked"
     for op in among.points():
         for event in ("", *among.events):
             try:
@@ -132,18 +132,18 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
                     structures = [_structure(record, op) for record in records]
                     if event:
                         known = _recorded(structures, names, event, among.record_noise)
-                        found.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
+                        asked.append(_told(known, op, np.arange(len(known[0].answer)), event=event))
                     else:
                         known = _swept(structures, names, op, frequency, noise)
-                        found.append(_told(known, op, _chosen(known, among), frequency))
+                        asked.append(_told(known, op, _chosen(known, among), frequency))
             except IbridError as error:
                 why = str(error)
-    if not found:
+    if not asked:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
     if among.parameters:
-        return tuple(sorted(found, key=lambda one: np.prod([one.gain[name] for name in among.parameters])))
-    blind = hopeless(found)
-    return tuple(sorted(found, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
+        return tuple(sorted(asked, key=lambda one: np.prod([one.gain[name] for name in among.parameters])))
+    blind = hopeless(asked)
+    return tuple(sorted(asked, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
 
 
 def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[Record, ...]]:
@@ -160,36 +160,36 @@ def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[s
     return (*names, *told), (*records, *twins)
 
 
-def sentences(found: Sequence[Experiment], among: Among) -> tuple[str, ...]:
+def sentences(asked: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing; and
     events in which a model has no answer anywhere."""
     said = [
         f"nothing you can do at the terminals will tell {one} from {other}, of all that was asked: at most {bits:.1g} bits; a "
         "record of an event that reaches a limit may"
-        for (one, other), bits in _most_bits(found).items()
+        for (one, other), bits in _most_bits(asked).items()
         if bits < DECISIVE
     ]
-    if lost := [event for event in among.events if all(one.event != event for one in found)]:
+    if lost := [event for event in among.events if all(one.event != event for one in asked)]:
         said.append(f"{', '.join(lost)} could not be asked: a model leaves or has no answer at every operating point")
-    blind = [name for name in found[0].gain if min(one.gain[name] for one in found) > NOTHING]
-    if len(blind) == len(found[0].gain):
+    blind = [name for name in asked[0].gain if min(one.gain[name] for one in asked) > NOTHING]
+    if len(blind) == len(asked[0].gain):
         said.append("nothing that was asked tells more of the parameters than is known")
     elif blind:
         said.append(f"nothing that was asked tells more of {', '.join(blind)}")
     return tuple(said)
 
 
-def _most_bits(found: Sequence[Experiment]) -> dict[tuple[str, str], float]:
+def _most_bits(asked: Sequence[Experiment]) -> dict[tuple[str, str], float]:
     """Pair of structures -> bits by which the best experiment tells them apart."""
     most: dict[tuple[str, str], float] = {}
-    for one, other, bits in (pair for told in found for pair in told.separates):
+    for one, other, bits in (pair for told in asked for pair in told.separates):
         most[one, other] = max(bits, most.get((one, other), 0.0))
     return most
 
 
-def hopeless(found: Sequence[Experiment]) -> set[tuple[str, str]]:
+def hopeless(asked: Sequence[Experiment]) -> set[tuple[str, str]]:
     """Pairs that nothing tells apart, which must not hide what tells others; none where all are so."""
-    bits = _most_bits(found)
+    bits = _most_bits(asked)
     apart = {pair for pair, most in bits.items() if most < DECISIVE}
     return apart if len(apart) < len(bits) else set()
 
@@ -226,29 +226,29 @@ def _swept(
     structures: Sequence[Structure], names: Sequence[str], op: OperatingPoint, frequency: np.ndarray, noise: float
 ) -> list[_Known]:
     """Structures in a sweep, all whitened by the noise of the first one's answer. IbridError where one has no answer."""
-    found, deviation = [], np.zeros(0)
+    known, deviation = [], np.zeros(0)
     for (_, _, model, sure), name in zip(structures, names, strict=True):
         response, slopes = model.admittance(frequency), model.slopes(frequency) @ sure.directions
         if not (np.isfinite(response).all() and np.isfinite(slopes).all()):
             raise IbridError(f"the model has no finite answer at {op.name}")
-        if not found:
+        if not known:
             deviation = noise * np.maximum(np.linalg.norm(response, axis=(1, 2)), LEAST) / np.sqrt(8.0)
         answer = _real(response.reshape(len(frequency), 4, 1))[..., 0] / deviation[:, None]
         slopes = _real(slopes.reshape(len(frequency), 4, -1)) / deviation[:, None, None]
-        found.append(_Known(name, answer, slopes, sure))
-    return found
+        known.append(_Known(name, answer, slopes, sure))
+    return known
 
 
 def _recorded(structures: Sequence[Structure], names: Sequence[str], event: str, noise: float) -> list[_Known]:
     """The same in a record, whose numbers go together by eight as those of a frequency do."""
-    found = []
+    known = []
     for (answer, slopes), name, (*_, sure) in zip(
         event_answers(structures, event, noise), names, structures, strict=True
     ):
         rest = -len(answer) % 8
         rows = np.pad(slopes, ((0, rest), (0, 0))).reshape(-1, 8, slopes.shape[1])
-        found.append(_Known(name, np.pad(answer, (0, rest)).reshape(-1, 8), rows, sure))
-    return found
+        known.append(_Known(name, np.pad(answer, (0, rest)).reshape(-1, 8), rows, sure))
+    return known
 
 
 def _real(values: np.ndarray) -> np.ndarray:
@@ -334,8 +334,8 @@ def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], c
         worth[chosen] = -np.inf
         best = int(np.argmax(worth))
         chosen.append(best)
-        for one in follow:
-            one.take(best)
+        for pair in follow:
+            pair.take(best)
     return np.sort(np.array(chosen))
 
 

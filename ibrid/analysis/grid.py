@@ -66,12 +66,12 @@ class MeasuredGrid:
         """(K, 2, 2) complex."""
         frequency = np.asarray(frequency, dtype=float)
         inside = np.clip(frequency, self.frequency[0], self.frequency[-1])
-        found: np.ndarray = self._interpolated(inside)
+        impedance: np.ndarray = self._interpolated(inside)
         for end, where in ((0, frequency < self.frequency[0]), (-1, frequency > self.frequency[-1])):
             line = self.continued(end)
             beyond, here = line.impedance(frequency[where]), line.impedance(self.frequency[[end]])
-            found[where] = self.values[end] + beyond - here
-        return found
+            impedance[where] = self.values[end] + beyond - here
+        return impedance
 
     def continued(self, end: int) -> SeriesRL:
         """The series R and L that continues the first (0) or the last (-1) point: r and x of its mean diagonal."""

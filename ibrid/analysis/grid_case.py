@@ -45,16 +45,16 @@ class GridCase:
     def slim(self) -> tuple[str, ...]:
         """In words, the margins that are too small to trust; also that poles and Nyquist count disagree."""
         gain, phase, _, damping = self.margins.values()
-        found = []
+        words = []
         if phase is not None and phase < PHASE:
-            found.append(f"phase margin {phase:.2g} degrees")
+            words.append(f"phase margin {phase:.2g} degrees")
         if gain is not None and gain < GAIN:
-            found.append(f"gain margin {gain:.3g}")
+            words.append(f"gain margin {gain:.3g}")
         if damping is not None and damping < DAMPING:
-            found.append(f"damping {100 * damping:.2g} %")
+            words.append(f"damping {100 * damping:.2g} %")
         if self.nyquist.stable != self.stable:
-            found.append("poles and Nyquist count disagree")
-        return tuple(found)
+            words.append("poles and Nyquist count disagree")
+        return tuple(words)
 
     @property
     def grade(self) -> str:

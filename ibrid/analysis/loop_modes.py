@@ -44,8 +44,8 @@ def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
 
     Raises as `linear_model` for a point that is not the record's.
     """
-    found = loops(record.diagram, record.vocabulary) if record.parameters else {}
-    if not found:
+    by_title = loops(record.diagram, record.vocabulary) if record.parameters else {}
+    if not by_title:
         return ()
     op = next(iter(record.parameters)) if op is None else op
     model = linear_model(record, op)
@@ -53,7 +53,7 @@ def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
     wiring = record.wiring
     table = parameter_table(wiring, record.settings["equilibrium"])
     rows = []
-    for title, members in found.items():
+    for title, members in by_title.items():
         for name in [name for name in members if wiring.kinds[name].regulates] or members[:1]:
             kind = wiring.kinds[name]
             gains = {one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters}

@@ -64,13 +64,13 @@ def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | N
     slopes : derivatives of A along independent standard normal directions; by the delta method
         d(lambda) = w' dA v / w' v the deviations follow. None: no deviations.
     """
-    found = participation(A, states)
-    poles = [complex(one) for one in found.poles]
+    shares = participation(A, states)
+    poles = [complex(one) for one in shares.poles]
     order = sorted((k for k, one in enumerate(poles) if one.imag >= 0), key=lambda k: -poles[k].real)
     if slopes is None:
-        return tuple(Mode(poles[k], found.largest(k)) for k in order)
+        return tuple(Mode(poles[k], shares.largest(k)) for k in order)
     moved = pole_slopes(A, slopes)
-    return tuple(Mode(poles[k], found.largest(k), *_deviations(poles[k], moved[:, k])) for k in order)
+    return tuple(Mode(poles[k], shares.largest(k), *_deviations(poles[k], moved[:, k])) for k in order)
 
 
 def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:

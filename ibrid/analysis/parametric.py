@@ -71,13 +71,13 @@ class ParametricModel:
 
         The matrices have the record's Pade forms of the delays.
         """
-        found = []
+        slopes = []
         for direction in (self.coordinates.slope(self._theta)[:, None] * directions).T:
             relative = np.abs(direction) / np.maximum(np.abs(self._theta), np.finfo(float).tiny)
             step = STEP / max(float(relative.max(initial=0.0)), 1e-300)
             ends = [of(self._matrices_at(self._theta + sign * step * direction)) for sign in (1.0, -1.0)]
-            found.append((ends[0] - ends[1]) / (2 * step))
-        return found
+            slopes.append((ends[0] - ends[1]) / (2 * step))
+        return slopes
 
     def _matrices_at(self, theta: np.ndarray) -> Matrices:
         a, b, c, d = self._matrices(theta, [self.op.p, self.op.q, self.op.v])

@@ -60,26 +60,26 @@ class PlantPrediction:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Of devices that work where none is built to."""
-        found = []
+        words = []
         for name, rests in self.devices.items():
             for op, rest in rests.items():
                 if hypot(rest.p, rest.q) > LOADED or not VOLTAGE[0] < rest.v < VOLTAGE[1]:
-                    found.append(
+                    words.append(
                         f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} of its voltage: "
                         "see p, q, the ratings and the units of the elements"
                     )
-        return tuple(found)
+        return tuple(words)
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        one = self.equivalent
+        equivalent = self.equivalent
         devices = {name: {op: rest._asdict() for op, rest in rests.items()} for name, rests in self.devices.items()}
-        elements = [{"kind": element.kind, **element.values, "unit": "pu"} for element in one.elements]
-        numbers = {"rating": one.rating, "nrmse": one.nrmse, "nrmse_by_point": one.by_point, "sentence": one.sentence}
-        worst = {"frequency_hz": one.worst[0], "error": one.worst[1]}
-        equivalent = {"element": elements, **numbers, "worst": worst}
+        elements = [{"kind": element.kind, **element.values, "unit": "pu"} for element in equivalent.elements]
+        numbers = {"rating": equivalent.rating, "nrmse": equivalent.nrmse, "nrmse_by_point": equivalent.by_point}
+        worst = {"frequency_hz": equivalent.worst[0], "error": equivalent.worst[1]}
+        told = {"element": elements, **numbers, "sentence": equivalent.sentence, "worst": worst}
         warnings = list(self.warnings)
-        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": warnings, "equivalent": equivalent}
+        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": warnings, "equivalent": told}
 
 
 def predict_plant(record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray) -> PlantPrediction:
@@ -98,14 +98,14 @@ def predict_plant(record: Record, collector: Collector, ops: Sequence[str], freq
         points.append(PointSweep(point, frequency, np.ones((len(frequency), 2, 2), dtype=complex)))
     plant = plant_model(record, collector, points)
     seen, root = plant.responses(plant.x), known_of_plant(record, plant)
-    found = []
+    predicted = []
     for point, admittance, slopes in zip(points, seen, plant.jacobians(plant.x), strict=True):
         floor = MODEL_FLOOR * np.linalg.norm(admittance, axis=(1, 2))[:, None, None]
         spread = np.sqrt((np.abs(slopes @ root) ** 2).sum(axis=-1) / 2)
-        found.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor)))
+        predicted.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor)))
     bases = record.settings.get("bases", {})
     sweep = Sweep(
-        tuple(found), float(record.settings["f0_hz"]), "pcc", v_base_v=bases.get("v_base_v"), source="prediction"
+        tuple(predicted), float(record.settings["f0_hz"]), "pcc", v_base_v=bases.get("v_base_v"), source="prediction"
     )
     devices = {one.name: plant.rests(k) for k, one in enumerate(collector.devices)}
     return PlantPrediction(sweep, devices, _compared(record, collector, sweep))

@@ -167,11 +167,11 @@ def require_able(record: Record) -> None:
     """IbridError for a record whose parameters are not those of every operating point."""
     if record.outcome != "ok":
         return  # linear_model says why
-    found = record.settings.get("parameters"), record.settings.get("equilibrium")
-    if found != ("shared", "exact"):
+    options = record.settings.get("parameters"), record.settings.get("equilibrium")
+    if options != ("shared", "exact"):
         raise IbridError(
             "only a record with shared parameters and the exact equilibrium predicts, found "
-            f"{found[0]} parameters and the {found[1]} equilibrium; fit again with "
+            f"{options[0]} parameters and the {options[1]} equilibrium; fit again with "
             "--parameters shared --equilibrium exact"
         )
 

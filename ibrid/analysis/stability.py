@@ -203,13 +203,13 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
         word = "stable" if all(stable) else "UNSTABLE"
         return f"{op}: {word} on every grid from SCR {first.scr:.4g} to {last.scr:.4g}{_barely(cases)}"
     parts = []
-    for found in critical:
+    for ratio in critical:
         band = ""
-        if found.interval is not None and found.interval[1] > found.interval[0] * (1 + TIGHT):
-            band = f" (95 % {found.interval[0]:.4g} to {found.interval[1]:.4g})"
-        kind = "without oscillation" if found.mode.frequency == 0 else f"at {hertz(found.mode.frequency)}"
-        names = " and ".join(name for name, _ in found.mode.states[:2])
-        parts.append(f"unstable {found.unstable} SCR {found.scr:.4g}{band}, {kind} ({names})")
+        if ratio.interval is not None and ratio.interval[1] > ratio.interval[0] * (1 + TIGHT):
+            band = f" (95 % {ratio.interval[0]:.4g} to {ratio.interval[1]:.4g})"
+        kind = "without oscillation" if ratio.mode.frequency == 0 else f"at {hertz(ratio.mode.frequency)}"
+        names = " and ".join(name for name, _ in ratio.mode.states[:2])
+        parts.append(f"unstable {ratio.unstable} SCR {ratio.scr:.4g}{band}, {kind} ({names})")
     return f"{op}: {'; '.join(parts)}{_barely(cases)}"
 
 
@@ -220,12 +220,12 @@ def graded(grade: str) -> str:
 
 def _barely(cases: Sequence[GridCase]) -> str:
     """Where it is barely stable, and the worst of it."""
-    found = [case for case in cases if case.grade == "barely stable"]
-    if not found:
+    barely = [case for case in cases if case.grade == "barely stable"]
+    if not barely:
         return ""
-    worst = min(found, key=lambda case: case.nyquist.vector_margin)
-    listed = ", ".join(f"{case.grid.scr:.4g}" for case in found[:4] if not isinstance(case.grid, MeasuredGrid))
-    more = f" and {len(found) - 4} more" if len(found) > 4 else ""
+    worst = min(barely, key=lambda case: case.nyquist.vector_margin)
+    listed = ", ".join(f"{case.grid.scr:.4g}" for case in barely[:4] if not isinstance(case.grid, MeasuredGrid))
+    more = f" and {len(barely) - 4} more" if len(barely) > 4 else ""
     return f"; barely stable at SCR {listed}{more}, at worst {' and '.join(worst.slim)} at {_where(worst)}"
 
 
@@ -249,30 +249,30 @@ def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> st
 
 def case_warnings(cases: Sequence[GridCase], highest: float) -> list[str]:
     """Where the answers on grids are less sure than they look; `highest` measured frequency in Hz."""
-    found: list[str] = []
+    warnings: list[str] = []
     first = [one.modes[0] for one in cases if one.modes]
     beyond = [one for one in first if not one.stable and one.frequency > highest]
     if beyond:
-        found.append(
+        warnings.append(
             f"an unstable mode at {hertz(beyond[0].frequency)} lies above the highest measured frequency, {hertz(highest)}: "
             "the model is an extrapolation there"
         )
     differing = [one for one in cases if one.modes is not None and one.stable != one.nyquist.stable]
     if differing:
-        found.append(
+        warnings.append(
             f"poles and Nyquist disagree on {len(differing)} of {len(cases)} grids: near a critical ratio, or because the poles "
             "take delays as Pade forms"
         )
-    for one in cases:
-        if isinstance(one.grid, MeasuredGrid):
-            found += one.grid.warnings
-            low, high = one.grid.frequency[0], one.grid.frequency[-1]
-            found.append(
-                f"the grid is known at {len(one.grid.frequency)} frequencies from {span(low, high)}: a resonance between "
+    for case in cases:
+        if isinstance(case.grid, MeasuredGrid):
+            warnings += case.grid.warnings
+            low, high = case.grid.frequency[0], case.grid.frequency[-1]
+            warnings.append(
+                f"the grid is known at {len(case.grid.frequency)} frequencies from {span(low, high)}: a resonance between "
                 "two of them is not seen, and beyond them the grid is taken to go on as a series R and L"
             )
-        if not one.nyquist.certain:
-            found.append(
+        if not case.nyquist.certain:
+            warnings.append(
                 "a Nyquist locus does not end on the real axis, so that its count is a guess: is a pole of the model at zero?"
             )
-    return found
+    return warnings

@@ -38,12 +38,12 @@ class Nonlinear:
         """The best other of each effect or nameless place that these data cannot tell from the best."""
         others: dict[str, NonlinearFit] = {}
         given, best, trials = self.found.given, self.found.best, self.found.trials
-        for one in trials if self.found.repaired else ():
-            place, near = one.refit.place, one.refit.cost < best.refit.cost + ALIKE
+        for trial in trials if self.found.repaired else ():
+            place, near = trial.refit.place, trial.refit.cost < best.refit.cost + ALIKE
             key = place.effect or place.words
-            believed = self.data.stable(one) and significant(given, one, len(trials), 1.0)
-            if one is not best and key != best.refit.place.effect and near and believed:
-                others.setdefault(key, one.refit)
+            believed = self.data.stable(trial) and significant(given, trial, len(trials), 1.0)
+            if trial is not best and key != best.refit.place.effect and near and believed:
+                others.setdefault(key, trial.refit)
         return tuple(others.values())
 
     @property

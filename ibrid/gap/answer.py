@@ -36,7 +36,7 @@ Strength = tuple[float, float | None, float | None]
 
 
 def answer_of(
-    found: Findings,
+    findings: Findings,
     shop: Workshop,
     diagram: Diagram,
     sweep: Sweep,
@@ -46,35 +46,35 @@ def answer_of(
 ) -> Gap:
     """The Gap that findings amount to. sweep : all points, those held out included. suggest : who is asked for
     edits when something is located and unnamed."""
-    verdict = verdict_of(found)
-    model = found.best if verdict in REPAIRED else found.given
-    baseline = _record(found.given, found, shop, sweep)
-    repaired = baseline if model is found.given else _record(model, found, shop, sweep)
+    verdict = verdict_of(findings)
+    model = findings.best if verdict in REPAIRED else findings.given
+    baseline = _record(findings.given, findings, shop, sweep)
+    repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
     before = {
-        "nominal": None if not values else _nominal_error(found.given, shop),
+        "nominal": None if not values else _nominal_error(findings.given, shop),
         "refit": baseline.nrmse,
         "holdout": _mean(baseline.holdout.values()),
     }
     after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
-    floor = found.noise.floor
+    floor = findings.noise.floor
     refitter = shop.refitter(model.convention)
-    adequate = tuple(one for one in found.ports if one.adequate)
-    question = Question(found.given.diagram, baseline, adequate, shop.kinds, sweep)
+    adequate = tuple(one for one in findings.ports if one.adequate)
+    question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, found, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
-        located=located(found.given.refit, found.scale),
-        ports=found.ports,
-        effects=_effects(found, verdict, shop, repaired),
+        sentence=sentence_of(verdict, findings, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
+        located=located(findings.given.refit, findings.scale),
+        ports=findings.ports,
+        effects=_effects(findings, verdict, shop, repaired),
         before=before,
         after=after,
         noise_floor=floor,
         moved=moved(model.refit, _intervals(repaired)),
-        could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, found.scale),
-        candidates=tuple(candidate_of(one, found, shop.known_stable(one)) for one in found.trials),
-        steps=found.steps,
-        noise=found.noise.source,
-        noise_level=found.noise.level,
+        could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, findings.scale),
+        candidates=tuple(candidate_of(one, findings, shop.known_stable(one)) for one in findings.trials),
+        steps=findings.steps,
+        noise=findings.noise.source,
+        noise_level=findings.noise.level,
         null_space=repaired.identifiability,
         given=program_text(diagram),
         program=program_text(model.diagram),
@@ -82,18 +82,18 @@ def answer_of(
         repaired=repaired,
         sweep=sweep,
         held_out=tuple(held),
-        nominal=_nominal_responses(found.given, shop) if values else {},
+        nominal=_nominal_responses(findings.given, shop) if values else {},
         angle=model.convention.angle,
         convention=model.convention,
-        suggested=suggested(found, shop, question, suggest) if verdict == "located-unnamed" else (),
+        suggested=suggested(findings, shop, question, suggest) if verdict == "located-unnamed" else (),
     )
 
 
-def _record(model: Model, found: Findings, shop: Workshop, sweep: Sweep) -> Record:
+def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> Record:
     """The record of a model on the data as it reads them; its intervals are those of the noise that judged it."""
-    fitted = {point.op.name: point for point in found.noise.sweep.points}
+    fitted = {point.op.name: point for point in findings.noise.sweep.points}
     points = tuple(
-        replace(point, sigma=found.scale * np.asarray(fitted[point.op.name].sigma), repeats=None)
+        replace(point, sigma=findings.scale * np.asarray(fitted[point.op.name].sigma), repeats=None)
         if point.op.name in fitted
         else point
         for point in sweep.points
@@ -101,7 +101,7 @@ def _record(model: Model, found: Findings, shop: Workshop, sweep: Sweep) -> Reco
     judged = model.convention.undone(replace(sweep, points=points))
     held = [name for name in sweep.names if name not in fitted]
     record = record_at(model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held)
-    if not found.noise.known:
+    if not findings.noise.known:
         record = replace(record, noise_floor=None, over_noise=None)
     if model.convention.angle:
         record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
@@ -116,22 +116,22 @@ def _graded(record: Record, sweep: Sweep) -> Record:
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
 
 
-def _effects(found: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
+def _effects(findings: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
     if verdict not in REPAIRED:
         return ()
-    evidence = evidence_of(found)
+    evidence = evidence_of(findings)
     intervals = _intervals(record)
     effects = []
-    for place, edit in enumerate(found.best.edits):
+    for place, edit in enumerate(findings.best.edits):
         if isinstance(edit, Convention):
             frame = ("add", "between the measuring frame and the grid")
             change, where = frame if edit.angle else ("replace", "the labels of the data")
             for label, numbers in edit.ids.items():
                 shown = {name: (value, None, None) for name, value in numbers.items()}
-                effects.append(NamedEffect(label, change, where, shown, evidence, alike(found, place)))
+                effects.append(NamedEffect(label, change, where, shown, evidence, alike(findings, place)))
             continue
-        parameters = strengths_of(edit, found.best.refit, intervals)
-        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, evidence, alike(found, place)))
+        parameters = strengths_of(edit, findings.best.refit, intervals)
+        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, evidence, alike(findings, place)))
     return tuple(effects)
 
 
@@ -139,20 +139,20 @@ def _intervals(record: Record) -> Intervals:
     return next(iter(record.intervals.values()), {})
 
 
-def evidence_of(found: Findings) -> dict[str, Any]:
+def evidence_of(findings: Findings) -> dict[str, Any]:
     """What speaks for the best model."""
-    given, best, scale = found.given, found.best, found.scale
-    others = [one for one in found.trials if not _shares(one, best)]
+    given, best, scale = findings.given, findings.best, findings.scale
+    others = [one for one in findings.trials if not _shares(one, best)]
     runner_up = min(others, key=lambda one: one.bic(scale), default=None)
     return {
         "gain": given.cost(scale) - best.cost(scale),
-        "threshold": threshold(best.free - given.free, found.tests),
+        "threshold": threshold(best.free - given.free, findings.tests),
         "p_before": given.refit.p_value(scale),
         "p_after": best.refit.p_value(scale),
         "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
         "runner_up_bic": None if runner_up is None else runner_up.bic(scale) - best.bic(scale),
-        "held_out": weighed(found.before, found.after),
-        "tests": found.tests,
+        "held_out": weighed(findings.before, findings.after),
+        "tests": findings.tests,
         "noise_scale": scale,
     }
 
@@ -166,13 +166,13 @@ def _name(edit: Insertion | Convention) -> str:
     return edit.words if isinstance(edit, Convention) else edit.effect
 
 
-def candidate_of(model: Model, found: Findings, stable: bool | None) -> Candidate:
+def candidate_of(model: Model, findings: Findings, stable: bool | None) -> Candidate:
     """A trial as it is told."""
-    edit, scale = model.edits[-1], found.scale
+    edit, scale = model.edits[-1], findings.scale
     new = () if isinstance(edit, Convention) else tuple(edit.parameters)
-    adequate = fits(model, found.noise, scale)
+    adequate = fits(model, findings.noise, scale)
     reasons = []
-    if not significant(found.given, model, max(len(found.trials), 1), scale):
+    if not significant(findings.given, model, max(len(findings.trials), 1), scale):
         reasons.append("does not pay")
     elif not adequate:
         reasons.append("does not fit as well as the noise allows")
@@ -183,7 +183,7 @@ def candidate_of(model: Model, found: Findings, stable: bool | None) -> Candidat
         change="replace" if isinstance(edit, Convention) else edit.change,
         where=edit.words if isinstance(edit, Convention) else edit.where,
         cost=model.cost(scale),
-        gain=found.given.cost(scale) - model.cost(scale),
+        gain=findings.given.cost(scale) - model.cost(scale),
         bic=model.bic(scale),
         free_parameters=model.free,
         adequate=adequate,

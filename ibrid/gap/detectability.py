@@ -36,7 +36,7 @@ def unseen(
     basis, values, _ = np.linalg.svd(rows / np.where(scales > 0, scales, 1.0), full_matrices=False)
     basis = basis[:, values > 1e-9 * values[0]] if values.size else basis
     told_apart = {one.id: one.told_apart_by for one in catalogue}
-    found = []
+    undetectable = []
     for edit in edits:
         if edit.change != "add" or not edit.parameters or not edit.nothing:
             continue
@@ -53,5 +53,5 @@ def unseen(
         left = move - basis @ (basis.T @ move)
         strength = float(left @ left) / scale**2
         if strength < SEEN:
-            found.append(Unseen(edit.effect, edit.change, edit.where, strength, told_apart.get(edit.effect, "")))
-    return tuple(sorted(found, key=lambda one: one.detectability))
+            undetectable.append(Unseen(edit.effect, edit.change, edit.where, strength, told_apart.get(edit.effect, "")))
+    return tuple(sorted(undetectable, key=lambda one: one.detectability))

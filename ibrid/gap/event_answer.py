@@ -21,15 +21,15 @@ from ibrid.playback.places import places_of
 from ibrid.structure.program import program_text
 
 
-def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
+def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     """The Gap that findings on records amount to."""
-    verdict = verdict_of(found)
-    model = found.best if verdict == "named" else found.given
-    before_played, after_played = (played(one, data, asked.events) for one in (found.given, model))
-    baseline = record_of(found.given, data, asked, before_played)
-    repaired = baseline if model is found.given else record_of(model, data, asked, after_played)
+    verdict = verdict_of(findings)
+    model = findings.best if verdict == "named" else findings.given
+    before_played, after_played = (played(one, data, asked.events) for one in (findings.given, model))
+    baseline = record_of(findings.given, data, asked, before_played)
+    repaired = baseline if model is findings.given else record_of(model, data, asked, after_played)
     before = {
-        "nominal": _nominal(found.given, data, asked) if asked.values else None,
+        "nominal": _nominal(findings.given, data, asked) if asked.values else None,
         "refit": baseline.nrmse,
         "holdout": mean_error(before_played, asked.held, held=True),
     }
@@ -37,19 +37,19 @@ def event_answer(found: Findings, data: Records, asked: Asked) -> Gap:
     floor = floor_of(data.noise)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, found, float(baseline.nrmse or np.nan), float(repaired.nrmse or np.nan), floor),
-        located=located(found.given, data),
+        sentence=sentence_of(verdict, findings, baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor),
+        located=located(findings.given, data),
         ports=(),
-        effects=_effects(found, data) if verdict == "named" else (),
+        effects=_effects(findings, data) if verdict == "named" else (),
         before=before,
         after=after,
         noise_floor=floor,
         moved=moved(model.refit, seen(model.refit).intervals),
         could_not_have_seen=unseen(model, data),
-        candidates=tuple(candidate_of(one, found, data.stable(one)) for one in found.trials),
-        steps=found.steps,
-        noise=found.noise.source,
-        noise_level=found.noise.level,
+        candidates=tuple(candidate_of(one, findings, data.stable(one)) for one in findings.trials),
+        steps=findings.steps,
+        noise=findings.noise.source,
+        noise_level=findings.noise.level,
         null_space=repaired.identifiability,
         given=program_text(asked.diagram),
         program=program_text(model.diagram),
@@ -68,7 +68,7 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
     """
     pairs = list(zip(data.noise.events.records, model.refit.residuals, strict=False))
     whole = sum(float((np.abs(one) ** 2).sum()) for _, one in pairs)
-    found = []
+    misses = []
     for record, residual in pairs:
         for begin, end in windows_of(record, data.noise.events.f0_hz).values():
             inside = (record.time >= begin) & (record.time <= end)
@@ -76,14 +76,14 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
                 square = float((part**2).sum())
                 z = normal_score(square, int(inside.sum()))
                 if z > LEAST_Z:
-                    found.append(LocatedEvent(record.name, (begin, end), component, square / whole, z))
-    return tuple(sorted(found, key=lambda one: -one.share)[:MOST])
+                    misses.append(LocatedEvent(record.name, (begin, end), component, square / whole, z))
+    return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
 def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
     """Limits at their typical values that would not have shown in the records: these do not reach them."""
     refit, beside = model.refit, data.beside(model)
-    places, present, found = places_of(model.diagram, data.kinds), {one.id for one in beside}, []
+    places, present, undetectable = places_of(model.diagram, data.kinds), {one.id for one in beside}, []
     slopes = refit.slopes[: sum(2 * len(one.time) for one in data.noise.events.records)]
     basis, sizes, _ = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False)
     basis, tried = basis[:, sizes > 1e-9 * sizes[0]], set[str]()
@@ -99,19 +99,19 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
         left = move - basis @ (basis.T @ move)
         if (strength := float(left @ left)) < SEEN:
             words = "a record that reaches it: " + limit.law
-            found.append(Unseen(limit.id, "add", where(limit, places), strength, words))
-    return tuple(found)
+            undetectable.append(Unseen(limit.id, "add", where(limit, places), strength, words))
+    return tuple(undetectable)
 
 
-def _effects(found: Findings, data: Records) -> tuple[NamedEffect, ...]:
-    evidence, spans, effects = evidence_of(found), seen(found.best.refit).intervals, []
-    for place, edit in enumerate(found.best.edits):
+def _effects(findings: Findings, data: Records) -> tuple[NamedEffect, ...]:
+    evidence, spans, effects = evidence_of(findings), seen(findings.best.refit).intervals, []
+    for place, edit in enumerate(findings.best.edits):
         if not isinstance(edit, Insertion):
             continue
-        parameters = strengths_of(edit, found.best.refit, spans)
+        parameters = strengths_of(edit, findings.best.refit, spans)
         form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
         told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
-        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(found, place)))
+        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)))
     return tuple(effects)
 
 

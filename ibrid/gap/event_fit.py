@@ -97,14 +97,14 @@ class EventFitter:
         except IbridError:
             return None
         if followed is misfit:
-            found = _descended(misfit, starts, led=led)
+            descent = _descended(misfit, starts, led=led)
         else:
             whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
             moments = [by_moments(values, self.noise.events) for values in whole]
             seen = _descended(followed, moments, led=led)
             held = misfit.best_of(by_holds(followed, seen.x) if seen else [], 1)
-            found = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led)
-        return self.at(diagram, limits, found.x) if found else None
+            descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led)
+        return self.at(diagram, limits, descent.x) if descent else None
 
     def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
         """Values to which predictions lead the best start; the first start where none has an answer."""

@@ -148,16 +148,16 @@ class EventMisfit:
         parts = []
         for record in self.noise.events.records:
             values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name][:, None]
-            found: list[np.ndarray] = []
+            currents: list[np.ndarray] = []
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
                 try:
                     sharp = self.scale < NEARLY
                     played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule, sharp=sharp)
-                    found += [one.current for one in played]
+                    currents += [one.current for one in played]
                 except IbridError:  # none of them has a rest
-                    found += [np.full(record.i.shape, np.nan)] * len(some)
-            parts.append(((np.array(found) - record.i) / sigma).reshape(len(values), -1))
+                    currents += [np.full(record.i.shape, np.nan)] * len(some)
+            parts.append(((np.array(currents) - record.i) / sigma).reshape(len(values), -1))
         return np.concatenate(parts, axis=1)
 
     def answered(self, x: np.ndarray) -> np.ndarray:

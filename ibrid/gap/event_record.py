@@ -45,11 +45,11 @@ def mean_error(playback: Playback, names: Sequence[str], *, held: bool) -> float
 
 def floor_of(noise: EventNoise) -> float:
     """NRMSE that noise alone would leave, the mean over the records."""
-    found = []
+    floors = []
     for record in noise.events.records:
         sigma = noise.sigma[record.name]
-        found.append(float(np.sqrt(2 * (sigma**2).sum()) / np.linalg.norm(record.i - record.i_rest)))
-    return float(np.mean(found))
+        floors.append(float(np.sqrt(2 * (sigma**2).sum()) / np.linalg.norm(record.i - record.i_rest)))
+    return float(np.mean(floors))
 
 
 def described(model: Model, data: Records, events: Events) -> Sweep:

@@ -91,10 +91,10 @@ def _amplitudes(gap: Gap) -> dict[str, Any]:
     """What data with several injection amplitudes say beside; nothing where there is one amplitude."""
     if gap.amplitude is None:
         return {}
-    found = gap.amplitude.linearity
+    linearity = gap.amplitude.linearity
     return {
-        "amplitudes": found.amplitudes,
-        "amplitude_dependent": [vars(one) for one in found.bands],
-        "refused_hz": found.refused.tolist(),
+        "amplitudes": linearity.amplitudes,
+        "amplitude_dependent": [vars(one) for one in linearity.bands],
+        "refused_hz": linearity.refused.tolist(),
         "nonlinear_candidates": [vars(one) for one in gap.amplitude.tried],
     }

@@ -133,13 +133,13 @@ def balanced(
     return motion
 
 
-def _replaced(motion: Motion, where: np.ndarray, found: Motion) -> Motion:
+def _replaced(motion: Motion, where: np.ndarray, others: Motion) -> Motion:
     """A motion with some cells exchanged for others where those are balanced."""
-    better = where[found.converged]
+    better = where[others.converged]
     fields = {}
     for name in ("entering", "leaving", "slope", "through", "converged"):
         value = getattr(motion, name).copy()
-        value[better] = getattr(found, name)[found.converged]
+        value[better] = getattr(others, name)[others.converged]
         fields[name] = value
     return Motion(**fields)
 
@@ -175,13 +175,13 @@ def _newton(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z:
     scale = 1.0 / (1.0 + np.abs(linear.back).sum(axis=2))
     size = np.maximum(np.abs(linear.drive).max(axis=1), 1e-12)
 
-    def at(one: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def at(entering: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much that is."""
-        samples = one.reshape(len(where), r, COEFFICIENTS) @ BASIS.T
+        samples = entering.reshape(len(where), r, COEFFICIENTS) @ BASIS.T
         behind, slopes = shape.law(samples, rest[where][..., None], threshold)
         leaving = (behind @ PROJECTION.T).reshape(len(where), -1)
         back = np.einsum("cij,cj->ci", linear.back[where], leaving)
-        left = scale[where] * (one - linear.drive[where] - back)
+        left = scale[where] * (entering - linear.drive[where] - back)
         return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
 
     moving = np.arange(cells)

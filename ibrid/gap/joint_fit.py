@@ -119,12 +119,12 @@ def weighed_by_events(
         raise IbridError(NO_REST)
     least = min(fit.cost for fit in fits)
     best = next(data.fitter.at(fit.diagram, fit.limits, fit.x) for fit in fits if fit.cost - least < LIKELY)
-    found = Model(question.diagram, Convention(), best)
-    record = record_of(found, data, question, played(found, data, question.events))
+    model = Model(question.diagram, Convention(), best)
+    record = record_of(model, data, question, played(model, data, question.events))
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)
-    return replace(record, seconds=time.perf_counter() - started), found.bic()
+    return replace(record, seconds=time.perf_counter() - started), model.bic()
 
 
 def near_typical(question: Asked, nominal: Values) -> Records:

@@ -86,12 +86,12 @@ def race(
     front = _heats(forms, origins) if led else []
     whole = _first([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
     worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
-    for _, one in worth:
-        if one.go(*PLAIN).explains:
+    for _, descent in worth:
+        if descent.go(*PLAIN).explains:
             break
     ended = _first(worth, 1)
-    for _, one in ended:
-        one.to_its_end()
+    for _, descent in ended:
+        descent.to_its_end()
     others = [one.values for _, one in ended] or origins
     for form in forms:
         if all(form is not other for other, _ in ended):

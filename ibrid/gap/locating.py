@@ -22,14 +22,14 @@ def located(refit: Refit, scale: float = 1.0) -> tuple[Located, ...]:
     """
     left = refit.dof / refit.numbers
     whole = sum(float((np.abs(one) ** 2).sum()) for one in refit.residuals)
-    found = []
+    misses = []
     for op, frequency, band, entry, square, count in _parts(refit):
         z = normal_score(square / scale**2 / left, 2 * count)
         if z > LEAST_Z:
             inside = frequency[band]
             edges = (float(inside[0]), float(inside[-1]))
-            found.append(Located(op, edges, entry, square / whole if whole > 0 else 0.0, z))
-    return tuple(sorted(found, key=lambda one: -one.share)[:MOST])
+            misses.append(Located(op, edges, entry, square / whole if whole > 0 else 0.0, z))
+    return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
 def whiteness(refit: Refit) -> float:

@@ -125,7 +125,7 @@ def port_curve(fit: PortFit, repaired: Record, frequency: np.ndarray) -> PortCur
     s = 2j * np.pi * np.asarray(frequency, dtype=float)
     opened = wire(fit.port.diagram, (*repaired.vocabulary, *PORT_KINDS))
     after = wire(repaired.diagram, repaired.vocabulary)
-    series, found = True, []
+    series, deltas = True, []
     for op, values in repaired.parameters.items():
         blocks = _Blocks(opened, fit.values, repaired, op, s), _Blocks(after, values, repaired, op, s)
         shut, doubled = (blocks[0].between(after, fit.port.block, gain) for gain in (1.0, 2.0))
@@ -133,9 +133,9 @@ def port_curve(fit: PortFit, repaired: Record, frequency: np.ndarray) -> PortCur
         series = series and bool(np.allclose(_multiple(pattern, shut), 1.0))
         delta = _multiple(pattern, change)
         left, size = np.linalg.norm(change - delta[:, None, None] * pattern), np.linalg.norm(change)
-        found.append(delta if left <= ROUNDING * size and size > ROUNDING * np.linalg.norm(shut) else None)
-    alike = all(one is not None and np.allclose(one, found[0]) for one in found)
-    return PortCurve(series, found[0] if alike else None)
+        deltas.append(delta if left <= ROUNDING * size and size > ROUNDING * np.linalg.norm(shut) else None)
+    alike = all(one is not None and np.allclose(one, deltas[0]) for one in deltas)
+    return PortCurve(series, deltas[0] if alike else None)
 
 
 def _multiple(pattern: np.ndarray, matrix: np.ndarray) -> np.ndarray:
@@ -190,12 +190,12 @@ class _Blocks:
     def _wires(self, targets: Sequence[Channel], sources: Sequence[Channel]) -> np.ndarray:
         """1 where a source drives a target."""
         place = {channel: index for index, channel in enumerate(sources)}
-        found = np.zeros((len(targets), len(sources)))
+        incidence = np.zeros((len(targets), len(sources)))
         for row, target in enumerate(targets):
             for source in sources_of(self.wiring, target):
                 if source in place:
-                    found[row, place[source]] += 1.0
-        return found
+                    incidence[row, place[source]] += 1.0
+        return incidence
 
     def _without_derived(self, matrix: np.ndarray, outputs: Sequence[Channel], common: Sequence[str]) -> np.ndarray:
         """Columns of outputs that others determine, such as i_C = i_ti - i_g, moved to those."""

@@ -63,14 +63,14 @@ def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
 
     To a known sigma a floor of `MODEL_FLOOR` |Y|_F is added, for linearisation and rounding.
     """
-    found = [estimate_point(point) for point in sweep.points]
-    source = "unknown" if any(one.sigma is None for one in found) else found[0].source
+    estimates = [estimate_point(point) for point in sweep.points]
+    source = "unknown" if any(one.sigma is None for one in estimates) else estimates[0].source
     points = []
-    for point, one in zip(sweep.points, found, strict=True):
+    for point, estimate in zip(sweep.points, estimates, strict=True):
         if source == "unknown":
             sigma = of_norm(point, LEAST_UNKNOWN)
         else:
-            sigma = np.hypot(np.asarray(one.sigma), of_norm(point, MODEL_FLOOR))
+            sigma = np.hypot(np.asarray(estimate.sigma), of_norm(point, MODEL_FLOOR))
         points.append(replace(point, sigma=sigma, repeats=None))
     noise = Noise(replace(sweep, points=tuple(points)), source != "unknown", _WORDS[source])
     return noise if noise.known else noise.times(level / LEAST_UNKNOWN)

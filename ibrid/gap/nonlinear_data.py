@@ -134,9 +134,9 @@ def _of_distortion(admittance: np.ndarray, measured: np.ndarray) -> np.ndarray:
 
 def _floor(levels: Sequence[Sweep]) -> float | None:
     points = [(point, estimate_point(point).sigma) for level in levels for point in level.points]
-    found = [
+    floors = [
         float(np.sqrt(2.0 * (sigma**2).sum()) / np.linalg.norm(point.admittance))
         for point, sigma in points
         if sigma is not None
     ]
-    return float(np.mean(found)) if len(found) == len(points) else None
+    return float(np.mean(floors)) if len(floors) == len(points) else None

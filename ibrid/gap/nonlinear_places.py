@@ -50,24 +50,24 @@ def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
     )
 
 
-def _places(view: View, found: Mapping[str, Port]) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
+def _places(view: View, by_name: Mapping[str, Port]) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
     for pll in view.draft.having(Element.PLL):
-        port = found.get(f"{pll}.e_q")
+        port = by_name.get(f"{pll}.e_q")
         if port is not None:
             yield "pll_deadband", DEAD_ZONE, port, ()
             yield "", SATURATION, port, ()
     if view.roles.current_loop is not None:
         for pack in packs(view):
-            port, others = found.get(f"{pack}.out"), _beside(view, pack)
+            port, others = by_name.get(f"{pack}.out"), _beside(view, pack)
             if port is not None and others:
                 for shape in (MAGNITUDE_LIMIT, D_LIMIT, Q_LIMIT):
                     yield "current_limit", shape, port, others
                 yield "", DEAD_ZONE, port, ()
     for block in view.roles.power:
-        for name, port in found.items():
+        for name, port in by_name.items():
             if name.startswith(f"{block}.") and port.words.startswith("the measured"):
                 yield "", DEAD_ZONE, port, ()
-    command = found.get(view.roles.command)
+    command = by_name.get(view.roles.command)
     if command is not None:
         yield "", MAGNITUDE_LIMIT, command, (view.roles.command,)
 
@@ -93,18 +93,18 @@ def values_at_rest(
     wiring = wire(diagram, kinds)
     parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
     flow = carried(wiring)
-    found = []
+    at_rest = []
     for point in sweep.points:
         op = point.op.pqv
         plant = wiring.plant
         in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *op, sweep.power_node)
         frame = controller_frame(wiring, flow, parameters, in_grid, sweep.omega_0)
         if place.resting == (f"{plant}.u_r",):
-            found.append(to_frame(frame, in_grid["u_r"]))
+            at_rest.append(to_frame(frame, in_grid["u_r"]))
             continue
         channels = [(name, axis) for name in place.resting for axis in (0, 1)]
         if unknown := [channel for channel in channels if channel not in flow.known]:
             raise IbridError(f"the operating value of {unknown[0][0]} does not follow from the plant")
         signals = signals_at_rest(wiring, flow, parameters, in_grid, sweep.omega_0, frame, channels)
-        found.append([-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)])
-    return np.array(found, dtype=float)
+        at_rest.append([-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)])
+    return np.array(at_rest, dtype=float)

@@ -102,13 +102,13 @@ def _check(sweep: Sweep) -> None:
 
 
 def _chosen(diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None) -> tuple[Port, ...]:
-    found = ports(diagram, kinds)
+    available = ports(diagram, kinds)
     if only is None:
-        return found
-    names = [one.name for one in found]
+        return available
+    names = [one.name for one in available]
     if unknown := [name for name in only if name not in names]:
         raise IbridError(f"the diagram has no port {unknown[0]!r}; {near(unknown[0], names)}")
-    return tuple(one for one in found if one.name in only)
+    return tuple(one for one in available if one.name in only)
 
 
 class _Search:
@@ -127,11 +127,11 @@ class _Search:
 
     def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
         """The given starts, and each with the grid side that the data show; without one the nominal values."""
-        found = []
+        vectors = []
         for start in starts or ({},):
             self._require(start, "a start")
-            found.append(self.target.beliefs.start(start))
-        return [*found, *(self._seeded(x) for x in found if self.grid_side)]
+            vectors.append(self.target.beliefs.start(start))
+        return [*vectors, *(self._seeded(x) for x in vectors if self.grid_side)]
 
     def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
         """Starts around the nominal values, with that grid side."""

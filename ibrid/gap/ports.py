@@ -45,15 +45,15 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
 
 
 def _ports_of(view: View) -> list[Port]:
-    found = []
+    legal = []
     for place in (*places_in_series(view), *missing_paths(view)):
         try:
             drawn = view.drawn(place.edit)
         except NotInVocabulary:
             continue
         if not violations(drawn.diagram, view.kinds):
-            found.append(Port(place.name, place.words, drawn.diagram, drawn.result))
-    return found
+            legal.append(Port(place.name, place.words, drawn.diagram, drawn.result))
+    return legal
 
 
 @dataclass(frozen=True)
@@ -186,15 +186,15 @@ def _axis_paths(view: View) -> Iterator[Place]:
     }
     for pack in packs(view):
         for axis, by_name in quantities.items():
-            target, found = f"{pack}.{axis}", regulator(view, axis)
-            present = regulates(view, found)
+            target, outer = f"{pack}.{axis}", regulator(view, axis)
+            present = regulates(view, outer)
             for what, (name, start) in by_name.items():
                 words = f"a path from {name} to the {axis[-1]} axis of the current reference"
-                if present is None and found is None:
+                if present is None and outer is None:
                     yield Place(f"{name} -> {target}", words, _added(start, [target]))
                 elif present != what:
-                    instead = f" in place of {found}"
-                    yield Place(f"{name} -> {target}{instead}", words + instead, _added(start, [target], instead=found))
+                    instead = f" in place of {outer}"
+                    yield Place(f"{name} -> {target}{instead}", words + instead, _added(start, [target], instead=outer))
             if present == "q":
                 words = f"a path from {voltage} to the q axis of the current reference"
                 yield Place(f"{voltage} -> {target}", words, _added(size, [target]))

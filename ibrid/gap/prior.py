@@ -125,7 +125,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
         name: name for name in free
     }
     every = {f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters} | set(owner)
-    found: dict[str, Belief] = {}
+    prior: dict[str, Belief] = {}
     said: dict[str, tuple[str, float, float | None]] = {}
     for name, entry in values.items():
         if name not in every:
@@ -147,8 +147,8 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             kinds = {wiring.kinds[module].family for module, _ in parameter.members}
             tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
             tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
-        found[parameter.name] = Belief(value, tolerance)
-    return found
+        prior[parameter.name] = Belief(value, tolerance)
+    return prior
 
 
 def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:

@@ -67,13 +67,13 @@ class Records(Data):
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
-        found = list(self.limits)
+        limits = list(self.limits)
         for edit in model.edits:
             if isinstance(edit, LimitPlace) and edit.change == "add":
-                found.append(edit.limit)
+                limits.append(edit.limit)
             elif isinstance(edit, LimitPlace):
-                found.remove(edit.limit)
-        return tuple(found)
+                limits.remove(edit.limit)
+        return tuple(limits)
 
     def given(self, diagram: Diagram) -> Model | None:
         """The given model from its nominal values and draws about them; beside a sweep from what that alone says, too."""
@@ -155,7 +155,7 @@ class Records(Data):
         key = id(model.refit)
         if key not in self._fits:
             edits = insertions(model.diagram, self.kinds, self.catalogue)
-            glances = [(edit, one) for edit in edits if (one := self._glance(model, edit)) is not None]
+            glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit)) is not None]
             swept = self._swept(model, edits)
             runners = [
                 ((edit, glance), one)
@@ -165,15 +165,15 @@ class Records(Data):
                     [one for one in (glance.refit.values, swept.get(_edit(edit))) if one is not None], 1
                 )
             ]
-            found, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
-            for (edit, glance), one in (front := in_front(runners)):
-                if one.cost > CLOSE * front[0][1].cost and any(fit.p_value() > ADEQUATE for fit in fits):
+            models, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
+            for (edit, glance), descent in (front := in_front(runners)):
+                if descent.cost > CLOSE * front[0][1].cost and any(fit.p_value() > ADEQUATE for fit in fits):
                     break
-                starts = [one.values, *strengths(edit, [model.refit.values])]
+                starts = [descent.values, *strengths(edit, [model.refit.values])]
                 if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
                     fits.append(fit)
-                    found[_edit(edit)] = replace(glance, refit=fit)
-            self._fits[key] = model.refit, found
+                    models[_edit(edit)] = replace(glance, refit=fit)
+            self._fits[key] = model.refit, models
         return self._fits[key][1]
 
     def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[_Edit, Values]:
@@ -193,13 +193,13 @@ class Records(Data):
         if name not in self._alone:
             self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
         starts = [*strengths(insertion, (self._led(model),))]
-        found = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
-        if found is None:
+        descent = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
+        if descent is None:
             return None
         misfit = self.fitter.misfit(insertion.diagram, self.beside(changed))
         refit = replace(
-            model.refit, values=found.values, chi2=model.refit.cost + found.cost, penalty=0.0, free=len(found.x), misfit=misfit,
-            diagram=insertion.diagram, limits=self.beside(changed), x=found.x,
+            model.refit, values=descent.values, chi2=model.refit.cost + descent.cost, penalty=0.0, free=len(descent.x),
+            misfit=misfit, diagram=insertion.diagram, limits=self.beside(changed), x=descent.x,
         )  # fmt: skip
         return replace(changed, refit=refit)
 

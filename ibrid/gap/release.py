@@ -25,12 +25,12 @@ def by_until(limits: Sequence[Limit]) -> tuple[Limit, ...]:
 
 def by_moments(start: Mapping[str, float], events: Events) -> dict[str, float]:
     """Values of a cessation with its hold behind the return of each record's voltage."""
-    found = {name: value for name, value in start.items() if name != HOLD}
+    values = {name: value for name, value in start.items() if name != HOLD}
     box = UNTIL.parameters["until"]
     for record in events.records:
         moment = returns_at(record, events.f0_hz) - record.rest_end + start[HOLD]
-        found[of_record(MOMENT, record.name)] = float(np.clip(moment, box.low, box.high))
-    return found
+        values[of_record(MOMENT, record.name)] = float(np.clip(moment, box.low, box.high))
+    return values
 
 
 def by_holds(misfit: EventMisfit, x: np.ndarray) -> list[Values]:

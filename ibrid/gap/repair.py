@@ -53,22 +53,22 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
     """
     adequate = enough(bench, model)
     glances = _glanced(bench, model, nominal=not adequate)
-    refitted, found, best = (FURTHER if adequate else REFITTED), [], np.inf
+    refitted, trials, best = (FURTHER if adequate else REFITTED), [], np.inf
     for number, glance in enumerate(glances):
         edit = glance.edits[-1]
         hopeless = number >= refitted and glance.bic(bench.scale) > best + CLOSE
         if hopeless or isinstance(edit, Convention) or bench.watch.late():
-            found.append(glance)
+            trials.append(glance)
             continue
         bench.watch(min(number, refitted), refitted, f"{edit.effect}: {edit.change} {edit.where}")
         trial = bench.shop.edited(model, edit) or glance
-        found.append(min(trial, glance, key=lambda one: one.refit.cost))
-        best = min(best, found[-1].bic(bench.scale))
+        trials.append(min(trial, glance, key=lambda one: one.refit.cost))
+        best = min(best, trials[-1].bic(bench.scale))
     if conventions:
-        reached = min((one.refit.cost for one in found if one.adequate(bench.scale)), default=np.inf)
-        found += _read_otherwise(bench, model, reached)
-    bench.tests += len(found)
-    return sorted(found, key=lambda one: one.bic(bench.scale))
+        reached = min((one.refit.cost for one in trials if one.adequate(bench.scale)), default=np.inf)
+        trials += _read_otherwise(bench, model, reached)
+    bench.tests += len(trials)
+    return sorted(trials, key=lambda trial: trial.bic(bench.scale))
 
 
 def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
@@ -102,12 +102,12 @@ def better_everywhere(before: Model, after: Model) -> bool:
 def dropped_back(bench: Bench, model: Model, trials: list[Model]) -> Model:
     """The model before, refitted from where its best edits ended: a minimum that was missed looks like an effect."""
     starts = [one.refit.values for one in trials[:LOOKED_BACK] if one.convention == model.convention]
-    found = bench.shop.again(model, starts) if starts else model
-    if found.refit.cost < model.refit.cost - BETTER:
+    refitted = bench.shop.again(model, starts) if starts else model
+    if refitted.refit.cost < model.refit.cost - BETTER:
         bench.steps.append(
-            f"dropped back: the model before fits better from there, cost {model.refit.cost:.4g} -> {found.refit.cost:.4g}"
+            f"dropped back: the model before fits better from there, cost {model.refit.cost:.4g} -> {refitted.refit.cost:.4g}"
         )
-    return found
+    return refitted
 
 
 def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
@@ -182,13 +182,13 @@ def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
 
     Of labels the usual mistakes alone: any number for a scale takes up a part of whatever is missing.
     """
-    found = list(level)
-    for one in level[:first]:
-        trials = [] if len(one.edits) >= MOST_EDITS or enough(bench, one) else _read_otherwise(bench, one, np.inf)
+    models = list(level)
+    for model in level[:first]:
+        trials = [] if len(model.edits) >= MOST_EDITS or enough(bench, model) else _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
         bench.tests += len(trials)
-        found += sorted(paying(bench, one, trials), key=lambda one: one.bic(bench.scale))[:1]
-    return sorted(found, key=lambda one: one.bic(bench.scale))
+        models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
+    return sorted(models, key=lambda one: one.bic(bench.scale))
 
 
 def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
@@ -205,7 +205,7 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
 def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
     """Of looks, each with the model that it edits, the best refitted, without twins; those that pay, best first."""
     bench.tests += len(looks)
-    found: list[Model] = []
+    models: list[Model] = []
     chosen: list[Model] = []
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
         if len(chosen) >= CARRIED or bench.watch.late():
@@ -217,13 +217,13 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
         if isinstance(edit, Convention):
             continue
         bench.watch(len(chosen), CARRIED, f"together with {_words(edit)}")
-        model = min(bench.shop.edited(before, edit) or look, look, key=lambda one: one.refit.cost)
+        model = min(bench.shop.edited(before, edit) or look, look, key=lambda trial: trial.refit.cost)
         if significant(before, model, bench.tests, bench.scale) and bench.shop.stable(model):
-            found.append(model)
+            models.append(model)
     noise = bench.shop.noise
-    if not noise.known and found:
-        bench.scale = min(bench.scale, scale_of(noise, sorted(found, key=lambda one: one.refit.cost), ()))
-    return sorted(found, key=lambda one: one.bic(bench.scale))
+    if not noise.known and models:
+        bench.scale = min(bench.scale, scale_of(noise, sorted(models, key=lambda one: one.refit.cost), ()))
+    return sorted(models, key=lambda one: one.bic(bench.scale))
 
 
 def _apart(models: list[Model]) -> list[Model]:
@@ -244,12 +244,12 @@ def _further(bench: Bench, model: Model) -> Model:
     while len(model.edits) < MOST_EDITS and not bench.watch.late():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
-        found = next(iter(paying(bench, model, trials)), None)
-        if found is None:
+        candidate = next(iter(paying(bench, model, trials)), None)
+        if candidate is None:
             return model
-        if enough(bench, model) and found.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
+        if enough(bench, model) and candidate.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
             return model
-        model = found
+        model = candidate
     return model
 
 

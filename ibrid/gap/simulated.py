@@ -48,11 +48,11 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
         raise IbridError(
             f"the two sweeps have no operating point in common: {', '.join(simulated.names)} and {', '.join(measured.names)}"
         )
-    found, noise = [], noise_of(measured).sweep
+    located, noise = [], noise_of(measured).sweep
     for name in common:
-        one, other = simulated.point(name), noise.point(name)
+        point, other = simulated.point(name), noise.point(name)
         bands = band_index(other.frequency)
-        response = _interpolated(one.frequency, one.admittance, other.frequency)
+        response = _interpolated(point.frequency, point.admittance, other.frequency)
         square = np.abs((response - other.admittance) / np.asarray(other.sigma)) ** 2
         for band in range(len(BAND_EDGES) + 1):
             inside = (bands == band) & np.isfinite(square).all(axis=(1, 2))
@@ -60,9 +60,9 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
                 edges = (float(other.frequency[inside][0]), float(other.frequency[inside][-1]))
                 for number, entry in enumerate(ENTRIES):
                     part = float(square[inside, number // 2, number % 2].sum())
-                    found.append(Located(name, edges, entry, part, normal_score(part, 2.0 * inside.sum())))
-    whole = sum(one.share for one in found) or 1.0
-    return tuple(sorted((replace(one, share=one.share / whole) for one in found), key=lambda one: -one.share))
+                    located.append(Located(name, edges, entry, part, normal_score(part, 2.0 * inside.sum())))
+    whole = sum(one.share for one in located) or 1.0
+    return tuple(sorted((replace(one, share=one.share / whole) for one in located), key=lambda one: -one.share))
 
 
 def identify(simulated: Sweep, seed: int = 0) -> Identified:

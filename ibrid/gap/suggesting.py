@@ -80,7 +80,7 @@ def low_order_blocks(question: Question) -> Iterator[Suggestion]:
 
 
 def suggested(
-    found: Findings, shop: Workshop, question: Question, suggest: Sequence[Suggest] = (low_order_blocks,)
+    findings: Findings, shop: Workshop, question: Question, suggest: Sequence[Suggest] = (low_order_blocks,)
 ) -> tuple[Suggested, ...]:
     """Every suggestion, refitted and put to the tests of a named effect; what passes first, then by the fit.
 
@@ -88,17 +88,17 @@ def suggested(
     """
     ideas: dict[str, Suggestion] = {}
     for source in suggest:
-        for one in source(question):
-            ideas.setdefault(program_text(one.diagram), one)
+        for idea in source(question):
+            ideas.setdefault(program_text(idea.diagram), idea)
     if not ideas:
         return ()
-    tests, before = found.tests + len(ideas), found.before or held_out(shop, found.given)
-    rows = [_weighed(found, shop, before, one, text, tests) for text, one in ideas.items()]
+    tests, before = findings.tests + len(ideas), findings.before or held_out(shop, findings.given)
+    rows = [_weighed(findings, shop, before, one, text, tests) for text, one in ideas.items()]
     return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
 
 
-def _weighed(found: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int) -> Suggested:
-    given, before = found.given, found.given.refit.chi2 / found.given.refit.dof
+def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int) -> Suggested:
+    given, before = findings.given, findings.given.refit.chi2 / findings.given.refit.dof
     if wrong := violations(idea.diagram, shop.kinds):
         return Suggested(idea.words, idea.source, text, float("inf"), before, reason=f"not legal: {wrong[0].message}")
     starts = [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
@@ -109,7 +109,7 @@ def _weighed(found: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, t
     if refit is None:
         return Suggested(idea.words, idea.source, text, float("inf"), before, reason="has no response")
     model = Model(idea.diagram, given.convention, refit, given.edits)
-    reason = _fails(found, shop, model, tests)
+    reason = _fails(findings, shop, model, tests)
     return Suggested(
         idea.words,
         idea.source,
@@ -122,10 +122,10 @@ def _weighed(found: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, t
     )
 
 
-def _fails(found: Findings, shop: Workshop, model: Model, tests: int) -> str:
+def _fails(findings: Findings, shop: Workshop, model: Model, tests: int) -> str:
     """Which test of an effect a suggestion fails, "" when none."""
-    if not significant(found.given, model, tests, found.scale):
+    if not significant(findings.given, model, tests, findings.scale):
         return "does not pay"
-    if not fits(model, found.noise, found.scale):
+    if not fits(model, findings.noise, findings.scale):
         return "does not fit as well as the noise allows"
     return "" if shop.stable(model) else "unstable"

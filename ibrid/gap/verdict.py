@@ -93,17 +93,17 @@ def fits(model: Model, noise: Noise, scale: float) -> bool:
     return noise.known or least or white(model)
 
 
-def verdict_of(found: Findings) -> Verdict:
+def verdict_of(findings: Findings) -> Verdict:
     """One of six; where every model leaves more than noise, only whether a label is wrong can be said."""
-    if found.noise.measured is not None:
-        return "data-convention" if found.misread else "unexplained"
-    if fits(found.best, found.noise, found.scale):
-        if any(isinstance(edit, Convention) for edit in found.best.edits):
+    if findings.noise.measured is not None:
+        return "data-convention" if findings.misread else "unexplained"
+    if fits(findings.best, findings.noise, findings.scale):
+        if any(isinstance(edit, Convention) for edit in findings.best.edits):
             return "data-convention"
-        if found.repaired:
+        if findings.repaired:
             return "named"
-        return "parameters-only" if moved_far(found.given) else "no-gap"
-    return "located-unnamed" if any(one.adequate for one in found.ports) else "unexplained"
+        return "parameters-only" if moved_far(findings.given) else "no-gap"
+    return "located-unnamed" if any(one.adequate for one in findings.ports) else "unexplained"
 
 
 def missed(model: Model) -> float:
@@ -122,40 +122,40 @@ def moved_far(model: Model) -> list[str]:
     return sorted((name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name])
 
 
-def alike(found: Findings, place: int) -> tuple[str, ...]:
+def alike(findings: Findings, place: int) -> tuple[str, ...]:
     """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
-    edit, best = found.best.edits[place], found.best
-    limit, names = best.bic(found.scale) + ALIKE, []
+    best, scale, names = findings.best, findings.scale, list[str]()
+    edit, limit = best.edits[place], best.bic(scale) + ALIKE
     if isinstance(edit, Convention):
-        others = [one for one in found.trials if len(best.edits) == 1 and one.bic(found.scale) <= limit]
+        others = [one for one in findings.trials if len(best.edits) == 1 and one.bic(scale) <= limit]
         labels = [one.edits[-1].ids for one in others if isinstance(one.edits[-1], Convention)]
         return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
-    if place >= len(found.rivals):
+    if place >= len(findings.rivals):
         return ()
-    for one in sorted(found.rivals[place], key=lambda one: one.bic(found.scale)):
-        other = one.edits[-1]
+    for rival in sorted(findings.rivals[place], key=lambda one: one.bic(scale)):
+        other = rival.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
             continue
-        adequate = one.adequate(found.scale) or not best.adequate(found.scale)
-        if one.bic(found.scale) <= limit and adequate and significant(found.given, one, found.tests, found.scale):
+        adequate = rival.adequate(scale) or not best.adequate(scale)
+        if rival.bic(scale) <= limit and adequate and significant(findings.given, rival, findings.tests, scale):
             names.append(other.effect)
     return tuple(names)
 
 
-def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, floor: float | None) -> str:
+def sentence_of(verdict: Verdict, findings: Findings, before: float, after: float, floor: float | None) -> str:
     """The verdict in words for an engineer; before, after, floor : NRMSE."""
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
-    taken = found.scale * found.noise.level
-    limit = "" if found.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
+    taken = findings.scale * findings.noise.level
+    limit = "" if findings.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
     if verdict == "no-gap":
         return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
-        names = ", ".join(moved_far(found.given))
+        names = ", ".join(moved_far(findings.given))
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
         what = "; ".join(
-            words_of(edit) + _or_else(alike(found, place))
-            for place, edit in enumerate(found.best.edits)
+            words_of(edit) + _or_else(alike(findings, place))
+            for place, edit in enumerate(findings.best.edits)
             if isinstance(edit, Insertion)
         )
         if after > 0.9 * before:
@@ -164,30 +164,30 @@ def sentence_of(verdict: Verdict, found: Findings, before: float, after: float, 
         return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
     if verdict == "data-convention":
         what = " and ".join(
-            edit.words + _or_else(alike(found, place))
-            for place, edit in enumerate(found.best.edits)
+            edit.words + _or_else(alike(findings, place))
+            for place, edit in enumerate(findings.best.edits)
             if isinstance(edit, Convention)
         )
-        also = "".join(f"; also {words_of(edit)}" for edit in found.best.edits if isinstance(edit, Insertion))
-        rest = "" if found.noise.measured is None else ", the rest is not explained"
+        also = "".join(f"; also {words_of(edit)}" for edit in findings.best.edits if isinstance(edit, Insertion))
+        rest = "" if findings.noise.measured is None else ", the rest is not explained"
         return (
             f"The data are written otherwise than the model means: {what}{also} "
             f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
         )
     if verdict == "located-unnamed":
-        places = [one.port.words for one in found.ports if one.adequate]
+        places = [one.port.words for one in findings.ports if one.adequate]
         where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"
         return (
             f"Something is missing that the catalogue does not know; one unknown transfer would explain all, {where}."
         )
     nearest = ""
-    if found.repaired:
-        share = 1.0 - found.best.refit.chi2 / found.given.refit.chi2
-        what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in found.best.edits)
+    if findings.repaired:
+        share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
+        what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in findings.best.edits)
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
-    neither = (
-        "no effect or single place does either" if found.ports else "no effect does either (places were not compared)"
-    )
+    neither = "no effect does either (places were not compared)"
+    if findings.ports:
+        neither = "no effect or single place does either"
     return f"The model does not explain the data (error {before:.2g}{noise}), and {neither}." + nearest
 
 

@@ -252,14 +252,14 @@ def _findings(
     data hardly see; whatever stops that seems to be missing. None where the given model has no response.
     """
     data = data_at(noise)
-    found = _tried(ask, diagram, data, ())
+    findings = _tried(ask, diagram, data, ())
     for _ in range(PASSES - 1):
-        if found is None or not found.weighed_wrongly or ask.watch.late():
+        if findings is None or not findings.weighed_wrongly or ask.watch.late():
             break
-        noise = found.noise.times(found.scale)
+        noise = findings.noise.times(findings.scale)
         data = data_at(noise)
-        found = _tried(ask, diagram, data, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
-    return None if found is None else (found, data)
+        findings = _tried(ask, diagram, data, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
+    return None if findings is None else (findings, data)
 
 
 def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
