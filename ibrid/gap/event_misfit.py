@@ -88,11 +88,6 @@ class EventMisfit:
         return other
 
     @cached_property
-    def racing(self) -> "EventMisfit":
-        """Predictions, coarsely."""
-        return self.predicting.coarse
-
-    @cached_property
     def coarse(self) -> "EventMisfit":
         """The same by steps of order five, in half the time: they lead to a valley, and no further."""
         other = copy(self)

@@ -172,7 +172,10 @@ def _explained(fits: Sequence[EventFit]) -> bool:
 
 def begun(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:
     """Of draws about nominal and typical values those whose predictions are best, the first one first."""
-    misfit, rng = data.fitter.misfit(question.diagram, question.limits).racing, np.random.default_rng(question.seed)
+    misfit, rng = (
+        data.fitter.misfit(question.diagram, question.limits).predicting.coarse,
+        np.random.default_rng(question.seed),
+    )
     middle = misfit.beliefs.start(nominal)
     drawn = middle + WIDTH * np.log(10.0) * rng.standard_normal((DRAWS, len(middle)))
     return misfit.best(np.clip(np.concatenate([middle[None], drawn]), *misfit.box), number)

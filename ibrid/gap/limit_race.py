@@ -45,7 +45,7 @@ class Form:
 
     def begun(self, origins: Sequence[Values], number: int, *, whole: bool = False) -> list[Descending]:
         """The best starts about values of the other parameters, by predictions or on `whole` records."""
-        misfit, starts = self.misfit if whole else self.misfit.racing, self.starts
+        misfit, starts = self.misfit if whole else self.misfit.predicting.coarse, self.starts
         values = [{**origin, **start} for start in starts for origin in origins]
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
@@ -84,12 +84,12 @@ def race(
     """
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
     front = _heats(forms, origins) if led else []
-    whole = _first([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
+    whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
     worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
     for _, descent in worth:
         if descent.go(*PLAIN).explains:
             break
-    ended = _first(worth, 1)
+    ended = ahead(worth, 1)
     for _, descent in ended:
         descent.to_its_end()
     others = [one.values for _, one in ended] or origins
@@ -98,7 +98,7 @@ def race(
             led_to = [form.misfit.begun(one.x) for one in form.begun(others, 1)]
             starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
             whole += [(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
-    best = {id(form.place): (form, one) for form, one in reversed(_first(whole, len(whole)))}
+    best = {id(form.place): (form, one) for form, one in reversed(ahead(whole, len(whole)))}
     return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
 
 
@@ -120,7 +120,7 @@ def in_front(
     for rounds, steps, number in heats:
         for _, one in runners:
             one.go(rounds, steps)
-        runners = _first(runners, number)
+        runners = ahead(runners, number)
     return runners
 
 
@@ -135,6 +135,6 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
         return None
 
 
-def _first(runners: Iterable[tuple[What, Descending]], number: int) -> list[tuple[What, Descending]]:
+def ahead(runners: Iterable[tuple[What, Descending]], number: int) -> list[tuple[What, Descending]]:
     """Those in front, by the cost of where they are; what has no answer is out."""
     return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]

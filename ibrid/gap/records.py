@@ -161,7 +161,7 @@ class Records(Data):
                 ((edit, glance), one)
                 for place, (edit, glance) in enumerate(sorted(glances, key=lambda pair: pair[1].refit.cost))
                 if place < RACED or _edit(edit) in swept
-                for one in self.fitter.misfit(edit.diagram, self.beside(glance)).racing.best_of(
+                for one in self.fitter.misfit(edit.diagram, self.beside(glance)).predicting.coarse.best_of(
                     [one for one in (glance.refit.values, swept.get(_edit(edit))) if one is not None], 1
                 )
             ]

@@ -16,7 +16,7 @@ from ibrid.evaluation.time_limit import time_limit
 from ibrid.gap.event_misfit import Descending, EventMisfit
 from ibrid.gap.event_question import asked_of
 from ibrid.gap.joint_fit import begun, near_typical
-from ibrid.gap.limit_race import in_front
+from ibrid.gap.limit_race import ahead, in_front
 from ibrid.gap.port_map import PortFit
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
@@ -77,11 +77,11 @@ class EventLooker(Looks):
     def raced(self, edits: Sequence[Edited], values: Values) -> list[RankedEdit]:
         """Edits of a diagram from its values: of those that lead far at a glance the ones in front of a race, the best first."""
         glances = [(edit, one) for edit in edits for one in _tried(partial(self._glance, edit, values))]
-        near = _ahead(glances, RACED)
-        runners = [(edit, one) for edit, at in near for one in _tried(partial(self._set_out, edit, at.x))]
+        near = ahead(glances, RACED)
+        runners = [(edit, one) for edit, at in near for one in _tried(partial(self._misfit(edit.diagram).begun, at.x))]
         for rounds, steps, number in EDIT_HEATS:
             gone = [(edit, one) for edit, at in runners for one in _tried(partial(at.go, rounds, steps))]
-            runners = _ahead(gone, number)
+            runners = ahead(gone, number)
         return sorted((self._seen(edit, one) for edit, one in runners), key=lambda look: look.worth)
 
     def _glance(self, edit: Edited, values: Values) -> Descending:
@@ -89,9 +89,6 @@ class EventLooker(Looks):
         length = max((len(bank) for bank in edit.strengths.values()), default=1)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
         return self._misfit(edit.diagram, glance=True).best_of([{**values[0], **bank} for bank in banks], 1)[0].go(1, 1)
-
-    def _set_out(self, edit: Edited, x: np.ndarray) -> Descending:
-        return self._misfit(edit.diagram).begun(x)
 
     def _misfit(self, diagram: Diagram, *, glance: bool = False) -> EventMisfit:
         question = asked_of(diagram, self.study)
@@ -139,8 +136,3 @@ def _tried(work: Callable[[], Descending]) -> Iterator[Descending]:
     except (Exception, SystemExit):
         return
     yield found
-
-
-def _ahead(runners: Sequence[tuple[Edited, Descending]], number: int) -> list[tuple[Edited, Descending]]:
-    """Those of least cost."""
-    return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]

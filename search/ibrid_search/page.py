@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from ibrid.analysis.loop_modes import loops_told
 from ibrid.measurement.sweep import Sweep
@@ -78,7 +77,9 @@ def run_html(run: RunData) -> str:
         "trajectory": trajectory_svg(run),
         "drawn": drawn_models(run),
         "responses": response_facts(run),
-        "events": _played(run) if run.sweep is None else None,
+        "events": played_facts(play(model_of_record(record), run.events))
+        if record and run.events and not run.sweep
+        else None,
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),
@@ -90,13 +91,6 @@ def run_html(run: RunData) -> str:
         "learning": {"updates": updates, "svg": learning_svg(updates)},
     }
     return page("run.html", facts | statistics_facts(run), "ibrid_search")
-
-
-def _played(run: RunData) -> dict[str, Any] | None:
-    """The answer to the records that were all there is."""
-    if run.record is None or run.events is None:
-        return None
-    return played_facts(play(model_of_record(run.record), run.events))
 
 
 def _when(text: str) -> str:

@@ -313,8 +313,7 @@ def _concluded(
     seconds = spent + selection.pop("seconds")  # the file is the same for the same seed
     answer = loop.steps[selection["answer"]]
     rivals = rivals_of(answer, loop.steps, worth.record, assessor.floor) if worth.at_floor(answer) else ()
-    swept = assessor.floor.known and assessor.study.events is None
-    noise = assessor.floor.level if swept else VISIBLE
+    noise = assessor.floor.level if assessor.floor.known and assessor.study.events is None else VISIBLE
     seconds += _fit_longer(loop, assessor, answer.number)
     record = worth.record(answer.number)
     ranked = sorted(filter(eligible, loop.steps), key=worth.rank)[:JUDGED] if events is not None else []
