@@ -7,7 +7,7 @@ from ibrid.gap.answer import candidate_of, evidence_of, moved, strengths_of
 from ibrid.gap.detectability import SEEN
 from ibrid.gap.event_places import LimitPlace, where
 from ibrid.gap.event_question import Asked
-from ibrid.gap.event_record import described, floor_of, mean_error, played, record_of, seen
+from ibrid.gap.event_record import described, mean_error, noise_nrmse, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, NamedEffect, Unseen
@@ -34,7 +34,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         "holdout": mean_error(before_played, asked.held, held=True),
     }
     after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
-    floor = floor_of(data.noise)
+    floor = noise_nrmse(data.noise)
     return Gap(
         verdict=verdict,
         sentence=sentence_of(verdict, findings, baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor),

@@ -112,10 +112,5 @@ def asked_of(diagram: Diagram, study: Study) -> Asked:
     """The question of a study of records alone, of a diagram without limits."""
     if study.events is None:
         raise IbridError("the study has no records of events; make one of them, Study.of(events)")
-    options: StudyOptions = {
-        "holdout_op": study.held,
-        "vocabulary": study.kinds,
-        "seed": study.seed,
-        "port": study.port,
-    }
-    return asked(diagram, None, None, study.events, options)
+    told: StudyOptions = {"holdout_op": study.held, "vocabulary": study.kinds, "seed": study.seed, "port": study.port}
+    return asked(diagram, None, None, study.events, told)

@@ -43,7 +43,7 @@ def mean_error(playback: Playback, names: Sequence[str], *, held: bool) -> float
     return float(np.mean(known)) if known and len(known) == len(errors) else None
 
 
-def floor_of(noise: EventNoise) -> float:
+def noise_nrmse(noise: EventNoise) -> float:
     """NRMSE that noise alone would leave, the mean over the records."""
     floors = []
     for record in noise.events.records:
@@ -85,13 +85,14 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         settings={**record.settings, "large_signal": limits, "events": asked.events.source},
         nrmse_by_record=by_record,
         nrmse_by_window=playback.by_window,
-        holdout={**record.holdout, **{name: by_record.get(name, np.nan) for name in asked.held}},
+        holdout={**record.holdout, **{name: by_record[name] for name in asked.held if name in by_record}},
         intervals={op: {name: told.intervals[name] for name in found} for op, found in record.intervals.items()},
         covariance=_covariance(record, model.refit, told),
         identifiability=told.sentences,
     )
     error = mean_error(playback, asked.held, held=False)
-    grade = _grade(model, error, floor := floor_of(data.noise))
+    floor = noise_nrmse(data.noise)
+    grade = _grade(model, error, floor)
     if asked.study is not None:
         return replace(record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index)))
     fitted = {name: value for name, value in by_record.items() if name not in asked.held}

@@ -159,7 +159,7 @@ def _explaining(
     near = misfit.coarse.best_of([] if warm is None else [warm], 1)
     fits = _fitted([one.go(*NEAR).values for one in near], question, data, led=False)
     draws = 0 if _explained(fits) else min(2 * effort.restarts + 2 * (not fits), DESCENDED)
-    for start in begun(question, data, nominal, draws) if draws else []:
+    for start in drawn_starts(question, data, nominal, draws) if draws else []:
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
         fits += _fitted([start.values], question, data)
@@ -170,13 +170,10 @@ def _explained(fits: Sequence[EventFit]) -> bool:
     return any(fit.p_value() > ADEQUATE for fit in fits)
 
 
-def begun(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:
+def drawn_starts(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:
     """Of draws about nominal and typical values those whose predictions are best, the first one first."""
-    misfit, rng = (
-        data.fitter.misfit(question.diagram, question.limits).predicting.coarse,
-        np.random.default_rng(question.seed),
-    )
-    middle = misfit.beliefs.start(nominal)
+    misfit = data.fitter.misfit(question.diagram, question.limits).predicting.coarse
+    rng, middle = np.random.default_rng(question.seed), misfit.beliefs.start(nominal)
     drawn = middle + WIDTH * np.log(10.0) * rng.standard_normal((DRAWS, len(middle)))
     return misfit.best(np.clip(np.concatenate([middle[None], drawn]), *misfit.box), number)
 

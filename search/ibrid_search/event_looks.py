@@ -15,7 +15,7 @@ import numpy as np
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.gap.event_misfit import Descending, EventMisfit
 from ibrid.gap.event_question import asked_of
-from ibrid.gap.joint_fit import begun, near_typical
+from ibrid.gap.joint_fit import drawn_starts, near_typical
 from ibrid.gap.limit_race import ahead, in_front
 from ibrid.gap.port_map import PortFit
 from ibrid.structure.diagram import Diagram
@@ -68,7 +68,7 @@ class EventLooker(Looks):
 
     def _drawn(self, edit: Edited, typical: Mapping[str, float]) -> list[tuple[Edited, Descending]]:
         question = asked_of(edit.diagram, self.study)
-        return [(edit, one) for one in begun(question, near_typical(question, typical), typical, FOLLOWED)]
+        return [(edit, one) for one in drawn_starts(question, near_typical(question, typical), typical, FOLLOWED)]
 
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
         """An edit that races alone; worthless where it has no answer."""

@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
 from ibrid.gap.event_noise import event_noise
-from ibrid.gap.event_record import floor_of as level_of
+from ibrid.gap.event_record import noise_nrmse
 from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import Sweep, measured_numbers
 from ibrid.study import Study
@@ -82,7 +82,7 @@ def floor_of(study: Study) -> Floor:
     if (events := study.blind.events) is None:
         return noise_floor(study.fitted)
     noise = event_noise(events, study.fitted)
-    return Floor(level_of(noise), sum(2 * len(one.time) for one in events.records), noise.source)
+    return Floor(noise_nrmse(noise), sum(2 * len(one.time) for one in events.records), noise.source)
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,7 @@ def search(
     labels: tuple[Mapping[str, Any], ...] = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
-    known = _begun_from(folder) if resume and start is None else None
+    known = _kept_starts(folder) if resume and start is None else None
     first, others = known or _starts(start, study, settings, progress if isinstance(progress, str) else "silent")
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     asked = {"prompt": proposers.prompt, "server": dict(proposers.server)} if proposers.models else {}
@@ -259,14 +259,18 @@ def _starts(
     return program_text(first.diagram), tuple(others)
 
 
-def _begun_from(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
+def _kept_starts(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
     """The start and the further diagrams of a run, which need not be looked for again."""
     archive = inside(folder, ARCHIVE)
     if not archive.exists() or archive.stat().st_size == 0:
         return None
     with Store.open(archive, read_only=True) as store:
-        first, shipped = store.meta.get("start", ""), json.loads(store.meta.get("starts", "[]"))
-    return (first, tuple(Edited(parse_program(text), words, "", {}) for text, words in shipped)) if shipped else None
+        first, kept = store.meta.get("start", ""), store.meta.get("starts", "[]")
+    try:
+        others = tuple(Edited(parse_program(text), words, "", {}) for text, words in json.loads(kept))
+    except (ValueError, TypeError, RecursionError):  # damaged: they are looked for again
+        return None
+    return (first, others) if others else None
 
 
 def _put_right(

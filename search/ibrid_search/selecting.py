@@ -134,7 +134,7 @@ def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | N
         order=int(step.order or 0),
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
-        holdout=_mean_or_none(record.holdout.values()),
+        holdout=_mean_or_none(record.holdout.get(name) for name in assessor.study.held),
         frequencies=_at_held_out_frequencies(refit, assessor),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=_least_damping(record),
