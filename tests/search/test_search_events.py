@@ -1,6 +1,7 @@
 """A search with records of events: they judge what the sweep does not tell apart, and the answer is fitted to both."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import rankings_of
 from ibrid_search.running import search
+from ibrid_search.store import Store
 from sharing import shared
 
 import ibrid
 from ibrid.cli import main
+from ibrid.gap.event_record import played
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.events import Events
 from ibrid.plants.sweeping import plant_named
@@ -75,6 +78,28 @@ def test_a_run_that_goes_on_looks_for_no_starts_again(tmp_path, monkeypatch):
     search(sweep, folder, budget=7, progress="silent")
     monkeypatch.setattr("ibrid_search.running.rankings_of", None)
     assert search(sweep, folder, budget=8, resume=True, progress="silent").evaluations >= 7
+
+
+def test_a_run_whose_list_of_starts_is_damaged_looks_for_them_again(tmp_path):
+    folder, sweep = tmp_path / "run", noisy()
+    search(sweep, folder, budget=7, progress="silent")
+    with Store.open(folder / "archive.sqlite") as store:
+        store.set_meta("starts", "{")
+    assert search(sweep, folder, budget=8, resume=True, progress="silent").evaluations >= 7
+
+
+def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_again(tmp_path, monkeypatch):
+    def left(*given):
+        playback = played(*given)
+        records = [replace(one, nrmse=None) if one.record.name == "phase:8" else one for one in playback.records]
+        return replace(playback, records=tuple(records))
+
+    monkeypatch.setattr("ibrid.gap.joint_fit.played", left)
+    study = Study.of(events(), holdout_op=("phase:8",))
+    record = Assessor(study).record_of(ibrid.program_text(ibrid.textbook(INVERTER)), QUICK)
+    assert record.outcome == "ok"
+    record.write(tmp_path / "record.json")
+    assert ibrid.read_record(tmp_path / "record.json").holdout == {}
 
 
 def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the_first_three():
