@@ -11,6 +11,7 @@ from ibrid.fit.settings import FitSettings, require_one_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.noise import with_sigma
 from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.transformed import transformed
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.canonical import structure_hash
@@ -43,8 +44,8 @@ class Study:
 
     Parameters
     ----------
-    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone their rests, at which
-        nothing was swept. events : those records, where nothing else was measured; `of` makes such a study.
+    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone what they show of
+        small departures (`measurement.transformed`). events : those records, where nothing else was measured; `of` makes such a study.
     parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or "paper" (fitted numbers).
     vocabulary : "extended", "paper" or kinds of one's own.
     holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
@@ -113,7 +114,7 @@ class Study:
         if isinstance(data, Study):
             return replace(data, **options) if options else data
         if isinstance(data, Events):
-            return cls(data.rests, events=data, **options)
+            return cls(transformed(data), events=data, **options)
         return cls(data, **options)
 
     @property

@@ -124,7 +124,7 @@ class CollectorModel:
         turns = [turning(rest.angle) for rest in flows[m].rests]
         whole = zip(self.collector.devices, turns, problems, self.coordinates.devices(x), strict=True)
         return [
-            device.rating * turn @ problem.response(own, m, problem.omega[m]) @ turn.T
+            device.rating * turn @ problem.response(own, m, problem.points[m].omega) @ turn.T
             for device, turn, problem, own in whole
         ]
 

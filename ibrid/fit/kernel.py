@@ -111,8 +111,20 @@ def _solve_left(k, pivots, size, left):
 
 
 @njit(**OPTIONS)
-def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, left, right, y):
-    """Y at one frequency into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False when singular."""
+def _multiply(matrix, other):
+    """matrix (n, 2) <- matrix other (2, 2)."""
+    for i in range(matrix.shape[0]):
+        first, second = matrix[i, 0], matrix[i, 1]
+        matrix[i, 0] = first * other[0, 0] + second * other[1, 0]
+        matrix[i, 1] = first * other[0, 1] + second * other[1, 1]
+
+
+@njit(**OPTIONS)
+def _respond(values, rows, columns, delays, s, excitation, size, derivative, k, pivots, left, right, y):
+    """Y at one s into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False when singular.
+
+    excitation : (2, 2), by which Y and R are multiplied; of no size: by nothing.
+    """
     k[:, :] = 0.0
     right[:, :] = 0.0
     left[:, :] = 0.0
@@ -130,9 +142,9 @@ def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, 
             y[i - size, j - size] = value
     for i in range(size):
         if delays[i] < 0.0:
-            k[i, i] += 1j * omega
+            k[i, i] += s
         else:
-            k[i, i] += np.exp(1j * omega * delays[i])
+            k[i, i] += np.exp(s * delays[i])
     output = left.copy()
     if not _factorise(k, pivots, size):
         return False
@@ -147,24 +159,39 @@ def _respond(values, rows, columns, delays, omega, size, derivative, k, pivots, 
         for a in range(2):
             left[a, size + a] = 1.0
             right[size + a, a] = 1.0
+    if excitation.size:
+        _multiply(y, excitation)
+        if derivative:
+            _multiply(right, excitation)
     return True
 
 
-@njit(**OPTIONS)
 def respond(values, rows, columns, delays, omega, size):
     """Admittance of one model.
 
     values : (nz,) entries of M at (rows, columns). delays : (size,) s, negative for a state. omega : (K,) rad/s.
     Returns (K, 2, 2) complex; not a number where the model has no response.
     """
-    result = np.empty((omega.size, 2, 2), dtype=np.complex128)
+    line = 1j * np.asarray(omega)
+    return answer(values, rows, columns, delays, line, excited(None, line), size)
+
+
+def excited(excitation, line):
+    """What the loops below multiply an admittance by: (K, 2, 2) complex; (K, 0, 0), which is nothing, for None."""
+    return np.zeros((len(line), 0, 0), dtype=complex) if excitation is None else np.ascontiguousarray(excitation)
+
+
+@njit(**OPTIONS)
+def answer(values, rows, columns, delays, s, excitation, size):
+    """As `respond`, at s (K,) complex, rad/s, multiplied by what `excited` gives."""
+    result = np.empty((s.size, 2, 2), dtype=np.complex128)
     k = np.empty((size, size), dtype=np.complex128)
     pivots = np.empty(size, dtype=np.int64)
     left = np.empty((2, size + 2), dtype=np.complex128)
     right = np.empty((size + 2, 2), dtype=np.complex128)
     y = np.empty((2, 2), dtype=np.complex128)
-    for index in range(omega.size):
-        if not _respond(values, rows, columns, delays, omega[index], size, False, k, pivots, left, right, y):
+    for index in range(s.size):
+        if not _respond(values, rows, columns, delays, s[index], excitation[index], size, False, k, pivots, left, right, y):
             y[:, :] = np.nan
         result[index] = y
     return result
@@ -172,7 +199,7 @@ def respond(values, rows, columns, delays, omega, size):
 
 @njit(**OPTIONS)
 def _differentiate(
-    left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, outer, dy
+    left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, size, outer, dy
 ):
     dy[:, :] = 0.0
     for index in range(rows.size):
@@ -186,8 +213,8 @@ def _differentiate(
         for c in range(4):
             dy[parameter, c] += value * outer[entry, c]
     for i in range(size):
-        if delay_parameter[i] >= 0:  # dK = j omega exp(j omega T) dT
-            turn = -1j * omega * np.exp(1j * omega * delays[i])
+        if delay_parameter[i] >= 0:  # dK = s exp(s T) dT
+            turn = -s * np.exp(s * delays[i])
             for a in range(2):
                 for b in range(2):
                     dy[delay_parameter[i], 2 * a + b] += turn * left[a, i] * right[i, b]
@@ -195,9 +222,9 @@ def _differentiate(
 
 @njit(**OPTIONS)
 def respond_with_derivatives(
-    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega, size, parameters
+    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, excitation, size, parameters
 ):
-    """Admittance (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
+    """Answer (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
     k = np.empty((size, size), dtype=np.complex128)
     pivots = np.empty(size, dtype=np.int64)
     left = np.empty((2, size + 2), dtype=np.complex128)
@@ -205,14 +232,14 @@ def respond_with_derivatives(
     outer = np.empty((rows.size, 4), dtype=np.complex128)
     y = np.empty((2, 2), dtype=np.complex128)
     dy = np.empty((parameters, 4), dtype=np.complex128)
-    response = np.empty((omega.size, 2, 2), dtype=np.complex128)
-    slope = np.empty((omega.size, 2, 2, parameters), dtype=np.complex128)
-    for index in range(omega.size):
-        if not _respond(values, rows, columns, delays, omega[index], size, True, k, pivots, left, right, y):
+    response = np.empty((s.size, 2, 2), dtype=np.complex128)
+    slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
+    for index in range(s.size):
+        if not _respond(values, rows, columns, delays, s[index], excitation[index], size, True, k, pivots, left, right, y):
             response[index], slope[index] = np.nan, np.nan
             continue
         _differentiate(
-            left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, omega[index], size,
+            left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s[index], size,
             outer, dy,
         )  # fmt: skip
         response[index] = y
@@ -225,13 +252,14 @@ def respond_with_derivatives(
 @njit(**OPTIONS)
 def normal_equations(
     values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays,
-    omega, data, weight, logarithmic, size, parameters, with_gradient,
+    line, excitation, data, weight, logarithmic, size, parameters, with_gradient,
 ):  # fmt: skip
     """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
 
     r = weight (Y - data), or weight log(Y / data) with `logarithmic`.
 
-    values : (S, nz). derivatives : (S, nd). delays : (S, size). data, weight : (K, 2, 2).
+    values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data, weight : (K, 2, 2).
+    excitation : from `excited`; Y is multiplied by it.
     Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response.
     """
     batch = values.shape[0]
@@ -247,18 +275,19 @@ def normal_equations(
     dy = np.empty((parameters, 4), dtype=np.complex128)
     slopes = np.empty((8, parameters))
     residual = np.empty(8)
-    for s in range(batch):
+    for start in range(batch):
         total = 0.0
-        for index in range(omega.size):
+        for index in range(line.size):
             if not _respond(
-                values[s], rows, columns, delays[s], omega[index], size, with_gradient, k, pivots, left, right, y
-            ):
+                values[start], rows, columns, delays[start], line[index], excitation[index], size, with_gradient, k,
+                pivots, left, right, y,
+            ):  # fmt: skip
                 total = np.inf
                 break
             if with_gradient:
                 _differentiate(
-                    left, right, derivatives[s], rows, columns, d_entry, d_parameter, delay_parameter, delays[s],
-                    omega[index], size, outer, dy,
+                    left, right, derivatives[start], rows, columns, d_entry, d_parameter, delay_parameter, delays[start],
+                    line[index], size, outer, dy,
                 )  # fmt: skip
             for entry in range(4):
                 a, b = entry // 2, entry % 2
@@ -281,16 +310,16 @@ def normal_equations(
             if with_gradient:
                 for p in range(parameters):
                     for row in range(8):
-                        gradient[s, p] += slopes[row, p] * residual[row]
+                        gradient[start, p] += slopes[row, p] * residual[row]
                     for q in range(p + 1):
                         value = 0.0
                         for row in range(8):
                             value += slopes[row, p] * slopes[row, q]
-                        hessian[s, p, q] += value
-        cost[s] = total if np.isfinite(total) else np.inf
+                        hessian[start, p, q] += value
+        cost[start] = total if np.isfinite(total) else np.inf
         for p in range(parameters):
             for q in range(p):
-                hessian[s, q, p] = hessian[s, p, q]
+                hessian[start, q, p] = hessian[start, p, q]
     return cost, gradient, hessian
 
 
@@ -301,13 +330,16 @@ def load() -> None:
     A fit's time limit should not pay for it.
     """
     values, derivatives = -np.ones((1, 1)), np.ones((1, 1))
-    rows, none, omega = np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64), np.ones(1)
+    rows, none = np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64)
+    line = np.ones(1, dtype=complex)
+    excitation = excited(None, line)
     delays, weight = -np.ones((1, 1)), np.ones((1, 2, 2))
     data = np.ones((1, 2, 2), dtype=complex)
     data.flags.writeable = False  # as measured data are
     for with_gradient in (False, True):
         normal_equations(
-            values, derivatives, rows, rows, rows, rows, none, delays, omega, data, weight, False, 1, 1, with_gradient
+            values, derivatives, rows, rows, rows, rows, none, delays, line, excitation, data, weight, False, 1, 1,
+            with_gradient,
         )  # fmt: skip
-    respond(values[0], rows, rows, delays[0], omega, 1)
-    respond_with_derivatives(values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], omega, 1, 1)
+    answer(values[0], rows, rows, delays[0], line, excitation, 1)
+    respond_with_derivatives(values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], line, excitation, 1, 1)

@@ -86,7 +86,8 @@ class Problem:
                     self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
                 self.index[point, local] = len(self.numbers) - 1
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
-        self.omega = [2 * np.pi * np.ascontiguousarray(point.frequency, dtype=float) for point in self.points]
+        self.line = [np.ascontiguousarray(point.line) for point in self.points]
+        self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
         self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in self.points]
         self._fields = [np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points]
         self._entries = _Caller(model.entries, len(model.parameters), (len(model.rows), len(model.derivative_entry)))
@@ -137,8 +138,8 @@ class Problem:
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
             part = kernel.normal_equations(
                 outputs[0], slopes, model.rows, model.columns, model.derivative_entry, model.derivative_parameter,
-                model.delay_parameter, model.delays(theta), self.omega[m], self.data[m], weights.weight,
-                weights.logarithmic, model.size, local if derivatives else 0, derivatives,
+                model.delay_parameter, model.delays(theta), self.line[m], self._excitation[m], self.data[m],
+                weights.weight, weights.logarithmic, model.size, local if derivatives else 0, derivatives,
             )  # fmt: skip
             cost[:, m] = part[0]
             if slope_all is not None:
@@ -153,18 +154,22 @@ class Problem:
         return cost, gradient, hessian
 
     def responses(self, x: np.ndarray) -> list[np.ndarray]:
-        """Admittance at each operating point's frequencies: x (P,) -> list of (K, 2, 2)."""
-        return [self.response(x, m, self.omega[m]) for m in range(len(self.points))]
+        """What each operating point measured: x (P,) -> list of (K, 2, 2)."""
+        return [self._response(x, m, line, self._excitation[m]) for m, line in enumerate(self.line)]
 
     def response(self, x: np.ndarray, point: int, omega: np.ndarray) -> np.ndarray:
         """Admittance at one operating point and any frequencies (rad/s): (K, 2, 2)."""
+        line = 1j * np.asarray(omega)
+        return self._response(x, point, line, kernel.excited(None, line))
+
+    def _response(self, x: np.ndarray, point: int, line: np.ndarray, excitation: np.ndarray) -> np.ndarray:
         model = self.model
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[self.index[point]])[None]
         (values,) = self._values(theta, self._fields[point])
-        return kernel.respond(values[0], model.rows, model.columns, model.delays(theta)[0], omega, model.size)
+        return kernel.answer(values[0], model.rows, model.columns, model.delays(theta)[0], line, excitation, model.size)
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
-        """dY/dx at each operating point: x (P,) -> list of (K, 2, 2, P) complex."""
+        """Slopes of `responses` by x: x (P,) -> list of (K, 2, 2, P) complex."""
         model, matrices = self.model, []
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all)
@@ -173,8 +178,8 @@ class Problem:
             values, derivatives = self._entries(theta, self._fields[m])
             _, slope = kernel.respond_with_derivatives(
                 values[0], derivatives[0], model.rows, model.columns, model.derivative_entry,
-                model.derivative_parameter, model.delay_parameter, model.delays(theta)[0], self.omega[m], model.size,
-                len(model.parameters),
+                model.derivative_parameter, model.delay_parameter, model.delays(theta)[0], self.line[m],
+                self._excitation[m], model.size, len(model.parameters),
             )  # fmt: skip
             whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)
             whole[..., index] = slope * slope_all[index]

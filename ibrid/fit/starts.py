@@ -24,7 +24,8 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
     """
     j = np.array([[0.0, -1.0], [1.0, 0.0]])
     rows, right = [], []
-    for omega, data in zip(problem.omega, problem.data, strict=True):
+    for point, data in zip(problem.points, problem.data, strict=True):
+        omega = point.omega
         for k in range(len(omega) - max(2, len(omega) // 3), len(omega)):
             if k < 0 or abs(np.linalg.det(data[k])) < 1e-14 * np.abs(data[k]).max() ** 2:
                 continue

@@ -1,8 +1,8 @@
 """evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events, and to a sweep beside them.
 
 A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the sweep as well, of which a
-record that reaches a limit or an outer loop tells the right one. Without a sweep it begins at nominal or typical values and draws
-about them, led by the measured current (`ibrid.gap.event_fit`).
+record that reaches a limit or an outer loop tells the right one. Without a sweep the records stand for one, as far as departures
+are small (`ibrid.measurement.transformed`); what that does not lead to its end is led by the measured current (`ibrid.gap.event_fit`).
 """
 
 import time
@@ -32,11 +32,12 @@ from ibrid.gap.trial import LIKELY, Model
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.transformed import transformed
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study, StudyOptions
 
-#: Draws about typical values that records alone begin from, their standard deviation in decades, and how many are descended.
-DRAWS, WIDTH, DESCENDED = 96, 0.3, 8
+#: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a valley, and no further.
+WAVES, HOPS = 1, 0
 #: Rounds, and steps of each, of a first descent from values of another fit.
 NEAR = (4, 3)
 #: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
@@ -61,8 +62,8 @@ def evaluate_events(
     model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
     events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
     values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
-    settings : effort of the fit to the sweep. Of records alone its restarts say how many draws are descended (two more than two
-        for each, eight at most); after its seconds no further one.
+    settings : effort of the fit to the sweep. Of records alone its restarts say from how many further starts a descent begins where
+        the first does not explain them; after its seconds none does.
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
         equilibrium exact.
 
@@ -154,28 +155,32 @@ def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bo
 def _explaining(
     question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None
 ) -> list[EventFit]:
-    """Fits from known values, then from draws in turn, until one explains the records or the time is up."""
+    """Fits from known values, then from where small departures lead, until one explains the records or the time is up."""
     began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
     near = misfit.coarse.best_of([] if warm is None else [warm], 1)
     fits = _fitted([one.go(*NEAR).values for one in near], question, data, led=False)
-    draws = 0 if _explained(fits) else min(2 * effort.restarts + 2 * (not fits), DESCENDED)
-    for start in drawn_starts(question, data, nominal, draws) if draws else []:
+    if _explained(fits) or (fits and not effort.restarts):
+        return fits
+    starts = ([nominal] if question.values else []) + small_departures(question, nominal, effort)
+    for start, led in [(start, led) for led in (False, True) for start in starts][: effort.restarts + 1]:
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
-        fits += _fitted([start.values], question, data)
+        fits += _fitted([start], question, data, led=led)
     return fits
+
+
+def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
+    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer."""
+    study = Study(transformed(question.fitted), vocabulary=question.kinds, seed=question.seed)
+    brief = replace(effort, objective=None, restarts=min(effort.restarts, WAVES), hops=HOPS)
+    warm = {name: nominal for name in study.fitted.names} if question.values else None
+    record = evaluate(question.diagram, study, settings=brief, warm=warm)
+    found = next(iter(record.parameters.values()), None)
+    return [] if found is None else [{**nominal, **found, **twin} for twin in ({}, *record.twins)]
 
 
 def _explained(fits: Sequence[EventFit]) -> bool:
     return any(fit.p_value() > ADEQUATE for fit in fits)
-
-
-def drawn_starts(question: Asked, data: Records, nominal: Values, number: int) -> list[Descending]:
-    """Of draws about nominal and typical values those whose predictions are best, the first one first."""
-    misfit = data.fitter.misfit(question.diagram, question.limits).predicting.coarse
-    rng, middle = np.random.default_rng(question.seed), misfit.beliefs.start(nominal)
-    drawn = middle + WIDTH * np.log(10.0) * rng.standard_normal((DRAWS, len(middle)))
-    return misfit.best(np.clip(np.concatenate([middle[None], drawn]), *misfit.box), number)
 
 
 def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:

@@ -66,6 +66,8 @@ class PointSweep:
     repeats : (R, K, 2, 2) complex, the single runs; None: one run, or only their mean is known.
     amplitude : (K,) injected amplitude of the voltage, per unit; None: not recorded.
     larger : the same point at larger amplitudes, each larger at every frequency than the one before.
+    excitation, damping : of a record that stands for a sweep (`ibrid.measurement.transformed`); `admittance` is then what the
+        device makes of the excitation (K, 2, 2), at s = damping + j omega, damping in 1/s. None: of either axis alone.
 
     Raises SweepError when shapes disagree, a number is not finite, or the admittance is zero throughout.
     """
@@ -77,13 +79,15 @@ class PointSweep:
     repeats: np.ndarray | None = None
     amplitude: np.ndarray | None = None
     larger: tuple["PointSweep", ...] = ()
+    excitation: np.ndarray | None = None
+    damping: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "larger", tuple(self.larger))
         frequency = _frozen(self.frequency, float)
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
-        for name, kind in (("sigma", float), ("repeats", complex), ("amplitude", float)):
+        for name, kind in (("sigma", float), ("repeats", complex), ("amplitude", float), ("excitation", complex)):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _frozen(getattr(self, name), kind))
         self._check_frequency()
@@ -91,6 +95,7 @@ class PointSweep:
         self._check("admittance", (count, 2, 2))
         self._check("sigma", (count, 2, 2))
         self._check("amplitude", (count,))
+        self._check("excitation", (count, 2, 2))
         if any(one.op != self.op or one.amplitude is None or one.larger for one in self.larger):
             raise SweepError(
                 f"larger amplitudes of operating point {self.op.name} must be at that operating point, each with its "
@@ -118,6 +123,11 @@ class PointSweep:
         """(K,) rad/s."""
         return 2 * pi * self.frequency
 
+    @property
+    def line(self) -> np.ndarray:
+        """(K,) where the answer was measured, s in rad/s."""
+        return self.damping + 1j * self.omega
+
     def at(self, chosen: np.ndarray) -> "PointSweep":
         """The measurement at some of its frequencies, and the larger amplitudes at those of them that they have.
 
@@ -132,6 +142,7 @@ class PointSweep:
             sigma=None if self.sigma is None else self.sigma[chosen],
             repeats=None if self.repeats is None else self.repeats[:, chosen],
             amplitude=None if self.amplitude is None else self.amplitude[chosen],
+            excitation=None if self.excitation is None else self.excitation[chosen],
             larger=tuple(one.at(kept) for one, kept in larger if kept.any()),
         )
 
