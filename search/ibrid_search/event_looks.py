@@ -1,99 +1,77 @@
 """Looks at diagrams where records of events are all there is.
 
-Shipped diagrams, of which no values are known, race by predictions: their states are led by the measured current, so that a
-wrong model cannot drift away. Edits of a fitted diagram race on whole records, which the fit is near: predictions are much alike.
+As far as departures are small the records stand for a sweep, and looks at that rank all diagrams and edits in no time. Those in
+front race on whole records, which tell them apart.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from math import inf, sqrt
-from types import MappingProxyType
-
-import numpy as np
 
 from ibrid.evaluation.time_limit import time_limit
+from ibrid.fit.anchor import Decades
+from ibrid.fit.objective import objective_for
+from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.event_misfit import Descending, EventMisfit
 from ibrid.gap.event_question import asked_of
-from ibrid.gap.joint_fit import drawn_starts, near_typical
-from ibrid.gap.limit_race import ahead, in_front
+from ibrid.gap.joint_fit import near_typical
+from ibrid.gap.limit_race import ahead
 from ibrid.gap.port_map import PortFit
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.diagnosis import Edited, Looks, RankedEdit, Values, effects_of, ideas_of
+from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, effects_of, ideas_of
 from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, absurd
 from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import Rankings
 
-#: Draws of each shipped diagram that race, and the heats: rounds, steps, how many go on.
-FOLLOWED, HEATS = 3, ((1, 1, 30), (1, 2, 15), (2, 2, 15))
-#: Seconds after which an edit is given up in a heat; it takes one or two.
+#: Shipped diagrams and edits that race, and the heats: rounds, steps, how many go on.
+SHIPPED, EDITS, HEATS = 16, 24, ((1, 4, 24), (3, 2, 8))
+#: Seconds after which one is given up in a heat; it takes one or two.
 LIMIT = 60.0
 #: What a shipped diagram may leave, over what the best leaves, to be begun from: a fit to records takes a minute.
 CLOSE = 5.0
-#: Edits that race: what is missing has bent the rest of the model, so that a glance ranks it among the first thirty and no
-#: higher; and the heats.
-RACED, EDIT_HEATS = 32, ((1, 4, 24), (3, 2, 8))
 
 
-class EventLooker(Looks):
+class EventLooker(Looker):
     """Looks at diagrams against the records of a study."""
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
         super().__init__(study.blind, criterion)
-        records = self.study.events.records if self.study.events else ()
-        self._loudest = max(records, key=lambda one: float(np.mean(np.abs(one.i - one.i_rest) ** 2))).name
 
     def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
-        """The shipped diagrams in the order of a race from draws of their numbers."""
-        runners = []
-        for edit, typical in self.shipped(devices, lambda words, share: tell(words, 0.5 * share)):
-            runners += self._drawn(edit, typical)
-        for place, heat in enumerate(HEATS):
-            tell(f"{len(runners)} starts race", 0.5 + 0.5 * place / len(HEATS))
-            runners = in_front(runners, [heat])
-        first: dict[str, RankedEdit] = {}
-        for edit, one in runners:
-            first.setdefault(edit.part, self._seen(edit, one))
-        least = min((look.error for look in first.values()), default=0.0)
-        return tuple(sorted((one for one in first.values() if one.error <= CLOSE * least), key=lambda look: look.worth))
-
-    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
-        """By a race of its draws alone."""
-        front = in_front(self._drawn(edit, typical), HEATS)
-        return self._seen(*front[0]) if front else RankedEdit(edit, inf, 0, inf)
-
-    def _drawn(self, edit: Edited, typical: Mapping[str, float]) -> list[tuple[Edited, Descending]]:
-        question = asked_of(edit.diagram, self.study)
-        return [(edit, one) for one in drawn_starts(question, near_typical(question, typical), typical, FOLLOWED)]
-
-    def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
-        """An edit that races alone; worthless where it has no answer."""
-        return next(iter(self.raced([edit], values)), RankedEdit(edit, inf, 0, inf))
+        """The shipped diagrams in the order of a race."""
+        looks = super().textbooks(devices, lambda words, share: tell(words, 0.5 * share))[:SHIPPED]
+        tell(f"{len(looks)} of them race", 0.5)
+        front = self._race(looks)
+        least = min((look.error for look in front), default=0.0)
+        return tuple(look for look in front if look.error <= CLOSE * least)
 
     def raced(self, edits: Sequence[Edited], values: Values) -> list[RankedEdit]:
         """Edits of a diagram from its values: of those that lead far at a glance the ones in front of a race, the best first."""
-        glances = [(edit, one) for edit in edits for one in _tried(partial(self._glance, edit, values))]
-        near = ahead(glances, RACED)
-        runners = [(edit, one) for edit, at in near for one in _tried(partial(self._misfit(edit.diagram).begun, at.x))]
-        for rounds, steps, number in EDIT_HEATS:
+        glances = [self.look(edit, values, glance=True) for edit in edits]
+        return self._race(sorted((one for one in glances if one.error < inf), key=lambda look: look.worth)[:EDITS])
+
+    def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
+        """What small departures leave open is near typical: a mode beyond what was recorded cannot be simulated."""
+        believed = Decades(problem)
+        return Misfit(problem, "log", believed), Misfit(problem, objective_for(problem.points), believed)
+
+    def _race(self, looks: Sequence[RankedEdit]) -> list[RankedEdit]:
+        runners = [(one.edit, at) for one in looks for at in _tried(partial(self._begun, one))]
+        for rounds, steps, number in HEATS:
             gone = [(edit, one) for edit, at in runners for one in _tried(partial(at.go, rounds, steps))]
             runners = ahead(gone, number)
         return sorted((self._seen(edit, one) for edit, one in runners), key=lambda look: look.worth)
 
-    def _glance(self, edit: Edited, values: Values) -> Descending:
-        """A step from the best of the usual strengths, on the loudest record alone."""
-        length = max((len(bank) for bank in edit.strengths.values()), default=1)
-        banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
-        return self._misfit(edit.diagram, glance=True).best_of([{**values[0], **bank} for bank in banks], 1)[0].go(1, 1)
+    def _begun(self, look: RankedEdit) -> Descending:
+        misfit = self._misfit(look.edit.diagram)
+        return misfit.begun(misfit.beliefs.start(look.values[0]))
 
-    def _misfit(self, diagram: Diagram, *, glance: bool = False) -> EventMisfit:
+    def _misfit(self, diagram: Diagram) -> EventMisfit:
         question = asked_of(diagram, self.study)
-        if glance:
-            question = replace(question, events=question.events.only(self._loudest))
         return near_typical(question, {}).fitter.misfit(question.diagram, ()).coarse
 
     def _seen(self, edit: Edited, found: Descending) -> RankedEdit:
