@@ -115,7 +115,7 @@ def weighed_by_events(
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
-        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held, led=False)
+        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held)
     if not fits:
         raise IbridError(NO_REST)
     least = min(fit.cost for fit in fits)
@@ -136,13 +136,15 @@ def near_typical(question: Asked, nominal: Values) -> Records:
     return question.records(prior)
 
 
-def _fitted(starts: Sequence[Values], question: Asked, data: Records, *, led: bool = True) -> list[EventFit]:
-    """From every start, on and on while it gains; led : by predictions before, which a start near the end need not be."""
+def _fitted(
+    starts: Sequence[Values], question: Asked, data: Records, least: float = np.inf, *, led: bool = False, rounds: int = ROUNDS
+) -> list[EventFit]:
+    """From every start, on and on while it gains and is below the `least` cost; led : by predictions before, far from the end."""
     fits = []
     for start in starts:
         fit = data.fitter.fit(question.diagram, question.limits, [start], led=led)
-        for _ in range(ROUNDS):
-            if fit is None or fit.p_value() > ADEQUATE:
+        for _ in range(rounds):
+            if fit is None or fit.cost > least or fit.p_value() > ADEQUATE:
                 break
             again = data.fitter.fit(question.diagram, question.limits, [fit.values], led=False)
             if again is None or again.cost > GAIN * fit.cost:
@@ -158,14 +160,16 @@ def _explaining(
     """Fits from known values, then from where small departures lead, until one explains the records or the time is up."""
     began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
     near = misfit.coarse.best_of([] if warm is None else [warm], 1)
-    fits = _fitted([one.go(*NEAR).values for one in near], question, data, led=False)
+    rounds = ROUNDS if effort.restarts else 0
+    fits = _fitted([one.go(*NEAR).values for one in near], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
         return fits
     starts = ([nominal] if question.values else []) + small_departures(question, nominal, effort)
     for start, led in [(start, led) for led in (False, True) for start in starts][: effort.restarts + 1]:
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
-        fits += _fitted([start], question, data, led=led)
+        least = min((fit.cost for fit in fits), default=np.inf)
+        fits += _fitted([start], question, data, least, led=led, rounds=rounds)
     return fits
 
 
