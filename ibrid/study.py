@@ -44,8 +44,8 @@ class Study:
 
     Parameters
     ----------
-    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone what they show of
-        small departures (`measurement.transformed`). events : those records, where nothing else was measured; `of` makes such a study.
+    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone what they
+        show of small departures. events : those records, where nothing else was measured; `of` makes such a study.
     parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or "paper" (fitted numbers).
     vocabulary : "extended", "paper" or kinds of one's own.
     holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".

@@ -191,7 +191,9 @@ def answer(values, rows, columns, delays, s, excitation, size):
     right = np.empty((size + 2, 2), dtype=np.complex128)
     y = np.empty((2, 2), dtype=np.complex128)
     for index in range(s.size):
-        if not _respond(values, rows, columns, delays, s[index], excitation[index], size, False, k, pivots, left, right, y):
+        if not _respond(
+            values, rows, columns, delays, s[index], excitation[index], size, False, k, pivots, left, right, y
+        ):
             y[:, :] = np.nan
         result[index] = y
     return result
@@ -235,7 +237,9 @@ def respond_with_derivatives(
     response = np.empty((s.size, 2, 2), dtype=np.complex128)
     slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
     for index in range(s.size):
-        if not _respond(values, rows, columns, delays, s[index], excitation[index], size, True, k, pivots, left, right, y):
+        if not _respond(
+            values, rows, columns, delays, s[index], excitation[index], size, True, k, pivots, left, right, y
+        ):
             response[index], slope[index] = np.nan, np.nan
             continue
         _differentiate(

@@ -1,8 +1,8 @@
 """evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events, and to a sweep beside them.
 
 A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the sweep as well, of which a
-record that reaches a limit or an outer loop tells the right one. Without a sweep the records stand for one, as far as departures
-are small (`ibrid.measurement.transformed`); what that does not lead to its end is led by the measured current (`ibrid.gap.event_fit`).
+record that reaches a limit or an outer loop tells the right one. Without a sweep the records stand for one, as far as
+departures are small (`ibrid.measurement.transformed`); where that is not enough, predictions follow (`ibrid.gap.event_fit`).
 """
 
 import time
@@ -22,7 +22,6 @@ from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
-from ibrid.gap.event_misfit import Descending
 from ibrid.gap.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.event_record import played, record_of
 from ibrid.gap.noise import ADEQUATE
@@ -62,8 +61,8 @@ def evaluate_events(
     model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
     events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
     values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
-    settings : effort of the fit to the sweep. Of records alone its restarts say from how many further starts a descent begins where
-        the first does not explain them; after its seconds none does.
+    settings : effort of the fit to the sweep. Of records alone its restarts say how many further starts are descended where the
+        first does not explain them; after its seconds none is.
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
         equilibrium exact.
 
@@ -137,7 +136,13 @@ def near_typical(question: Asked, nominal: Values) -> Records:
 
 
 def _fitted(
-    starts: Sequence[Values], question: Asked, data: Records, least: float = np.inf, *, led: bool = False, rounds: int = ROUNDS
+    starts: Sequence[Values],
+    question: Asked,
+    data: Records,
+    least: float = np.inf,
+    *,
+    led: bool = False,
+    rounds: int = ROUNDS,
 ) -> list[EventFit]:
     """From every start, on and on while it gains and is below the `least` cost; led : by predictions before, far from the end."""
     fits = []
@@ -177,7 +182,7 @@ def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> l
     """Where a fit to the records as a sweep leads, and its twins; none where it has no answer."""
     study = Study(transformed(question.fitted), vocabulary=question.kinds, seed=question.seed)
     brief = replace(effort, objective=None, restarts=min(effort.restarts, WAVES), hops=HOPS)
-    warm = {name: nominal for name in study.fitted.names} if question.values else None
+    warm = dict.fromkeys(study.fitted.names, nominal) if question.values else None
     record = evaluate(question.diagram, study, settings=brief, warm=warm)
     found = next(iter(record.parameters.values()), None)
     return [] if found is None else [{**nominal, **found, **twin} for twin in ({}, *record.twins)]

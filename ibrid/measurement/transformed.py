@@ -1,11 +1,12 @@
 """Records of events as operating points of a sweep: where a fit to records alone begins.
 
-Away from rest a small departure obeys I(s) = Y(s) V(s), with the Laplace transforms of what voltage and current do, whatever that is.
-Along s = damping + j omega a transform forgets what comes after the record's end, so that no window is needed and nothing leaks.
-One record shows Y in one direction at each s: its `PointSweep` has that as the first of two columns, and zeros.
+Small departures from rest obey I(s) = Y(s) V(s), with their Laplace transforms, whatever voltage and current do. Along
+s = damping + j omega a transform forgets what comes after the record's end, so that no window is needed and nothing leaks. A
+record shows Y in one direction at each s: its `PointSweep` has that as the first of two columns, and zeros.
 """
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ibrid.measurement.event_rest import noise_at_rest
 from ibrid.measurement.events import EventRecord, Events
@@ -13,6 +14,8 @@ from ibrid.measurement.sweep import PointSweep, Sweep
 
 #: Damping times the length of what happens: at its end e^-7 is left. Frequencies, from 1 / length to a part of the sampling rate.
 FORGOTTEN, NUMBER, HIGHEST = 7.0, 20, 0.2
+#: Points between two samples at which their splines are summed, so that a transform is right up to the highest frequency.
+FINER = 4
 #: Part of the greatest departure of the voltage at which something begins to happen.
 BEGUN = 0.1
 #: Standard deviation of an answer that is not small, as a part of it.
@@ -27,20 +30,19 @@ def transformed(events: Events) -> Sweep:
 
 def _point(record: EventRecord, f0_hz: float) -> PointSweep:
     moved = np.linalg.norm(record.v - [record.rest.v, 0.0], axis=1)
-    begin = max(int(np.argmax(moved > BEGUN * moved.max())) - 1, 0)
-    begin = min(begin, len(moved) - 4)
-    time = record.time[begin:] - record.time[begin]
-    lasts, interval = float(time[-1]), float(np.median(np.diff(time)))
+    begin = min(max(int(np.argmax(moved > BEGUN * moved.max())) - 1, 0), len(moved) - 4)
+    samples = record.time[begin:]
+    lasts, interval = float(samples[-1] - samples[0]), float(np.median(np.diff(samples)))
+    fine = np.interp(np.arange(FINER * (len(samples) - 1) + 1) / FINER, np.arange(len(samples)), samples)
     frequency = np.geomspace(1.0 / lasts, max(HIGHEST / interval, 2.0 / lasts), NUMBER)
     damping = FORGOTTEN / lasts
-    weight = np.gradient(time) * np.exp(-damping * time)
-    kernel = weight * np.exp(-2j * np.pi * np.outer(frequency, time))
+    kernel = np.gradient(fine) * np.exp(-np.outer(damping + 2j * np.pi * frequency, fine - fine[0]))
     answer, excitation = np.zeros((NUMBER, 2, 2), dtype=complex), np.zeros((NUMBER, 2, 2), dtype=complex)
-    answer[:, :, 0] = kernel @ (record.i - record.i_rest)[begin:]
-    excitation[:, :, 0] = kernel @ (record.v - [record.rest.v, 0.0])[begin:]
+    answer[:, :, 0] = kernel @ (CubicSpline(record.time, record.i)(fine) - record.i_rest)
+    excitation[:, :, 0] = kernel @ (record.voltage(fine) - [record.rest.v, 0.0])
     noise = record.sigma[begin:] if record.sigma is not None else noise_at_rest(record, f0_hz)[0]
-    size = np.linalg.norm(answer, axis=(1, 2))
-    sigma = np.hypot(np.linalg.norm(weight * noise), NOT_SMALL * size)
+    heard = np.linalg.norm(noise * np.gradient(samples) * np.exp(-damping * (samples - samples[0])))
+    sigma = np.hypot(heard, NOT_SMALL * np.linalg.norm(answer, axis=(1, 2)))
     return PointSweep(
         record.rest,
         frequency,

@@ -5,9 +5,8 @@ the logarithm of the response, which leads to the right valley, then on the erro
 an upper end of what the fit will find, so the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, log, sqrt
 from types import MappingProxyType
@@ -47,6 +46,8 @@ DRAWS, FRESH, KEPT, FAR, CARRIED, NEAR = 8, 64, 6, 16, 3, 16
 SCREENED, DESCENDING, STEPS = 96, 8, 24
 #: Operating points and frequencies of each that a look takes at most, evenly chosen; a fit takes all.
 MOST_POINTS, MOST_FREQUENCIES = 3, 32
+#: Looks that are kept, since a candidate is asked about more than once.
+REMEMBERED = 20_000
 #: What an unusual edit costs beside a usual one, in free numbers.
 UNUSUAL = 2
 
@@ -139,23 +140,14 @@ def itself_of(diagram: Diagram, study: Study) -> list[Edited]:
     return [Edited(diagram, "", "", {})]
 
 
-class Looks(ABC):
-    """Looks at diagrams against one study; the same look twice is the same."""
+class Looker:
+    """Looks at diagrams against the sweep of a study; the same look twice is the same."""
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
+        kernel.load()
         self.study, self.criterion = study, criterion
-
-    @abstractmethod
-    def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
-        """The shipped diagrams of so many devices that have a response, the best first. tell : of every look, and the share."""
-
-    @abstractmethod
-    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
-        """A look at a diagram of which no values are known but what is typical of some."""
-
-    @abstractmethod
-    def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
-        """A look at an edit from its parent's values, one mapping for each fitted operating point. glance : only from there."""
+        self._known: dict[str, RankedEdit] = {}
+        self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
         """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
@@ -181,22 +173,17 @@ class Looks(ABC):
         """Of a free number, in ln(error)."""
         return self.criterion.price / self.criterion.alone if self.criterion.floor.known else PRICE
 
-
-class Looker(Looks):
-    """Looks at diagrams against the sweep of a study."""
-
-    def __init__(self, study: Study, criterion: Criterion) -> None:
-        super().__init__(study, criterion)
-        kernel.load()
-        self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
-
     def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
-        """By descents from draws of their numbers."""
+        """The shipped diagrams of so many devices that have a response, by descents from draws of their numbers, the best first.
+
+        tell : of every look, and the share.
+        """
         looks = [self.fresh(*shipped) for shipped in self.shipped(devices, tell)]
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 
     def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
-        """By descents from draws, on the logarithm of the response first."""
+        """A diagram of which nothing is known but what is `typical` of some values, by descents from draws, on the logarithm of
+        the response first."""
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
             far, near = self._misfits(problem)
@@ -210,7 +197,18 @@ class Looker(Looks):
         return self._looked(edit, [descend] * len(self.groups))
 
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
-        """A glance is a third of the work, and enough where the values have not bent to fit."""
+        """An edit from its parent's values, one mapping for each fitted operating point.
+
+        glance : only from there, a third of the work, and enough where the values have not bent to fit. The last ones are kept.
+        """
+        key = f"{glance} {self.study.hash_of(edit.diagram)} {[sorted(point.items()) for point in values]}"
+        if key not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[key] = self._look(edit, values, glance)
+        return replace(self._known[key], edit=edit)
+
+    def _look(self, edit: Edited, values: Values, glance: bool) -> RankedEdit:
         length = max((len(bank) for bank in edit.strengths.values()), default=0)
         banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
 

@@ -4,7 +4,7 @@ As far as departures are small the records stand for a sweep, and looks at that 
 front race on whole records, which tell them apart.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from math import inf, sqrt
 
@@ -16,16 +16,12 @@ from ibrid.gap.event_misfit import Descending, EventMisfit
 from ibrid.gap.event_question import asked_of
 from ibrid.gap.joint_fit import near_typical
 from ibrid.gap.limit_race import ahead
-from ibrid.gap.port_map import PortFit
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import program_text
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values, effects_of, ideas_of
+from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values
 from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, absurd
-from ibrid_search.proposal import Evaluated
-from ibrid_search.rankings import Rankings
 
 #: Shipped diagrams and edits that race, and the heats: rounds, steps, how many go on.
 SHIPPED, EDITS, HEATS = 16, 24, ((1, 4, 24), (3, 2, 8))
@@ -40,6 +36,7 @@ class EventLooker(Looker):
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
         super().__init__(study.blind, criterion)
+        self._raced: dict[str, list[RankedEdit]] = {}
 
     def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
         """The shipped diagrams in the order of a race."""
@@ -49,10 +46,14 @@ class EventLooker(Looker):
         least = min((look.error for look in front), default=0.0)
         return tuple(look for look in front if look.error <= CLOSE * least)
 
-    def raced(self, edits: Sequence[Edited], values: Values) -> list[RankedEdit]:
-        """Edits of a diagram from its values: of those that lead far at a glance the ones in front of a race, the best first."""
+    def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
+        """Of those that lead far at a glance the ones in front of a race, the best first."""
         glances = [self.look(edit, values, glance=True) for edit in edits]
-        return self._race(sorted((one for one in glances if one.error < inf), key=lambda look: look.worth)[:EDITS])
+        front = sorted((one for one in glances if one.error < inf), key=lambda look: look.worth)[:EDITS]
+        key = f"{[look.edit.words for look in front]} {[look.values for look in front]}"
+        if key not in self._raced:
+            self._raced[key] = self._race(front)
+        return self._raced[key]
 
     def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
         """What small departures leave open is near typical: a mode beyond what was recorded cannot be simulated."""
@@ -79,31 +80,6 @@ class EventLooker(Looker):
         odd = Oddities(absurd=absurd(edit.diagram, found.values, self.study.kinds))
         values = (found.values,) * len(self.study.fitted.names)
         return RankedEdit(edit, error, free, self.worth(error, free, odd), values)
-
-
-class EventRankings(Rankings):
-    """The rankings of the candidates of a study of records: effects of the catalogue, then other ideas."""
-
-    def __init__(self, study: Study, looker: EventLooker) -> None:
-        super().__init__(study, looker)
-        self._racing = looker
-        self._raced: dict[str, list[RankedEdit]] = {}
-
-    def _explaining(self, parent: Evaluated) -> Iterator[PortFit]:
-        """No transfer at a port stands for what records lack."""
-        return iter(())
-
-    def _stages(self, parent: Evaluated) -> Iterator[list[RankedEdit]]:
-        yield self._ranked(parent.diagram, self._values(parent), effects_of)
-        yield self._ranked(parent.diagram, self._values(parent), ideas_of)
-
-    def _ranked(
-        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
-    ) -> list[RankedEdit]:
-        key = f"{edits.__name__} {program_text(diagram)} {[sorted(point.items()) for point in values]}"
-        if key not in self._raced:
-            self._raced[key] = self._racing.raced(edits(diagram, self.study), values)
-        return self._raced[key]
 
 
 def _tried(work: Callable[[], Descending]) -> Iterator[Descending]:

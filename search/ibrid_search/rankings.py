@@ -19,7 +19,6 @@ from ibrid_search.diagnosis import (
     MOST_POINTS,
     Edited,
     Looker,
-    Looks,
     RankedEdit,
     Values,
     anywhere_of,
@@ -28,6 +27,7 @@ from ibrid_search.diagnosis import (
     ideas_of,
     itself_of,
 )  # fmt: skip
+from ibrid_search.event_looks import EventLooker
 from ibrid_search.merit import ABOVE_NOISE, GROSS, criterion
 from ibrid_search.proposal import Evaluated
 from ibrid_search.settings import SearchSettings
@@ -46,17 +46,16 @@ AHEAD = 3
 LOOKED = 16
 #: Ports that are told, and the part of the misfit that an unknown transfer there may leave.
 PORTS, EXPLAINS = 3, 0.25
-#: Lists of edits and looks that are kept: a candidate is asked about more than once.
-ASKED, REMEMBERED = 400, 20_000
+#: Lists of edits that are kept: a candidate is asked about more than once.
+ASKED = 400
 
 
 class Rankings:
     """The rankings of the candidates of one study (`ibrid_search.diagnosis`)."""
 
-    def __init__(self, study: Study, looker: Looks) -> None:
+    def __init__(self, study: Study, looker: Looker) -> None:
         self.study, self.looker = study, looker
         self._edits: dict[str, list[Edited]] = {}
-        self._known: dict[str, RankedEdit] = {}
         self._ports: dict[str, tuple[PortFit, ...]] = {}
 
     def best(
@@ -89,9 +88,9 @@ class Rankings:
         """The ports of a candidate at which one unknown transfer explains most of what is left (`ibrid.gap.port_map`), the best
         first, with that transfer at the parameters beside it.
 
-        Empty where only noise is left, and where operating points have values or frequencies of their own.
+        Empty where only noise is left, of records alone, and where operating points have values or frequencies of their own.
         """
-        asked = (self.study.parameters, self.study.equilibrium) == ("shared", "exact")
+        asked = (self.study.parameters, self.study.equilibrium, self.study.events) == ("shared", "exact", None)
         if not asked or self._error(parent) <= self.looker.criterion.floor.most:
             return ()
         key = f"{program_text(parent.diagram)} {parent.record.nrmse}"
@@ -133,12 +132,15 @@ class Rankings:
         return self.looker.criterion.floor.error(parent.record)
 
     def _stages(self, parent: Evaluated) -> Iterator[list[RankedEdit]]:
-        """Looks at effects, at other ideas, at pairs, at blocks and wires anywhere; each the best first."""
+        """Looks at effects, at other ideas, at pairs, at blocks and wires anywhere; each the best first. Of records alone, where
+        a race takes a minute, only the first two."""
         diagram, values = parent.diagram, self._values(parent)
         effects = self._ranked(diagram, values, effects_of)
         yield effects
         ideas = self._ranked(diagram, values, ideas_of)
         yield ideas
+        if self.study.events is not None:
+            return
         yield self._pairs(sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD])
         yield self._ranked(diagram, values, anywhere_of)
 
@@ -149,9 +151,9 @@ class Rankings:
             for edit in effects_of(first.edit.diagram, self.study):
                 words, part = f"{first.edit.words}; {edit.words}", f"{first.edit.part} + {edit.part}"
                 both = replace(edit, words=words, part=part)
-                glances.append((self._look(both, first.values, glance=True), first.values))
+                glances.append((self.looker.look(both, first.values, glance=True), first.values))
         best = sorted(glances, key=lambda one: one[0].worth)[:LOOKED]
-        return sorted((self._look(glance.edit, values) for glance, values in best), key=_worth)
+        return sorted((self.looker.look(glance.edit, values) for glance, values in best), key=_worth)
 
     def _values(self, parent: Evaluated) -> Values:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
@@ -165,27 +167,13 @@ class Rankings:
             if len(self._edits) >= ASKED:
                 self._edits.clear()
             self._edits[key] = edits(diagram, self.study)
-        return sorted((self._look(one, values) for one in self._edits[key]), key=_worth)
-
-    def _look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
-        """A look, which is asked for more than once; the last ones are kept."""
-        key = f"{glance} {self.study.hash_of(edit.diagram)} {[sorted(point.items()) for point in values]}"
-        if key not in self._known:
-            if len(self._known) >= REMEMBERED:
-                self._known.clear()
-            self._known[key] = self.looker.look(edit, values, glance=glance)
-        return replace(self._known[key], edit=edit)
+        return self.looker.ranked(self._edits[key], values)
 
 
 @lru_cache(maxsize=2)
 def rankings_of(study: Study) -> Rankings:
     """The rankings of a study, the same for whoever asks."""
-    from ibrid_search.event_looks import EventLooker, EventRankings  # above this file
-
-    measure = criterion(study, SearchSettings())
-    if study.events is None:
-        return Rankings(study, Looker(study, measure))
-    return EventRankings(study, EventLooker(study, measure))
+    return Rankings(study, (Looker if study.events is None else EventLooker)(study, criterion(study, SearchSettings())))
 
 
 def _worth(look: RankedEdit) -> float:

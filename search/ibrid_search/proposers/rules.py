@@ -59,8 +59,7 @@ class Rules:
         gross = record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
         moves = _Moves(views)
         families = [one for one in self.families if not one.first or moves.of(one)]
-        unseen = gross or context.study.events is not None  # a first look is at a sweep
-        number = 1 if unseen or rng.random() >= LOOKED_AT else self.looks
+        number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
         edits: list[_Edit] = []
         while families and len(edits) < number:
             family = _drawn(families, bands, context.scale, rng, gross=gross)

@@ -1,0 +1,51 @@
+"""Records of events as a sweep: the transforms obey the admittance of the device, whatever the event does."""
+
+import numpy as np
+from collecting import each_of
+from scipy.linalg import expm
+
+import ibrid
+from ibrid.evaluation.evaluate import record_at
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.transformed import transformed
+from ibrid.plants.sweeping import plant_named
+from ibrid.playback.recording import event_of, record_events
+
+R, L, OMEGA = 0.2, 0.4, 2 * np.pi * 60.0
+
+
+def branch(v: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Current out of a branch R, L at the terminals, voltage linear between the samples: L / omega di/dt = -v - R i - L J i."""
+    a = -OMEGA / L * (R * np.eye(2) + L * np.array([[0.0, -1.0], [1.0, 0.0]]))
+    step = time[1] - time[0]
+    block = np.zeros((6, 6))
+    block[:2, :2], block[:2, 2:4], block[2:4, 4:] = a, -OMEGA / L * np.eye(2), np.eye(2)
+    move = expm(block * step)
+    i = np.zeros_like(v)
+    for k in range(len(time) - 1):
+        i[k + 1] = move[:2] @ np.concatenate([i[k], v[k], (v[k + 1] - v[k]) / step])
+    return i
+
+
+def test_the_transforms_of_a_branch_obey_its_impedance_though_the_record_ends_in_the_middle():
+    time = np.arange(1200) / 10000
+    rise = 0.5 * (1 - np.cos(np.pi * np.clip((time - 0.04) / 0.002, 0.0, 1.0)))
+    v = rise[:, None] * [-0.2, 0.1] * np.where(time < 0.1, 1.0, 0.3)[:, None]
+    record = EventRecord(OperatingPoint("a", 0.0, 0.0, 1.0), time, v + np.array([1.0, 0.0]), branch(v, time), 0.035)
+    (point,) = transformed(Events((record,))).points
+    s = point.line[:, None, None]
+    impedance = R * np.eye(2) + L / OMEGA * s * np.eye(2) + L * np.array([[0.0, -1.0], [1.0, 0.0]])
+    expected = -np.linalg.solve(impedance, point.excitation)
+    low = point.frequency < 500
+    np.testing.assert_allclose(point.admittance[low], expected[low], atol=3e-3 * np.abs(expected[low]).max())
+    assert not point.admittance[:, :, 1].any()
+
+
+@each_of("name", ["gfl_l_filter", "paper_like", "gfl_dc_link", "gfm_droop", "gfm_vsm", "gfm_dvoc"])
+def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
+    plant = plant_named(name)
+    kinds = [event_of("step:0.001,at=0.05"), event_of("phase:0.05,at=0.05")]
+    events = record_events(plant, plant.operating_points[:1], kinds, rate=5000.0, length=0.25)
+    record = record_at(ibrid.parse_program(plant.program), ibrid.Study.of(events), plant.diagram_values)
+    assert record.nrmse < 0.01
