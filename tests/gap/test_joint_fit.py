@@ -6,6 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from collecting import each_of
 from ibrid_bench.events.cases import draw
 from ibrid_bench.events.device import Device, simulate
 from sharing import shared
@@ -17,7 +18,8 @@ from ibrid.gap.joint_fit import evaluate_events
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.playback.recording import event_of
+from ibrid.plants.sweeping import plant_named
+from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
 
 #: The shipped benchmark, whose sweep is `paper_like`.
@@ -97,6 +99,19 @@ def test_records_alone_tell_what_they_show_within_their_intervals():
     assert max(errors(record).values()) < 0.05
     assert inside(record, list(VISIBLE)) == list(VISIBLE)
     assert set(record.nrmse_by_op) == set(record.nrmse_by_record) == {"dip:0.8", "phase:6"}
+
+
+@each_of("name", ["gfm_droop", "gfm_vsm"])
+def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_values(name):
+    plant = plant_named(name)
+    kinds = [event_of(text) for text in ("dip:0.8,at=0.05,for=0.05", "phase:10,at=0.05", "step:0.05,at=0.05")]
+    events = record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0)
+    record = evaluate_events(ibrid.parse_program(plant.program), events)
+    assert record.over_noise is not None
+    assert record.over_noise < 1.1
+    found = next(iter(record.parameters.values()))
+    for part in ("plant.L_g", "q_droop.k", "virtual_reactance.L"):
+        assert abs(found[part] / plant.diagram_values[part] - 1.0) < 0.1, part
 
 
 def test_a_twin_of_the_sweep_is_excluded_by_a_record_that_reaches_a_limit_of_the_voltage():

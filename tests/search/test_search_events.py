@@ -114,6 +114,14 @@ def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the
     assert rankings_of(study).ports(Evaluated(0, lacks, record)) == ()
 
 
+def test_the_first_candidate_of_records_of_a_droop_inverter_is_its_diagram():
+    plant = plant_named("gfm_droop")
+    kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]
+    study = Study.of(record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0))
+    looks = rankings_of(study).looker.textbooks()
+    assert ibrid.compare(looks[0].edit.diagram, ibrid.parse_program(plant.program)).same
+
+
 def test_events_with_other_habits_are_one_sentence(tmp_path, capsys):
     file = tmp_path / "events.csv"
     write_events(events(), file)
