@@ -169,8 +169,9 @@ def _explaining(
     fits = _fitted([one.go(*NEAR).values for one in near], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
         return fits
-    starts = ([nominal] if question.values else []) + small_departures(question, nominal, effort)
-    for start, led in [(start, led) for led in (False, True) for start in starts][: effort.restarts + 1]:
+    small = small_departures(question, nominal, effort)
+    starts = [(nominal, True)] * bool(question.values) + [(start, led) for led in (False, True) for start in small]
+    for start, led in starts[: effort.restarts + 1]:
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
         least = min((fit.cost for fit in fits), default=np.inf)
