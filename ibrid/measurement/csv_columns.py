@@ -79,6 +79,8 @@ def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ..
 
 def _instead(missing: list[str], wrong: list[str]) -> str:
     """What stands in the place of a missing column, if something does."""
+    if {"record", "t"} <= set(wrong):
+        return "the file holds records of events, where a sweep is needed; inspect, playback, evaluate, gap and search take them."
     if len(missing) >= 8:
         return (
             "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., Ypp_re .., Zpp_re ..); "
