@@ -92,16 +92,14 @@ class _Joiner:
         return row
 
     def _feedthrough_order(self) -> list[list[Channel]]:
-        graph: dict[Channel, list[Channel]] = {}
-        for name in self.wiring.kinds:
-            for channel in self.outputs[name]:
-                if channel not in self.rows:
-                    graph[channel] = [
-                        one for _, target in self._direct(channel) for one in sources_of(self.wiring, target)
-                    ]
+        pending = {
+            channel: [one for _, target in self._direct(channel) for one in sources_of(self.wiring, target)]
+            for channels in self.outputs.values()
+            for channel in channels
+            if channel not in self.rows
+        }
         known = set(self.rows)
         order: list[list[Channel]] = []
-        pending = dict(graph)
         while pending:  # plain levels first: loops are rare
             ready = [channel for channel, needs in pending.items() if known.issuperset(needs)]
             if not ready:
@@ -135,9 +133,8 @@ class _Joiner:
         inverse = self._inverse(loop, matrix)
         for i, channel in enumerate(loop):
             row: Row = {}
-            for j in range(size):
-                if not is_zero(inverse[i][j]):
-                    _accumulate(row, inverse[i][j], known[j])
+            for gain, other in zip(inverse[i], known, strict=True):
+                _accumulate(row, gain, other)
             self.rows[channel] = row
 
     def _inverse(self, loop: Sequence[Channel], matrix: list[list[Any]]) -> list[list[Any]]:

@@ -18,7 +18,7 @@ from ibrid.errors import OperatingPointError
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.wiring import Wiring, owner_of, split_port
 
 INPUTS, OUTPUTS = ("v_D", "v_Q"), ("i_D", "i_Q")
 _AXES = ("d", "q")
@@ -88,12 +88,12 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
     """[input, outputs that add up there], those within a closed loop left out."""
     connections = []
     for target, sources in wiring.sources.items():
-        within = owner[_module(target)]
+        within = owner[owner_of(target)]
         for axis in range(_width(wiring, target)):
             outer = [
-                f"{owner[_module(source)]}.{_name(source, axis, _width(wiring, source))}"
+                f"{owner[owner_of(source)]}.{_name(source, axis, _width(wiring, source))}"
                 for source in sources
-                if owner.get(_module(source)) not in (None, within if ":" in within else None)
+                if owner.get(owner_of(source)) not in (None, within if ":" in within else None)
             ]
             if outer:
                 name = (
@@ -101,11 +101,6 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
                 )
                 connections.append([f"{within}.{name}", *outer])
     return connections
-
-
-def _module(port: str) -> str:
-    """The module of a port; an outer port is a module of its own."""
-    return split_port(port)[0] or port
 
 
 def _width(wiring: Wiring, port: str) -> int:

@@ -137,22 +137,19 @@ def signals_at_rest(
     for channel, inputs in flow.needs.items():
         if channel not in upstream:
             continue
-        name, port = split_port(channel[0])
+        name, _ = split_port(channel[0])
         kind = wiring.kinds[name]
+        row = channels_of(name, kind.outputs).index(channel)
         entering = {one: _arriving(wiring, flow, at_rest, one) for one in inputs}
         if kind.rests_by_law and kind.large_signal is not None:
-            at_rest[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[
-                _row(kind, port, channel[1])
-            ]
+            at_rest[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[row]
             continue
         if not kind.static:
             gains: Mapping[Channel, Any] = dict.fromkeys(inputs, kind.dc_gain)
         else:
             if name not in direct:
                 direct[name] = matrices_of(kind, parameters[name], omega_0, frame, _at_ports(name, kind, entering))
-            gains = dict(
-                zip(channels_of(name, kind.inputs), direct[name][3][_row(kind, port, channel[1])], strict=True)
-            )
+            gains = dict(zip(channels_of(name, kind.inputs), direct[name][3][row], strict=True))
         at_rest[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
     return {channel: _arriving(wiring, flow, at_rest, channel) for channel in wanted}
 
@@ -233,8 +230,3 @@ def _by_law(
     inputs = {port: ports[port] if signal.width == 2 else ports[port][0] for port, signal in kind.inputs.items()}
     names = signature(law).parameters
     return law((), **inputs, **{key: value for key, value in known.items() if key in names})[1]
-
-
-def _row(kind: ModuleKind, port: str, axis: int) -> int:
-    names = list(kind.outputs)
-    return sum(kind.outputs[name].width for name in names[: names.index(port)]) + axis

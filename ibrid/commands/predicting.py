@@ -13,7 +13,6 @@ from ibrid.writing import require_place, write_whole
 
 if TYPE_CHECKING:
     from ibrid.analysis.grid import MeasuredGrid, SeriesRL
-    from ibrid.analysis.stability import Stability
     from ibrid.evaluation.record import Record
 
 
@@ -126,17 +125,13 @@ def run_stability(arguments: Namespace) -> int:
     grid = None if arguments.grid is None else _grid(arguments.grid, record)
     study = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
     printed = give_json(study.plain(), arguments.json)
-    _write_page(study, arguments)
-    if not printed:
-        print(format_stability(study).rstrip("\n"))
-    return 0
-
-
-def _write_page(study: "Stability", arguments: Namespace) -> None:
     if arguments.report is not None:
         from ibrid.report.stability_page import stability_page
 
         write_whole(arguments.report, stability_page(study, Path(arguments.record).name))
+    if not printed:
+        print(format_stability(study).rstrip("\n"))
+    return 0
 
 
 def _grid(text: str, record: "Record") -> "SeriesRL | MeasuredGrid":

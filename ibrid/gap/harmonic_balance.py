@@ -136,11 +136,9 @@ def balanced(
 def _replaced(motion: Motion, where: np.ndarray, others: Motion) -> Motion:
     """A motion with some cells exchanged for others where those are balanced."""
     better = where[others.converged]
-    fields = {}
-    for name in ("entering", "leaving", "slope", "through", "converged"):
-        value = getattr(motion, name).copy()
+    fields = {name: value.copy() for name, value in vars(motion).items()}
+    for name, value in fields.items():
         value[better] = getattr(others, name)[others.converged]
-        fields[name] = value
     return Motion(**fields)
 
 

@@ -81,7 +81,7 @@ def _each(open_: np.ndarray) -> np.ndarray:
 
 def saturation_gain(amplitude: Numbers, limit: Numbers) -> np.ndarray:
     """Of y = clip(x, -limit, limit): N = 2/pi (asin k + k sqrt(1 - k^2)) with k = limit/A up to 1, which it is below."""
-    k = _ratio(limit, amplitude)
+    k = np.minimum(np.asarray(limit, dtype=float) / np.maximum(np.asarray(amplitude, dtype=float), 1e-300), 1.0)
     return 2.0 / np.pi * (np.arcsin(k) + k * np.sqrt(1.0 - k**2))
 
 
@@ -117,11 +117,6 @@ def held_limit_gain(amplitude: Numbers, room: Numbers) -> np.ndarray:
         short = one_sided_limit(amplitude, room, middle)[1] < 0.0
         low, high = np.where(short, middle, low), np.where(short, high, middle)
     return one_sided_limit(amplitude, room, (low + high) / 2)[0]
-
-
-def _ratio(threshold: Numbers, amplitude: Numbers) -> np.ndarray:
-    size = np.maximum(np.asarray(amplitude, dtype=float), 1e-300)
-    return np.minimum(np.asarray(threshold, dtype=float) / size, 1.0)
 
 
 DEAD_ZONE = Shape("dead zone", "width", _dead_zone, dead_zone_gain, rises=True)

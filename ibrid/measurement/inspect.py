@@ -229,16 +229,11 @@ def _coverage(points: Sequence[PointInspection]) -> list[str]:
 
 
 def _resonances(points: Sequence[PointInspection]) -> list[str]:
-    thin: dict[str, list[str]] = {}
-    for point in points:
-        for peak in point.resonances:
-            if peak.points < 3:
-                thin.setdefault(f"{hertz(peak.frequency)}", []).append(point.op.name)
+    thin = dict.fromkeys(hertz(peak.frequency) for point in points for peak in point.resonances if peak.points < 3)
     if not thin:
         return []
-    where = ", ".join(thin)
     return [
-        f"the peak at {where} is spanned by fewer than three points: height, damping and true frequency "
+        f"the peak at {', '.join(thin)} is spanned by fewer than three points: height, damping and true frequency "
         "between the points are guesses, measure more densely there."
     ]
 

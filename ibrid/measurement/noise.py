@@ -219,11 +219,6 @@ def sigma_of_mean(repeats: np.ndarray) -> np.ndarray | None:
     if relative.max() < _ROUNDING:
         return None
     if runs < ENOUGH:
-        relative = _pooled(relative)
+        windows = [relative[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1] for k in range(len(relative))]
+        relative = np.array([window.mean(axis=0) for window in windows])
     return np.maximum(np.sqrt(relative / runs), _SMALLEST) * norm
-
-
-def _pooled(variance: np.ndarray) -> np.ndarray:
-    count = len(variance)
-    windows = [slice(max(0, k - NEIGHBOURS), min(count, k + NEIGHBOURS + 1)) for k in range(count)]
-    return np.array([variance[window].mean(axis=0) for window in windows])

@@ -1,9 +1,11 @@
 """Textbook dynamic control blocks; a `_dq` block applies the same scalar law to both axes."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import pi
+from typing import Any
 
-from ibrid.modules.kind import ModuleKind, Range
+from ibrid.modules.kind import Matrices, ModuleKind, Range
 from ibrid.signals import Signal
 
 APPENDIX = "paper, appendix A.3"
@@ -22,6 +24,20 @@ def integral(typical: float) -> Range:
 def cutoff(typical_hz: float) -> Range:
     """Box of a corner frequency."""
     return Range(2 * pi * 0.1, 2 * pi * 5e4, 2 * pi * typical_hz, "rad/s", "corner frequency", divides=True)
+
+
+def on_each_axis(kind: ModuleKind, state_space: Callable[..., Matrices], **changes: Any) -> ModuleKind:
+    """The `_dq` block of a scalar one. state_space : on d and q, each state of d before that of q."""
+    return replace(
+        kind,
+        name=f"{kind.name}_dq",
+        law=f"{kind.law} on each axis",
+        inputs={"in_": Signal.DQ_VEC},
+        outputs={"out": Signal.DQ_VEC},
+        states=tuple(f"{state}_{axis}" for state in kind.states for axis in "dq"),
+        state_space=state_space,
+        **changes,
+    )
 
 
 def _pi(kP, kI):
@@ -56,16 +72,7 @@ PI = ModuleKind(
     reference=APPENDIX,
 )
 
-PI_DQ = replace(
-    PI,
-    name="PI_dq",
-    law=f"{PI.law} on each axis",
-    inputs={"in_": Signal.DQ_VEC},
-    outputs={"out": Signal.DQ_VEC},
-    states=("integral_d", "integral_q"),
-    parameters={"kP": proportional(0.4), "kI": integral(15.0)},
-    state_space=_pi_dq,
-)
+PI_DQ = on_each_axis(PI, _pi_dq, parameters={"kP": proportional(0.4), "kI": integral(15.0)})
 
 LPF1 = ModuleKind(
     name="LPF1",
@@ -80,16 +87,7 @@ LPF1 = ModuleKind(
     reference=APPENDIX,
 )
 
-LPF1_DQ = replace(
-    LPF1,
-    name="LPF1_dq",
-    law=f"{LPF1.law} on each axis",
-    inputs={"in_": Signal.DQ_VEC},
-    outputs={"out": Signal.DQ_VEC},
-    states=("filtered_d", "filtered_q"),
-    parameters={"omega_c": cutoff(800.0)},
-    state_space=_low_pass_dq,
-)
+LPF1_DQ = on_each_axis(LPF1, _low_pass_dq, parameters={"omega_c": cutoff(800.0)})
 
 INTEGRATOR = ModuleKind(
     name="Integrator",

@@ -1,8 +1,8 @@
 """Blocks that no designer draws: they absorb delay or an unmodelled resonance and are counted apart."""
 
-from dataclasses import replace
 from math import pi
 
+from ibrid.modules.control import on_each_axis
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.signals import Signal
 
@@ -33,15 +33,7 @@ PADE1 = ModuleKind(
     reference=APPENDIX,
 )
 
-PADE1_DQ = replace(
-    PADE1,
-    name="Pade1_dq",
-    law=f"{PADE1.law} on each axis",
-    inputs={"in_": Signal.DQ_VEC},
-    outputs={"out": Signal.DQ_VEC},
-    states=("lag_d", "lag_q"),
-    state_space=_pade1_dq,
-)
+PADE1_DQ = on_each_axis(PADE1, _pade1_dq)
 
 
 def _notch(omega_n, Q):

@@ -7,12 +7,13 @@ tuned to the nominal frequency in a frame that does not. Complex gains lead from
 in_d + j in_q to out_d + j out_q, w = omega_0.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 
 from ibrid.modules.control import cutoff
-from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.kind import Matrices, ModuleKind, Range
+from ibrid.modules.large_signal import LargeSignal, Motion
 from ibrid.signals import Signal
 
 DQ = {"in_": Signal.DQ_VEC}, {"out": Signal.DQ_VEC}
@@ -95,27 +96,20 @@ def _fixed_at_rest(in__eq):
     return in__eq[0], in__eq[1], in__eq[1], -in__eq[0]
 
 
-_DEVIATION = {**DQ[0], "delta_omega": Signal.SCALAR}
+def _fixed(kind: ModuleKind, name: str, state_space: Callable[..., Matrices], law: Callable[..., Motion]) -> ModuleKind:
+    return replace(
+        kind,
+        name=name,
+        law=f"{kind.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
+        inputs={**DQ[0], "delta_omega": Signal.SCALAR},
+        state_space=state_space,
+        equilibrium={"in_": "E0d"},
+        large_signal=LargeSignal(law, _fixed_at_rest),
+    )
 
-SOGI_FIXED = replace(
-    SOGI_DQ,
-    name="SOGI_fixed",
-    law=f"{SOGI_DQ.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
-    inputs=_DEVIATION,
-    state_space=_sogi_fixed,
-    equilibrium={"in_": "E0d"},
-    large_signal=LargeSignal(_sogi_fixed_law, _fixed_at_rest),
-)
 
-DSOGI_FIXED = replace(
-    DSOGI_DQ,
-    name="DSOGI_fixed",
-    law=f"{DSOGI_DQ.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
-    inputs=_DEVIATION,
-    state_space=_dsogi_fixed,
-    equilibrium={"in_": "E0d"},
-    large_signal=LargeSignal(_dsogi_fixed_law, _fixed_at_rest),
-)
+SOGI_FIXED = _fixed(SOGI_DQ, "SOGI_fixed", _sogi_fixed, _sogi_fixed_law)
+DSOGI_FIXED = _fixed(DSOGI_DQ, "DSOGI_fixed", _dsogi_fixed, _dsogi_fixed_law)
 
 
 def _ddsrf(omega_c, omega_0):

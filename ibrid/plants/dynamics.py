@@ -57,6 +57,13 @@ def low_pass(states: States, name: str, omega_c: ca.SX | float | None, signal: c
     return filtered
 
 
+def pi_control(states: States, name: str, kP: float, kI: float, error: ca.SX) -> ca.SX:
+    """(kP + kI/s) of each component of an error."""
+    integral = states.add(name, error.numel())
+    states.moves(integral, error)
+    return kP * error + kI * integral
+
+
 @dataclass(frozen=True)
 class Dynamics:
     """x' = f(x, v_DQ, r), i_DQ = g(x, v_DQ) as CasADi functions; r (m,) are set-points, constant in a sweep.

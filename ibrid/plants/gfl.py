@@ -12,7 +12,7 @@ from typing import Literal
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass, pi_control
 from ibrid.plants.output_filter import FilterKind, OutputFilter, closed, output_filter, require_range
 
 Decoupling = Literal["pll", "nominal", "none"]
@@ -130,26 +130,19 @@ def gfl_dynamics(parameters: GFLParameters, omega_0: float) -> Dynamics:
 
 def _current_reference(m: GFLParameters, states: States, plant: OutputFilter, r: ca.SX) -> tuple[ca.SX, ca.SX | None]:
     """(2,) reference of the current from the outer loops, and the voltage of the DC link where there is one."""
-    measured = {"p": plant.power[0], "q": plant.power[1]}
     v_dc = None
     if m.p_loop == "power":
-        error = r[0] - low_pass(states, "power_filter.p", m.omega_c_power, measured["p"])
-        i_d = _pi(states, "power_p.integral", m.kP_power, m.kI_power, error)
+        error = r[0] - low_pass(states, "power_filter.p", m.omega_c_power, plant.power[0])
+        i_d = pi_control(states, "power_p.integral", _given(m.kP_power), _given(m.kI_power), error)
     else:
         v_dc = states.add("dc_link.v_dc")
-        i_d = _pi(states, "dc_loop.integral", m.kP_dc, m.kI_dc, v_dc - 1)
+        i_d = pi_control(states, "dc_loop.integral", _given(m.kP_dc), _given(m.kI_dc), v_dc - 1)
     if m.q_loop == "power":
-        error = r[1] - low_pass(states, "power_filter.q", m.omega_c_power, measured["q"])
-        i_q = -_pi(states, "power_q.integral", m.kP_power, m.kI_power, error)
+        error = r[1] - low_pass(states, "power_filter.q", m.omega_c_power, plant.power[1])
+        i_q = -pi_control(states, "power_q.integral", _given(m.kP_power), _given(m.kI_power), error)
     else:
-        i_q = -_pi(states, "ac_loop.integral", m.kP_ac, m.kI_ac, r[1] - ca.norm_2(plant.e))
+        i_q = -pi_control(states, "ac_loop.integral", _given(m.kP_ac), _given(m.kI_ac), r[1] - ca.norm_2(plant.e))
     return ca.vertcat(i_d, i_q), v_dc
-
-
-def _pi(states: States, name: str, kP: float | None, kI: float | None, error: ca.SX) -> ca.SX:
-    integral = states.add(name)
-    states.moves(integral, error)
-    return _given(kP) * error + _given(kI) * integral
 
 
 def _given(value: float | None) -> float:

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass, pi_control
 from ibrid.plants.output_filter import LCLParameters, OutputFilter, closed, output_filter, require_range
 
 
@@ -128,10 +128,8 @@ def _machine(m: VSMParameters, states: States, plant: OutputFilter, omega_0: flo
     r = ca.SX.sym("r", 2)
     deviation = states.add("inertia.filtered")
     # the PLL's angle counts from the controller's frame
-    locked, integral = states.add("pll.angle"), states.add("pll.integral")
-    e_q = (R(locked) @ plant.e)[1]
-    by_pll = m.kP_pll * e_q + m.kI_pll * integral
-    states.moves(integral, e_q)
+    locked = states.add("pll.angle")
+    by_pll = pi_control(states, "pll.integral", m.kP_pll, m.kI_pll, (R(locked) @ plant.e)[1])
     states.moves(locked, by_pll - deviation)
     surplus = omega_0 * (r[0] - plant.power[0]) - m.k_d * (deviation - by_pll) - m.k_w * deviation
     states.moves(deviation, surplus / m.T_a)
@@ -158,14 +156,8 @@ def _command(m: GFMParameters, states: States, plant: OutputFilter, made: _Synch
     """(2,) u_r from voltage control with a virtual reactance, current control, and damping by the fast part of e."""
     speed = made.omega / omega_0
     e_ref = ca.vertcat(made.amplitude, 0) - speed * m.X_virtual * J(plant.i_g)
-    xi, gamma = states.add("voltage.integral", 2), states.add("current.integral", 2)
-    states.moves(xi, e_ref - plant.e)
-    i_ref = m.kP_voltage * (e_ref - plant.e) + m.kI_voltage * xi + speed * m.C_F * J(plant.e)
-    states.moves(gamma, i_ref - plant.i_ti)
+    by_voltage = pi_control(states, "voltage.integral", m.kP_voltage, m.kI_voltage, e_ref - plant.e)
+    i_ref = by_voltage + speed * m.C_F * J(plant.e)
+    by_current = pi_control(states, "current.integral", m.kP_current, m.kI_current, i_ref - plant.i_ti)
     slow = low_pass(states, "damping_filter.filtered", m.omega_damping, plant.e)
-    return (
-        m.kP_current * (i_ref - plant.i_ti)
-        + m.kI_current * gamma
-        + speed * m.L_F * J(plant.i_ti)
-        - m.k_damping * (plant.e - slow)
-    )
+    return by_current + speed * m.L_F * J(plant.i_ti) - m.k_damping * (plant.e - slow)

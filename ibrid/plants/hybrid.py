@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ibrid.errors import IbridError
-from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass
+from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass, pi_control
 from ibrid.plants.output_filter import LCLParameters, closed, output_filter, require_range
 
 
@@ -53,17 +53,12 @@ def hybrid_dynamics(parameters: HybridParameters, omega_0: float) -> Dynamics:
     q = low_pass(states, "q_filter.filtered", m.omega_c_power, plant.power[1])
     error = r - ca.vertcat(p, q)
 
-    phi_pll = states.add("pll.integral")
-    states.moves(phi_pll, plant.e[1])
-    by_pll = m.kP_pll * plant.e[1] + m.kI_pll * phi_pll
+    by_pll = pi_control(states, "pll.integral", m.kP_pll, m.kI_pll, plant.e[1])
     deviation = m.weight * by_pll + (1 - m.weight) * m.m_p * error[0]
     states.moves(delta, deviation)
 
-    integral, gamma = states.add("power.integral", 2), states.add("current.integral", 2)
-    states.moves(integral, error)
-    i_ref = ca.vertcat(1, -1) * (m.kP_power * error + m.kI_power * integral)
-    states.moves(gamma, i_ref - plant.i_ti)
-    speed = 1 + deviation / omega_0
-    u_r = m.kP_current * (i_ref - plant.i_ti) + m.kI_current * gamma + speed * m.L_F * J(plant.i_ti)
+    i_ref = ca.vertcat(1, -1) * pi_control(states, "power.integral", m.kP_power, m.kI_power, error)
+    by_current = pi_control(states, "current.integral", m.kP_current, m.kI_current, i_ref - plant.i_ti)
+    u_r = by_current + (1 + deviation / omega_0) * m.L_F * J(plant.i_ti)
     plant.drive(u_r, omega_0 + deviation)
     return closed(states, plant, delta, v_DQ, r)

@@ -52,18 +52,14 @@ class Event:
     def voltage(self, time: np.ndarray, v: float) -> np.ndarray:
         """(n,) complex, d + j q in the frame that turns at the nominal frequency; v at rest."""
         if self.kind == "frequency":
-            slope = np.copysign(self.ramp, self.value)
-            return v * np.exp(2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, self._back)))
+            slope, back = np.copysign(self.ramp, self.value), np.inf if self.lasts is None else self.over
+            return v * np.exp(2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, back)))
         shape = _edge((time - self.at) / self.rise)
         if self.lasts is not None:
             shape = shape - _edge((time - self.at - self.lasts) / self.rise)
         if self.kind == "phase":
             return v * np.exp(1j * radians(self.value) * shape)
         return (v + self.value * shape if self.kind == "step" else v * (1 + (self.value - 1) * shape)).astype(complex)
-
-    @property
-    def _back(self) -> float:
-        return np.inf if self.lasts is None else self.at + self.lasts
 
     def _angle(self, time: np.ndarray, slope: float, begin: float) -> np.ndarray:
         """Turns of a frequency that rises from `begin` at a slope (Hz/s) to the value."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -93,13 +94,12 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
     start = _phase_window(entry, shown)
-    floor = _floor(entry, shown)
+    floor = _floor(shown)
     drawn = False
     for curve in shown:
         colour, marker, dashes = series(curve.index)
         if curve.measured is not None:
-            measured = curve.measured.admittance[place]
-            drawn |= _dots(magnitude, phase, curve.measured, entry, measured, floor, start, colour, marker)
+            drawn |= _dots(axes, curve.measured, entry, floor, start, {"color": colour, "marker": marker})
         if curve.model is not None and curve.frequency is not None:
             line = curve.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
@@ -142,22 +142,16 @@ def _shade(
 
 
 def _dots(
-    magnitude: Axes,
-    phase: Axes,
-    point: PointSweep,
-    entry: str,
-    value: np.ndarray,
-    floor: float,
-    start: float,
-    colour: str,
-    marker: str,
+    axes: Sequence[Axes], point: PointSweep, entry: str, floor: float, start: float, look: dict[str, Any]
 ) -> bool:
+    (magnitude, phase), value = axes, point.admittance[(slice(None), *ENTRIES[entry])]
     seen = np.abs(value) > floor
     if not seen.any():
         return False
     frequency, size, angle = point.frequency[seen], np.abs(value[seen]), _wrapped(value[seen], start)
-    look = {"color": colour, "marker": marker, "linestyle": "none", "markersize": 4.5 if seen.sum() <= 60 else 2.6}
-    look |= {"markerfacecolor": "none" if seen.sum() <= 60 else colour, "markeredgewidth": 1.1}
+    few = seen.sum() <= 60
+    look = {**look, "linestyle": "none", "markersize": 4.5 if few else 2.6, "markeredgewidth": 1.1}
+    look |= {"markerfacecolor": "none" if few else look["color"]}
     if point.sigma is None:
         magnitude.plot(frequency, size, **look)
         phase.plot(frequency, angle, **look)
@@ -169,18 +163,20 @@ def _dots(
     return True
 
 
-def _floor(entry: str, shown: Sequence[Curves]) -> float:
+def _floor(shown: Sequence[Curves]) -> float:
     """Magnitude below which a value is rounding and is not drawn."""
-    arrays = [one.measured.admittance for one in shown if one.measured is not None]
-    arrays += [one.model for one in shown if one.model is not None]
-    return ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in arrays), default=0.0)
+    return ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0)
+
+
+def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:
+    measured = [one.measured.admittance for one in shown if one.measured is not None]
+    return [one.model for one in shown if one.model is not None] + measured
 
 
 def _phase_window(entry: str, shown: Sequence[Curves]) -> float:
     """Lower end of a window of 360 degrees in which the curves jump least."""
     place = (slice(None), *ENTRIES[entry])
-    lines = [one.model[place] for one in shown if one.model is not None]
-    lines += [one.measured.admittance[place] for one in shown if one.measured is not None]
+    lines = [array[place] for array in _arrays(shown)]
     jumps = {
         start: sum(int((np.abs(np.diff(_wrapped(line, start))) > 180).sum()) for line in lines)
         + sum(float((np.minimum(*_distances(line, start)) < 12).mean()) for line in lines)

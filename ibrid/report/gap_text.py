@@ -35,7 +35,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_entry("sequences", " ".join(sequence_view(gap.sweep).sentences), 4),
             *_suggested(gap),
             *_moved(gap),
-            *_invisible(gap),
+            *_entry("invisible", "; ".join(gap.null_space), 2),
             *_unseen(gap),
             *_entry("noise", gap.noise),
             *_entry(
@@ -44,7 +44,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
                 if gap.repaired.grade
                 else "",
             ),
-            *(_entry("to do", gap.convention.remedy, 3) if gap.convention.remedy else ()),
+            *_entry("to do", gap.convention.remedy, 3),
         ],
     ]
     if folder is not None:
@@ -136,11 +136,6 @@ def _moved(gap: Gap) -> Iterator[str]:
         yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
     if gap.moved and not moved_far:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
-
-
-def _invisible(gap: Gap) -> Iterator[str]:
-    if gap.null_space:
-        yield from _entry("invisible", "; ".join(gap.null_space), 2)
 
 
 def _unseen(gap: Gap) -> Iterator[str]:

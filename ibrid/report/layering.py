@@ -89,8 +89,9 @@ def _down(ports: Sequence[str], header: float) -> dict[str, float]:
 def place(graph: BlockGraph, seed: int = 0) -> Placement:
     """Columns and heights of all nodes; `seed` shuffles the order from which the search for few crossings begins."""
     shapes = {node.name: shape(node) for node in graph.nodes}
-    forward = _forward_edges(graph)
-    column = _columns(graph, forward)
+    flow = _forward_flow(graph)
+    forward = [(source, target) for source, target in _pairs(graph.nets) if flow.has_edge(source[0], target[0])]
+    column = _columns(flow)
     order = [node.name for node in graph.nodes]
     if seed:
         np.random.default_rng(seed).shuffle(order)
@@ -102,8 +103,8 @@ def _pairs(nets: Sequence[Net]) -> list[tuple[Pin, Pin]]:
     return [(net.source, target) for net in nets for target in net.targets]
 
 
-def _forward_edges(graph: BlockGraph) -> list[tuple[Pin, Pin]]:
-    """The edges without those that close loops, the plant's first."""
+def _forward_flow(graph: BlockGraph) -> nx.DiGraph:
+    """The nodes and their edges without those that close loops, the plant's first."""
     flow = nx.DiGraph()
     flow.add_nodes_from(node.name for node in graph.nodes)
     flow.add_edges_from((source[0], target[0]) for source, target in _pairs(graph.nets))
@@ -112,18 +113,13 @@ def _forward_edges(graph: BlockGraph) -> list[tuple[Pin, Pin]]:
         flow.remove_edges_from([(plant, name) for name in list(flow.successors(plant)) if name in upstream])
     while not nx.is_directed_acyclic_graph(flow):
         flow.remove_edge(*nx.find_cycle(flow)[-1][:2])
-    return [(source, target) for source, target in _pairs(graph.nets) if flow.has_edge(source[0], target[0])]
+    return flow
 
 
-def _columns(graph: BlockGraph, forward: Sequence[tuple[Pin, Pin]]) -> dict[str, int]:
-    flow = nx.DiGraph()
-    flow.add_nodes_from(node.name for node in graph.nodes)
-    flow.add_edges_from((source[0], target[0]) for source, target in forward)
-    distance: dict[str, int] = {}
-    for name in reversed(list(nx.topological_sort(flow))):
-        distance[name] = max((distance[after] + 1 for after in flow.successors(name)), default=0)
-    deepest = max(distance.values())
-    return {name: deepest - far for name, far in distance.items()}
+def _columns(flow: nx.DiGraph) -> dict[str, int]:
+    """As far to the right as the consumers of a node allow."""
+    layers = list(nx.topological_generations(flow.reverse()))
+    return {name: column for column, layer in enumerate(reversed(layers)) for name in layer}
 
 
 def _heights(

@@ -161,12 +161,9 @@ def _draw_entries(figure: FigureBase, shown: PointView) -> None:
         top.set_title(f"$Y_{{{entry}}}$", fontsize=10)
         for plane in (top, rest[0]):
             plane.tick_params(labelbottom=False)
-    dots = Line2D([], [], color=series(shown.lines[-1].index)[0], marker="o", markerfacecolor="none", linestyle="none")
-    handles = [dots]
-    for one in shown.lines:
-        colour, _, dashes = series(one.index)
-        handles.append(Line2D([], [], color=colour))
-        handles[-1].set_linestyle(dashes)
+    looks: Any = [series(one.index) for one in shown.lines]
+    handles = [Line2D([], [], color=looks[-1][0], marker="o", markerfacecolor="none", linestyle="none")]
+    handles += [Line2D([], [], color=colour, linestyle=dashes) for colour, _, dashes in looks]
     names = [f"measured at {shown.name}", *(one.name for one in shown.lines)]
     figure.legend(handles, names, loc="outside upper left", ncols=len(names))
 

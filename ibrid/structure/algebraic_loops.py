@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
-from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.parameters import ParameterTable, parameter_table
 from ibrid.structure.wiring import Wiring, split_port
@@ -93,28 +92,16 @@ def _direct_terms(
             continue
         inputs = [(f"{name}.{port}", axis) for port, one in kind.inputs.items() for axis in range(one.width)]
         outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
-        for output, row in zip(outputs, _direct(name, kind, table, values, frame, rng, largest_q), strict=True):
+        numbers = {parameter: table.value(name, parameter, values) for parameter in kind.parameters}
+        points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
+        d = kind.state_space(**numbers, **kind.context(OMEGA_0, frame, points))[3]
+        for output, row in zip(outputs, d, strict=True):
             for (port, axis), gain in zip(inputs, row, strict=True):
                 if gain:
                     for source in sources[port]:
                         edge = ((source, axis), output)
                         terms[edge] = terms.get(edge, 0.0) + float(gain)
     return {edge: gain for edge, gain in terms.items() if gain}
-
-
-def _direct(
-    name: str,
-    kind: ModuleKind,
-    table: ParameterTable,
-    values: Mapping[str, float],
-    frame: tuple[float, float],
-    rng: np.random.Generator,
-    largest_q: float,
-):
-    found = {parameter: table.of(name, parameter) for parameter in kind.parameters}
-    numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in found.items()}
-    points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
-    return kind.state_space(**numbers, **kind.context(OMEGA_0, frame, points))[3]
 
 
 def _draw(table: ParameterTable, rng: np.random.Generator) -> dict[str, float]:

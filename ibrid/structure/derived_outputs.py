@@ -1,8 +1,11 @@
 """Outputs of a plant that others determine, such as i_C = i_ti - i_g, or its inputs, such as e = v_in."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ibrid.modules.kind import ModuleKind
+from ibrid.signals import Signal
 
 #: ("output" | "input", port) -> matrix, whose sum over the entries gives the derived output.
 Origins = dict[tuple[str, str], np.ndarray]
@@ -18,36 +21,21 @@ def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
     )
     rows = np.hstack([c.reshape(-1, len(a)), d])
     through = np.hstack([np.zeros((d.shape[1], len(a))), np.eye(d.shape[1])])
-    basis: list[tuple[tuple[str, str], np.ndarray]] = []
-    left = 0
-    for port, signal in kind.inputs.items():
-        basis.append((("input", port), through[left : left + signal.width]))
-        left += signal.width
+    basis = [(("input", port), own) for port, own in by_port(kind.inputs, through).items()]
     origins: dict[str, Origins] = {}
-    for port, own in _wide_first(kind, rows):
+    for port, own in sorted(by_port(kind.outputs, rows).items(), key=lambda one: -len(one[1])):
         stacked = np.vstack([block for _, block in basis])
         weights = np.linalg.lstsq(stacked.T, own.T, rcond=None)[0].T
         whole = np.round(weights)
         if np.allclose(whole @ stacked, own, atol=1e-12) and np.abs(weights - whole).max() < 1e-9:
-            origins[port] = _split(whole, basis)
+            parts = np.split(whole, np.cumsum([len(block) for _, block in basis[:-1]]), axis=1)
+            origins[port] = {where: part for (where, _), part in zip(basis, parts, strict=True) if part.any()}
         else:
             basis.append((("output", port), own))
     return origins
 
 
-def _wide_first(kind: ModuleKind, rows: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    ports, top = [], 0
-    for port, signal in kind.outputs.items():
-        ports.append((port, rows[top : top + signal.width]))
-        top += signal.width
-    return sorted(ports, key=lambda one: -len(one[1]))
-
-
-def _split(weights: np.ndarray, basis: list[tuple[tuple[str, str], np.ndarray]]) -> Origins:
-    origins, left = {}, 0
-    for where, block in basis:
-        part = weights[:, left : left + len(block)]
-        left += len(block)
-        if part.any():
-            origins[where] = part
-    return origins
+def by_port(ports: Mapping[str, Signal], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """port -> its rows, of a matrix with one row for each channel."""
+    ends = np.cumsum([signal.width for signal in ports.values()])
+    return dict(zip(ports, np.split(rows, ends)[:-1], strict=True))

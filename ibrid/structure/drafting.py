@@ -11,7 +11,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary, usual_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
-from ibrid.structure.wiring import split_port
+from ibrid.structure.wiring import owner_of, split_port
 
 
 class Draft:
@@ -92,7 +92,7 @@ class Draft:
     def _graph(self) -> nx.DiGraph:
         graph = nx.DiGraph()
         graph.add_nodes_from(self.instances)
-        graph.add_edges_from((split_port(s)[0] or s, split_port(t)[0] or t) for s, t in self.wires)
+        graph.add_edges_from((owner_of(source), owner_of(target)) for source, target in self.wires)
         return graph
 
     # --- changing ----------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from ibrid.structure.devices import devices
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
 from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import roles
-from ibrid.structure.wiring import Wiring, split_port, wire
+from ibrid.structure.wiring import Wiring, owner_of, split_port, wire
 
 
 def loops(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]]:
@@ -34,13 +34,9 @@ def _part(diagram: Diagram, part: Wiring) -> Diagram:
     own = Diagram(diagram.name)
     own.extend(
         part.instances,
-        [one for one in diagram.connections if _owner(one.source) in names and _owner(one.target) in names],
+        [one for one in diagram.connections if owner_of(one.source) in names and owner_of(one.target) in names],
     )
     return own
-
-
-def _owner(port: str) -> str:
-    return split_port(port)[0] or port
 
 
 def _of_one(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]]:

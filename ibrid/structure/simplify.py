@@ -15,7 +15,7 @@ from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.canonical import canonical_order
-from ibrid.structure.derived_outputs import derived_outputs
+from ibrid.structure.derived_outputs import by_port, derived_outputs
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
 from ibrid.structure.drawing import Block, Drawing, Key
 from ibrid.structure.linear_blocks import drop_gains, join_axes, join_plls, sort_rows, split_axes
@@ -101,14 +101,11 @@ def _wire_matrix(kind: ModuleKind, parameters: dict[str, str | float]) -> dict[t
     rows = np.array(kind.state_space(**fixed)[3], dtype=float).reshape(
         sum(signal.width for signal in kind.outputs.values()), -1
     )
-    matrices, top = {}, 0
-    for output, signal in kind.outputs.items():
-        left = 0
-        for port, entering in kind.inputs.items():
-            matrices[output, port] = rows[top : top + signal.width, left : left + entering.width]
-            left += entering.width
-        top += signal.width
-    return matrices
+    return {
+        (output, port): columns.T
+        for output, own in by_port(kind.outputs, rows).items()
+        for port, columns in by_port(kind.inputs, own.T).items()
+    }
 
 
 # --- steps that need no more than the links; each returns whether it changed anything ---------------------------------

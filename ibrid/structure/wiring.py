@@ -11,7 +11,7 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.outside import NOTHING, Outside
 
-__all__ = ["PLANT", "Wiring", "split_port", "wire"]
+__all__ = ["PLANT", "Wiring", "owner_of", "split_port", "wire"]
 
 
 @dataclass(frozen=True)
@@ -60,3 +60,8 @@ def split_port(port: str) -> tuple[str, str]:
     """("NAME", "port") of a port; ("", port) of an outer port."""
     name, _, inner = port.rpartition(".")
     return name, inner
+
+
+def owner_of(port: str) -> str:
+    """The module of a port; an outer port is a module of its own."""
+    return split_port(port)[0] or port

@@ -54,7 +54,8 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
     of an evaluation, with its time limit.
     Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
     """
-    _require_sdk()
+    if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
+        raise IbridError(_MISSING)
     start = start or textbook("naive")
     require_legal(start, study.kinds, equilibrium=study.equilibrium)
     with open_logbook(study, fit, out, program_text(start)) as logbook:
@@ -159,11 +160,6 @@ def _instructions(study: Study) -> str:
         parameters=study.parameters,
         equilibrium=study.equilibrium,
     )
-
-
-def _require_sdk() -> None:
-    if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
-        raise IbridError(_MISSING)
 
 
 _STOPPED = "the server was stopped before the evaluation ended; submit the program again"
