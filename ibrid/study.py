@@ -102,6 +102,8 @@ class Study:
             raise IbridError(
                 "a port joins the operating point, which the paper's equilibrium fits; use the exact equilibrium"
             )
+        if self.events is not None and self.port.inside:  # p and q of a record are those of the PCC
+            object.__setattr__(self, "port", replace(self.port, inside=False))
         if len(set(held)) >= len(self.sweep.points):
             raise IbridError("every operating point is held out; leave at least one to fit")
         object.__setattr__(self, "sweep", with_sigma(self.sweep))

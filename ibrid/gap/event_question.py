@@ -103,6 +103,8 @@ def asked(
     kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
     port = options.get("port", NOTHING) if study is None else study.port
     diagram = diagram.behind(port) if port else diagram
+    if study is None and diagram.outside.inside:  # p and q of a record are those of the PCC
+        diagram = diagram.behind(replace(diagram.outside, inside=False))
     require_port_alone(diagram.outside)
     require_legal(diagram, kinds, equilibrium="exact")
     return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))

@@ -275,8 +275,9 @@ class Sweep:
 
 
 def measured_numbers(points: Iterable[PointSweep]) -> int:
-    """Real numbers in the data of some operating points: the real and imaginary parts of four entries at each frequency."""
-    return sum(8 * len(point.frequency) for point in points)
+    """Real numbers in the data of some operating points: the real and imaginary parts of four entries at each frequency; of one
+    column where a record stands for a sweep."""
+    return sum((8 if point.excitation is None else 4) * len(point.frequency) for point in points)
 
 
 def _listed(names: Iterable[str]) -> list[str]:

@@ -20,6 +20,8 @@ FINER = 4
 BEGUN = 0.1
 #: Standard deviation of an answer that is not small, as a part of it.
 NOT_SMALL = 0.03
+#: Current, per unit, that is none: a record in which nothing happens says nothing.
+NOTHING = 1e-9
 
 
 def transformed(events: Events) -> Sweep:
@@ -36,18 +38,20 @@ def _point(record: EventRecord, f0_hz: float) -> PointSweep:
     fine = np.interp(np.arange(FINER * (len(samples) - 1) + 1) / FINER, np.arange(len(samples)), samples)
     frequency = np.geomspace(1.0 / lasts, max(HIGHEST / interval, 2.0 / lasts), NUMBER)
     damping = FORGOTTEN / lasts
-    kernel = np.gradient(fine) * np.exp(-np.outer(damping + 2j * np.pi * frequency, fine - fine[0]))
     answer, excitation = np.zeros((NUMBER, 2, 2), dtype=complex), np.zeros((NUMBER, 2, 2), dtype=complex)
-    answer[:, :, 0] = kernel @ (CubicSpline(record.time, record.i)(fine) - record.i_rest)
-    excitation[:, :, 0] = kernel @ (record.voltage(fine) - [record.rest.v, 0.0])
+    i, v = CubicSpline(record.time, record.i)(fine) - record.i_rest, record.voltage(fine) - [record.rest.v, 0.0]
+    for k, s in enumerate(damping + 2j * np.pi * frequency):
+        wave = np.gradient(fine) * np.exp(-s * (fine - fine[0]))
+        answer[k, :, 0] = wave @ i + 1e-3 * NOTHING * lasts  # zero is no answer
+        excitation[k, :, 0] = wave @ v
     noise = record.sigma[begin:] if record.sigma is not None else noise_at_rest(record, f0_hz)[0]
     heard = np.linalg.norm(noise * np.gradient(samples) * np.exp(-damping * (samples - samples[0])))
-    sigma = np.hypot(heard, NOT_SMALL * np.linalg.norm(answer, axis=(1, 2)))
+    sigma = np.hypot(heard + NOTHING * lasts, NOT_SMALL * np.linalg.norm(answer, axis=(1, 2)))
     return PointSweep(
         record.rest,
         frequency,
         answer,
-        np.broadcast_to(np.maximum(sigma, np.finfo(float).tiny)[:, None, None], answer.shape),
+        np.broadcast_to(sigma[:, None, None], answer.shape),
         excitation=excitation,
         damping=damping,
     )

@@ -49,3 +49,11 @@ def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
     events = record_events(plant, plant.operating_points[:1], kinds, rate=5000.0, length=0.25)
     record = record_at(ibrid.parse_program(plant.program), ibrid.Study.of(events), plant.diagram_values)
     assert record.nrmse < 0.01
+
+
+def test_a_record_in_which_nothing_happens_says_nothing():
+    time, steady = np.arange(600) / 5000, np.tile([1.0, 0.0], (600, 1))
+    still = EventRecord(OperatingPoint("still", 0.8, 0.0, 1.0), time, steady, 0.8 * steady, 0.035)
+    (point,) = transformed(Events((still,))).points
+    assert not point.excitation.any()
+    assert np.abs(point.admittance / point.sigma).max() < 1e-2
