@@ -63,8 +63,7 @@ class _Joiner:
                 for gain, source in zip(b_row, driven, strict=True):
                     _accumulate(row, gain, source)
                 rows.append(row)
-        for name, axis in self.delayed:
-            rows.append(self._input_row(self.inputs[name][axis]))
+        rows += [self._input_row(self.inputs[name][axis]) for name, axis in self.delayed]
         rows += [self._input_row((TERMINAL_CURRENT, axis)) for axis in (0, 1)]
         return Interconnected(tuple(rows), tuple(self.states), tuple(self.delayed))
 

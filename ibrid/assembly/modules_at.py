@@ -54,7 +54,6 @@ def module_matrices(
             models[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
             models[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
-    for name, kind in wiring.kinds.items():
         # only a node behind an impedance has a limit
         if equilibrium != "paper" and kind.family == PLANT and ("L_g" in parameters[name] or wiring.outside):
             models[name] = _where_it_exists(models[name], at[name][1])

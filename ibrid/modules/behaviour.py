@@ -178,6 +178,11 @@ class Behaviour:
         """True for a filter whose measured voltage e lies behind L_g, R_g and is not that of the PCC."""
         return "L_g" in _of(self).parameters
 
+    @property
+    def of_circuit(self) -> bool:
+        """True for what is made of copper and no code: the output filter and branches beside it."""
+        return _of(self).family in (PLANT, BRANCH)
+
 
 def same_on_one_axis(scalar: "ModuleKind", vector: "ModuleKind") -> bool:
     """True when a kind of one scalar input and output does what another does on each axis, with parameters of the same names."""
