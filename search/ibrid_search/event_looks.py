@@ -50,7 +50,7 @@ class EventLooker(Looker):
         """Of those that lead far at a glance the ones in front of a race, the best first."""
         glances = [self.look(edit, values, glance=True) for edit in edits]
         front = sorted((one for one in glances if one.error < inf), key=lambda look: look.worth)[:EDITS]
-        key = f"{[look.edit.words for look in front]} {[look.values for look in front]}"
+        key = f"{[self.study.hash_of(look.edit.diagram) for look in front]} {[look.values for look in front]}"
         if key not in self._raced:
             self._raced[key] = self._race(front)
         return self._raced[key]
