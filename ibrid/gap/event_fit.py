@@ -100,7 +100,7 @@ class EventFitter:
             descent = _descended(misfit, starts, led=led)
         else:
             whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
-            moments = [by_moments(values, self.noise.events) for values in whole]
+            moments = [moved for values in whole for moved in by_moments(values, self.noise.events)]
             seen = _descended(followed, moments, led=led)
             held = misfit.best_of(by_holds(followed, seen.x) if seen else [], 1)
             descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led)

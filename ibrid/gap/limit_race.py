@@ -130,7 +130,7 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
             return Form(place, limits, fitter.misfit(place.diagram, limits), place.starts)
         events = fitter.noise.events
         misfit = fitter.misfit(place.diagram, by_until(limits))
-        return Form(place, limits, misfit, tuple(by_moments(one, events) for one in place.starts))
+        return Form(place, limits, misfit, tuple(moved for one in place.starts for moved in by_moments(one, events)))
     except IbridError:
         return None
 

@@ -15,6 +15,8 @@ from ibrid.measurement.event_windows import returns_at
 from ibrid.measurement.events import Events
 from ibrid.playback.limits import UNTIL, Limit, returned_at
 
+#: Part of the current at rest that is none.
+NONE = 0.1
 HOLD, MOMENT = "momentary_cessation.t_hold", "momentary_cessation.until"
 
 
@@ -23,14 +25,17 @@ def by_until(limits: Sequence[Limit]) -> tuple[Limit, ...]:
     return tuple(UNTIL if one.id == UNTIL.id else one for one in limits)
 
 
-def by_moments(start: Mapping[str, float], events: Events) -> dict[str, float]:
-    """Values of a cessation with its hold behind the return of each record's voltage."""
+def by_moments(start: Mapping[str, float], events: Events) -> list[dict[str, float]]:
+    """Values of a cessation with its hold behind the return of each record's voltage; and with the moments at which the current
+    sets in for good, where a record has none before: a voltage that falls again while the current returns begins a hold anew."""
     values = {name: value for name, value in start.items() if name != HOLD}
-    box = UNTIL.parameters["until"]
+    box, behind, seen = UNTIL.parameters["until"], {}, {}
     for record in events.records:
-        moment = returns_at(record, events.f0_hz) - record.rest_end + start[HOLD]
-        values[of_record(MOMENT, record.name)] = float(np.clip(moment, box.low, box.high))
-    return values
+        name, moment = of_record(MOMENT, record.name), returns_at(record, events.f0_hz) + start[HOLD]
+        none = (record.time > record.rest_end) & (np.hypot(*record.i.T) < NONE * np.hypot(*record.i_rest))
+        sets_in = float(record.time[none][-1]) if none.any() else moment
+        behind[name], seen[name] = np.clip(np.array([moment, sets_in]) - record.rest_end, box.low, box.high).tolist()
+    return [values | behind] if behind == seen else [values | behind, values | seen]
 
 
 def by_holds(misfit: EventMisfit, x: np.ndarray) -> list[Values]:
