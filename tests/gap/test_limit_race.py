@@ -1,10 +1,16 @@
 """Which form of a missing limit explains records, from values 15 % off; the device is simulated apart from the package."""
 
+import numpy as np
+import pytest
 from ibrid_bench.events.cases import NAMES, EventCase, draw
 
+from ibrid.gap.event_misfit import of_record
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
+from ibrid.gap.release import HOLD, MOMENT, by_moments
 from ibrid.gap.trial import Model
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
 from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.structure.library import textbook
 
@@ -72,3 +78,14 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
     edits = insertions(given.diagram, records.kinds, CATALOGUE)
     filters = [records.edited(given, one) for one in edits if one.effect == "pll_prefilter"]
     assert any(one is not None and one.adequate() for one in filters)
+
+
+def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good():
+    time = np.arange(1500) / 5000
+    v, i = np.where((time > 0.06) & (time < 0.16), 0.5, 1.0), np.where((time > 0.062) & (time < 0.25), 0.0, 0.8)
+    axes = [np.stack([one, np.zeros_like(one)], axis=1) for one in (v, i)]
+    events = Events((EventRecord(OperatingPoint("dip", 0.8, 0.0, 1.0), time, *axes, 0.04),))
+    behind, seen = by_moments({"momentary_cessation.v_block": 0.7, HOLD: 0.02, "momentary_cessation.ramp": 9.0}, events)
+    assert behind[of_record(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
+    assert seen[of_record(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
+    assert HOLD not in {**behind, **seen}
