@@ -143,6 +143,8 @@ def itself_of(diagram: Diagram, study: Study) -> list[Edited]:
 class Looker:
     """Looks at diagrams against the sweep of a study; the same look twice is the same."""
 
+    screened, descending = SCREENED, DESCENDING
+
     def __init__(self, study: Study, criterion: Criterion) -> None:
         kernel.load()
         self.study, self.criterion = study, criterion
@@ -187,10 +189,10 @@ class Looker:
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
             far, near = self._misfits(problem)
-            x = drawer.draw(rng, SCREENED, TEXTBOOK_DECADES[0])
+            x = drawer.draw(rng, self.screened, TEXTBOOK_DECADES[0])
             if typical:
                 x = np.concatenate([x, drawer.completed(rng, [typical] * len(problem.points), DRAWS)])
-            batch = LEVENBERG.go(far, LEVENBERG.begin(far, x).best(DESCENDING), FAR).best(KEPT)
+            batch = LEVENBERG.go(far, LEVENBERG.begin(far, x).best(self.descending), FAR).best(KEPT)
             ends = LEVENBERG.go(far, batch, FAR).best(KEPT)
             return LEVENBERG.go(near, LEVENBERG.begin(near, ends.x), STEPS)
 

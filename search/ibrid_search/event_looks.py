@@ -19,7 +19,7 @@ from ibrid.gap.limit_race import ahead
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit, Values
+from ibrid_search.diagnosis import DESCENDING, SCREENED, Edited, Looker, RankedEdit, Values
 from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, absurd
 
@@ -32,7 +32,9 @@ CLOSE = 5.0
 
 
 class EventLooker(Looker):
-    """Looks at diagrams against the records of a study."""
+    """Looks at diagrams against the records of a study. One direction of Y has more valleys than all of it: more draws descend."""
+
+    screened, descending = 4 * SCREENED, 4 * DESCENDING
 
     def __init__(self, study: Study, criterion: Criterion) -> None:
         super().__init__(study.blind, criterion)
