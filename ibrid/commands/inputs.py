@@ -95,11 +95,16 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | t
             return measured(arguments.data), events(arguments.events, *options)
         require_no_events_options(arguments)
         return measured(arguments.data), None
+    require_no_second_events(arguments)
+    return None, events(arguments.data, *options)
+
+
+def require_no_second_events(arguments: Namespace) -> None:
+    """IbridError for records as DATA and as `--events`."""
     if arguments.events is not None:
         raise IbridError(
             f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
         )
-    return None, events(arguments.data, *options)
 
 
 def port(text: str | None, data: "Sweep | Events | None") -> "Outside":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.errors import IbridError, SweepError
+from ibrid.errors import SweepError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,18 +23,17 @@ def run(arguments: Namespace) -> int:
 
     folder = Path(arguments.out or f"{Path(arguments.data).stem}_start")
     require_folder(folder)
-    events = _events(arguments)
-    sweep, data = _data(arguments.data, folder)
+    data, name, events = _data(arguments, folder)
 
     from ibrid_search.start import start, write_start
 
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:
-        port = inputs.port(arguments.port, sweep)
-        answer = start(sweep, tell=tell, seed=arguments.seed, port=port, events=events)
+        port = inputs.port(arguments.port, data)
+        answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events)
     said = {"--port": arguments.port, "--events": arguments.events}
-    said |= {"--channels": arguments.channels, "--base": arguments.base} if events is not None else {}
-    answer = write_start(answer, data, folder, [part for pair in said.items() if pair[1] is not None for part in pair])
+    said |= {"--channels": arguments.channels, "--base": arguments.base}
+    answer = write_start(answer, name, folder, [part for pair in said.items() if pair[1] is not None for part in pair])
     for warning in answer.warnings:
         complain(f"mind: {warning}")
     print(answer.sentence)
@@ -47,20 +46,19 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
-def _events(arguments: Namespace) -> "Events | None":
-    """The records beside the sweep; IbridError for options without them, and for records in place of a sweep."""
+def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, Events | None]":
+    """A sweep or records, how commands name them, and records beside a sweep."""
+    options = arguments.channels, arguments.base
     if inputs.holds_events(arguments.data):
-        raise IbridError(
-            f"{arguments.data} holds records of events, which are no start alone; give a sweep and these as --events, or find a "
-            f"diagram from them: ibrid search {arguments.data} --out RUN"
-        )
-    if arguments.events is not None:
-        return inputs.read_events_at(arguments.events, arguments.channels, arguments.base)
-    inputs.require_no_events_options(arguments)
-    return None
+        inputs.require_no_second_events(arguments)
+        return inputs.read_events_at(arguments.data, *options), arguments.data, None
+    if arguments.events is None:
+        inputs.require_no_events_options(arguments)
+        return *_sweep(arguments.data, folder), None
+    return *_sweep(arguments.data, folder), inputs.read_events_at(arguments.events, *options)
 
 
-def _data(text: str, folder: "Path") -> "tuple[Sweep, str]":
+def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
     """The sweep, and how commands name it; a foreign table is imported into the folder where its words suffice."""
     try:
         return inputs.data(text), text

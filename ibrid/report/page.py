@@ -20,7 +20,7 @@ from ibrid.report.bode import bode_svgs, curves
 from ibrid.report.figure import inline_svg
 from ibrid.report.modes import draw_poles, measured_up_to, modes, slowest
 from ibrid.report.parameter_rows import parameter_groups, twin_rows, values_or_none
-from ibrid.report.playback_page import played_facts
+from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, stability, verdict
 from ibrid.writing import write_whole
@@ -57,9 +57,7 @@ def report_html(
     record: Record, *, sweep: Sweep | None = None, events: Events | None = None, title: str | None = None
 ) -> str:
     """The page as text."""
-    facts = record_facts(record, sweep, "bode", title=title)
-    if events is not None and record.parameters:
-        facts["events"] = played_facts(play(model_of_record(record), events))
+    facts = record_facts(record, sweep, "bode", title=title) | {"events": facts_of_record(record, events)}
     return page("record.html", facts | (_pole_facts(record) if record.parameters else {}))
 
 

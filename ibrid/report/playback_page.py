@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.evaluation.record import Record
 from ibrid.measurement.event_windows import WINDOWS
-from ibrid.measurement.events import EventRecord
-from ibrid.playback.compare import Playback, PlayedRecord
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.playback.compare import Playback, PlayedRecord, model_of_record, play
 from ibrid.report.figure import inline_svg
 from ibrid.report.style import MUTED, Axes, series
 from ibrid.report.template import page
@@ -31,6 +32,13 @@ def played_facts(playback: Playback) -> dict[str, Any]:
         for k, one in enumerate(playback.records[:DRAWN])
     ]
     return {"rows": rows, "windows": WINDOWS, "figures": figures}
+
+
+def facts_of_record(record: Record | None, events: Events | None) -> dict[str, Any] | None:
+    """The same of a record that was fitted to events; None where it was not, or where they are gone."""
+    if record is None or events is None or not record.parameters:
+        return None
+    return played_facts(play(model_of_record(record), events))
 
 
 def record_svg(name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:

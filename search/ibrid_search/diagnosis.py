@@ -162,8 +162,8 @@ class Looker:
                 known = published_values(name) if name in published_names() else {}
                 yield Edited(diagram, f"the shipped diagram {name}", name, {}), known
 
-    def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
-        """Looks at edits of a diagram with fitted values, the best first."""
+    def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
+        """Looks at edits of a diagram with fitted values, the best first. settled : it leaves nothing but noise."""
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
     def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:

@@ -32,7 +32,7 @@ CLOSE = 5.0
 
 
 class EventLooker(Looker):
-    """Looks at diagrams against the records of a study. One direction of Y has more valleys than all of it: more draws descend."""
+    """Looks at diagrams against the records of a study. One direction of Y has more valleys than all of it: more descend."""
 
     screened, descending = 4 * SCREENED, 4 * DESCENDING
 
@@ -48,10 +48,13 @@ class EventLooker(Looker):
         least = min((look.error for look in front), default=0.0)
         return tuple(look for look in front if look.error <= CLOSE * least)
 
-    def ranked(self, edits: Iterable[Edited], values: Values) -> list[RankedEdit]:
-        """Of those that lead far at a glance the ones in front of a race, the best first."""
+    def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
+        """Of those that lead far at a glance the ones in front of a race, the best first; by the glance where nothing is left to
+        explain."""
         glances = [self.look(edit, values, glance=True) for edit in edits]
         front = sorted((one for one in glances if one.error < inf), key=lambda look: look.worth)[:EDITS]
+        if settled:
+            return front
         key = f"{[self.study.hash_of(look.edit.diagram) for look in front]} {[look.values for look in front]}"
         if key not in self._raced:
             self._raced[key] = self._race(front)

@@ -9,10 +9,9 @@ from pathlib import Path
 from ibrid.analysis.loop_modes import loops_told
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
-from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagram import readable
 from ibrid.report.parameter_rows import parameter_groups, twin_rows
-from ibrid.report.playback_page import played_facts
+from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
 from ibrid.report.verdict import graded, verdict
 from ibrid.structure.compare import difference
@@ -77,9 +76,7 @@ def run_html(run: RunData) -> str:
         "trajectory": trajectory_svg(run),
         "drawn": drawn_models(run),
         "responses": response_facts(run),
-        "events": played_facts(play(model_of_record(record), run.events))
-        if record and run.events and not run.sweep
-        else None,
+        "events": None if run.sweep else facts_of_record(record, run.events),
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),

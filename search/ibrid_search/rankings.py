@@ -72,7 +72,7 @@ class Rankings:
         own = self.looker.worth(error, parent.record.free_parameters)
         enough = own - min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
         if error > max(GROSS, ABOVE_NOISE * floor.level):
-            looks = self._ranked(parent.diagram, self._values(parent), frame_of)
+            looks = self._ranked(parent.diagram, self._values(parent), frame_of, False)
             frame = [look for look in looks if look.worth < own - STANDS and new(look.edit.diagram)]
             if frame:
                 return frame[:number]
@@ -126,7 +126,7 @@ class Rankings:
 
     def _error_of(self, diagram: Diagram, values: Values) -> float:
         """What a look at a diagram leaves; infinite where it has no response."""
-        return min((look.error for look in self._ranked(diagram, values, itself_of)), default=inf)
+        return min((look.error for look in self._ranked(diagram, values, itself_of, False)), default=inf)
 
     def _error(self, parent: Evaluated) -> float:
         return self.looker.criterion.floor.error(parent.record)
@@ -135,14 +135,15 @@ class Rankings:
         """Looks at effects, at other ideas, at pairs, at blocks and wires anywhere; each the best first. Of records alone, where
         a race takes a minute, only the first two."""
         diagram, values = parent.diagram, self._values(parent)
-        effects = self._ranked(diagram, values, effects_of)
+        settled = self._error(parent) <= self.looker.criterion.floor.most
+        effects = self._ranked(diagram, values, effects_of, settled)
         yield effects
-        ideas = self._ranked(diagram, values, ideas_of)
+        ideas = self._ranked(diagram, values, ideas_of, settled)
         yield ideas
         if self.study.events is not None:
             return
         yield self._pairs(sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD])
-        yield self._ranked(diagram, values, anywhere_of)
+        yield self._ranked(diagram, values, anywhere_of, settled)
 
     def _pairs(self, firsts: Sequence[RankedEdit]) -> list[RankedEdit]:
         """Looks at effects on top of looks: at those that a glance finds best."""
@@ -159,15 +160,15 @@ class Rankings:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
 
     def _ranked(
-        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]]
+        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]], settled: bool
     ) -> list[RankedEdit]:
-        """Edits of a diagram with fitted values, by looks."""
+        """Edits of a diagram with fitted values, by looks; settled : it leaves nothing but noise."""
         key = f"{edits.__name__} {program_text(diagram)}"
         if key not in self._edits:
             if len(self._edits) >= ASKED:
                 self._edits.clear()
             self._edits[key] = edits(diagram, self.study)
-        return self.looker.ranked(self._edits[key], values)
+        return self.looker.ranked(self._edits[key], values, settled=settled)
 
 
 @lru_cache(maxsize=2)

@@ -1,7 +1,7 @@
-"""A first answer about a sweep: what is odd about it, which shipped diagram explains it and how well, and what to do next."""
+"""A first answer about a sweep or records of events: what is odd, which shipped diagram explains it and how well, what next."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, log
 from pathlib import Path
@@ -13,26 +13,27 @@ from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.event_question import asked
-from ibrid.gap.joint_fit import weighed_by_events
+from ibrid.gap.joint_fit import evaluate_records, weighed_by_events
 from ibrid.measurement.event_contradictions import contradictions
+from ibrid.measurement.event_inspection import EventsInspection, inspect_events
 from ibrid.measurement.events import Events
 from ibrid.measurement.inspect import Inspection, inspect
-from ibrid.measurement.inspection_table import format_inspection
+from ibrid.measurement.inspection_table import format_events_inspection, format_inspection
 from ibrid.measurement.positive_sequence import NOTE
 from ibrid.measurement.sweep import Sweep
-from ibrid.playback.compare import model_of_record, play
 from ibrid.report.page import record_facts
-from ibrid.report.playback_page import played_facts
+from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
+from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook
 from ibrid.structure.outside import NOTHING, Outside
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
-from ibrid_search.diagnosis import Looker, RankedEdit
-from ibrid_search.merit import EXACT, Criterion, criterion
-from ibrid_search.settings import SearchSettings
+from ibrid_search.diagnosis import RankedEdit
+from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.rankings import rankings_of
 
 #: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
 FITTED, SECONDS, RESTARTS = 3, 12.0, 1
@@ -75,10 +76,10 @@ class Ranked:
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside the sweep."""
+    `events` : records beside a sweep."""
 
-    sweep: Sweep
-    inspection: Inspection
+    data: Sweep | Events
+    inspection: Inspection | EventsInspection
     ranked: tuple[Ranked, ...]
     family: str
     next: tuple[str, ...] = ()
@@ -88,6 +89,11 @@ class Start:
     def warnings(self) -> tuple[str, ...]:
         """What is odd about sweep and records."""
         return (*self.inspection.warnings, *(contradictions(self.events) if self.events is not None else ()))
+
+    @property
+    def records(self) -> Events | None:
+        """Of events, alone or beside a sweep."""
+        return self.data if isinstance(self.data, Events) else self.events
 
     @property
     def best(self) -> Ranked:
@@ -101,13 +107,14 @@ class Start:
         noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
-        held = self.best.held_out or {}
-        points = "; ".join(f"{error:.2g} at {op}" for op, error in held.items())
-        sure += f" Error at a point that the fit never saw: {points}." if held else ""
+        alone, held = isinstance(self.data, Events), self.best.held_out or {}
+        points = "; ".join(f"{error:.2g} {'in' if alone else 'at'} {op}" for op, error in held.items())
+        sure += f" Error {'in a record' if alone else 'at a point'} that the fit never saw: {points}." if held else ""
         records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
-        if self.events is not None and not records:
+        if self.records is not None and not records:
             return sure + " No diagram that was fitted has a rest in every record of events."
-        return sure + (f" Error of the records of events, fitted with the sweep: {records}." if records else "")
+        fitted = "Error of the records" if alone else "Error of the records of events, fitted with the sweep"
+        return sure + (f" {fitted}: {records}." if records else "")
 
     def to_json(self) -> dict[str, Any]:
         """The contract `ibrid.start/1`."""
@@ -130,18 +137,20 @@ class Start:
         }
 
 
-def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None) -> Start:
+def start(
+    data: Sweep | Events, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None
+) -> Start:
     """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; one of two devices in
     parallel where none of these fits.
 
-    With records of events these are fitted to both, and ranked by the Bayesian information criterion.
+    data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
+    and ranked by the Bayesian information criterion.
 
     Raises IbridError where no shipped diagram has a response at these operating points.
     """
-    inspection = inspect(sweep)
-    study = Study(sweep, seed=seed, port=port)
-    measure = criterion(study, SearchSettings())
-    looker = Looker(study, measure)
+    inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
+    study = Study.of(data, seed=seed, port=port)
+    looker = rankings_of(study).looker
     looks = looker.textbooks(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
         raise IbridError(
@@ -151,15 +160,15 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     for number, look in enumerate(looks[:FITTED]):
         tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
         fitted.append(_fitted(look, study))
-    fitted.sort(key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
-    if fitted[0].grade not in FITS:
+    fitted.sort(key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, looker.criterion)))
+    if fitted[0].grade not in FITS and study.events is None:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
         fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
-    tell(f"predicting a held-out point with {fitted[0].diagram}", 0.92)
+    tell(f"predicting what is held out with {fitted[0].diagram}", 0.92)
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
     looked = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
@@ -167,14 +176,14 @@ def start(sweep: Sweep, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, e
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
-    family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in sweep.notes else family
-    return Start(sweep, inspection, (first, *others), family, events=events)
+    family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
+    return Start(data, inspection, (first, *others), family, events=events)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
     """Write start.json, model.py, model.json and report.html; the answer with the commands that go on from there.
 
-    data : the sweep as the commands are to name it. behind : their words about a port and records beside it.
+    data : the sweep or the records as the commands are to name it. behind : their words about a port and records beside it.
     """
     record = answer.best.record
     if record is not None:
@@ -189,12 +198,12 @@ def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = 
 def start_html(answer: Start) -> str:
     """The page as text."""
     record = answer.best.record
-    facts: dict[str, Any] = record_facts(record, answer.sweep, "bode") if record is not None else {"events": None}
-    if answer.events is not None and record is not None and record.nrmse_by_record:
-        facts["events"] = played_facts(play(model_of_record(record), answer.events))
-    return page(
-        "start.html", {**facts, "answer": answer, "first_look": format_inspection(answer.inspection)}, "ibrid_search"
-    )
+    sweep = answer.data if isinstance(answer.data, Sweep) else None
+    facts: dict[str, Any] = record_facts(record, sweep, "bode") if record is not None else {}
+    facts["events"] = facts_of_record(record, answer.records) if answer.best.by_record else None
+    look, swept = answer.inspection, sweep is not None
+    first_look = format_events_inspection(look) if isinstance(look, EventsInspection) else format_inspection(look)
+    return page("start.html", {**facts, "answer": answer, "swept": swept, "first_look": first_look}, "ibrid_search")
 
 
 def family_words(sort: str) -> str:
@@ -209,10 +218,17 @@ def family_words(sort: str) -> str:
 
 def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
     warm = dict(zip(study.fitted.names, look.values, strict=True))
-    record = evaluate(look.edit.diagram, study, restarts=RESTARTS, settings=FitSettings(seconds=seconds), warm=warm)
+    record = _record(look.edit.diagram, study, warm, seconds)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
     return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
+
+
+def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], seconds: float) -> Record:
+    settings = FitSettings(seconds=seconds, restarts=RESTARTS)
+    if study.events is not None:
+        return evaluate_records(diagram, study, settings, warm)
+    return evaluate(diagram, study, settings=settings, warm=warm)
 
 
 def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
@@ -235,16 +251,13 @@ def _worth(ranked: Ranked, measure: Criterion) -> float:
 
 
 def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:
-    """Error at the last operating point of the best diagram fitted again to the rest of the sweep."""
+    """Error at the last operating point, or in the last record, of the best diagram fitted again to the rest."""
     names = study.sweep.names
     if best.record is None or len(names) < 2:
         return None
-    settings = FitSettings(seconds=SECONDS)
     warm = best.record.parameters
     blind = {op: warm[op] for op in names[:-1] if op in warm}
-    record = evaluate(
-        textbook(best.diagram), Study.of(study, holdout_op=names[-1]), restarts=RESTARTS, settings=settings, warm=blind
-    )
+    record = _record(textbook(best.diagram), Study.of(study, holdout_op=names[-1]), blind, SECONDS)
     return dict(record.holdout) or None
 
 
@@ -253,9 +266,17 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
-    gap = ["ibrid", "gap", model, data, *behind, "--out", str(folder / "gap")]
+    gap = [
+        "ibrid",
+        "gap",
+        record if isinstance(answer.data, Events) else model,
+        data,
+        *behind,
+        "--out",
+        str(folder / "gap"),
+    ]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
-    op = answer.sweep.names[0]
+    op = answer.data.names[0]
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
     if answer.best.record is None:
         chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])

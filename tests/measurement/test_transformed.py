@@ -1,5 +1,8 @@
 """Records of events as a sweep: the transforms obey the admittance of the device, whatever the event does."""
 
+import subprocess
+import sys
+
 import numpy as np
 from collecting import each_of
 from scipy.linalg import expm
@@ -49,6 +52,25 @@ def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
     events = record_events(plant, plant.operating_points[:1], kinds, rate=5000.0, length=0.25)
     record = record_at(ibrid.parse_program(plant.program), ibrid.Study.of(events), plant.diagram_values)
     assert record.nrmse < 0.01
+
+
+def test_a_fit_to_them_runs_on_the_loops_that_are_compiled_before_its_time_begins():
+    program = """
+import numpy as np, ibrid
+from ibrid.fit import kernel
+from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.study import Study
+kernel.load()
+loops = (kernel.normal_equations, kernel.respond_with_derivatives, kernel.answer)
+compiled = [set(one.signatures) for one in loops]
+point = ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"]).points[0]
+excitation = np.broadcast_to(np.eye(2) + 0j, point.admittance.shape)
+point = PointSweep(point.op, point.frequency, point.admittance, excitation=excitation, damping=10.0)
+assert ibrid.evaluate(ibrid.textbook("gfl_l_filter"), Study(Sweep((point,))), restarts=0).outcome == "ok"
+assert [set(one.signatures) for one in loops] == compiled
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_record_in_which_nothing_happens_says_nothing():

@@ -129,6 +129,29 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
     assert "Records of events" in (with_records / "report.html").read_text()
 
 
+def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid_search.start.FITTED", 1)
+    file, folder = tmp_path / "dips.csv", tmp_path / "out"
+    options = ["--op", "p=0.8,q=-0.2", "--event", "dip:0.8,at=0.04,for=0.04", "--event", "phase:8,at=0.04"]
+    options += ["--event", "dip:0.9,at=0.04,for=0.04", "--rate", "2500", "--length", "0.12", "--noise-db", "50"]
+    assert cli.main(["record", "gfl_l_filter", *options, "--out", str(file)]) == 0
+    assert cli.main(["start", str(file), "--out", str(folder)]) == 0
+    answer = json.loads((folder / "start.json").read_text())
+    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    best = answer["ranked"][0]
+    assert (best["diagram"], best["grade"]) == ("gfl_l_filter", "explains")
+    assert set(best["nrmse_by_record"]) == {"dip:0.8", "phase:8", "dip:0.9"}
+    assert best["held_out"]["dip:0.9"] < 1.2 * 10**-2.5  # the noise
+    assert "in a record that the fit never saw" in answer["sentence"]
+    assert "Records of events" in (folder / "report.html").read_text()
+    capsys.readouterr()
+    for line in answer["next"]:
+        words = shlex.split(line)[1:]
+        assert words[0] == "gap" or cli.main(words) == 0, line
+    assert cli.main(["start", str(file), "--events", str(file), "--out", str(folder)]) == 2
+    assert "give a sweep as DATA or leave one out" in capsys.readouterr().err
+
+
 def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
     assert cli.main(["report", str(with_records / "model.json"), "--out", str(with_records / "page.html")]) == 0
     assert capsys.readouterr().err == ""

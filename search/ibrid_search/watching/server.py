@@ -18,9 +18,11 @@ from urllib.parse import parse_qs, urlsplit
 
 from ibrid.errors import IbridError
 from ibrid.measurement.read import read_sweep
+from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.report.page import record_facts
+from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
 from ibrid.structure.compare import difference
 from ibrid.writing import inside
@@ -245,10 +247,13 @@ def step_page(folder: Path, number: int, kinds: Sequence[ModuleKind] = VOCABULAR
         step = store.step(number)
         record = store.record(number, kinds)
         sweep, _ = measured(store.meta.get("data", ""), read_sweep)
+        alone = sweep is None and store.meta.get("events")
+        events, _ = measured(store.meta["events"], read_events) if alone else (None, "")
         try:
             parent = None if step.edited is None else store.step(step.edited)
         except IbridError:
             parent = None
     changed = () if parent is None else difference(parent.program, step.program)
     facts = record_facts(record, sweep, "bode", title=f"Step {number}")
-    return page("watched.html", facts | {"step": step, "changed": changed}, "ibrid_search")
+    facts |= {"events": facts_of_record(record, events), "step": step, "changed": changed}
+    return page("watched.html", facts, "ibrid_search")
