@@ -35,8 +35,10 @@ from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.merit import EXACT, Criterion
 from ibrid_search.rankings import rankings_of
 
-#: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts.
+#: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts; diagrams that are fitted to records
+#: while none fits, whose race is short.
 FITTED, SECONDS, RESTARTS = 3, 12.0, 1
+RACED = 6
 GRADES = tuple(map(str, Grade))
 FITS = GRADES[:2]
 _WORDS = {
@@ -156,10 +158,13 @@ def start(
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
         )
-    fitted = []
-    for number, look in enumerate(looks[:FITTED]):
-        tell(f"fitting {look.edit.part}, {number + 1} of {min(FITTED, len(looks))}", 0.6 + 0.3 * number / FITTED)
+    fitted: list[Ranked] = []
+    for number, look in enumerate(looks[: FITTED if study.events is None else RACED]):
+        if number >= FITTED and any(ranked.grade in FITS for ranked in fitted):
+            break
+        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
         fitted.append(_fitted(look, study))
+    looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     fitted.sort(key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, looker.criterion)))
     if fitted[0].grade not in FITS and study.events is None:
         tell("no diagram of one device fits: two in parallel", 0.86)
@@ -170,7 +175,6 @@ def start(
         fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
     tell(f"predicting what is held out with {fitted[0].diagram}", 0.92)
     first = replace(fitted[0], held_out=_held_out(fitted[0], study))
-    looked = [Ranked(look.edit.part, look.error) for look in looks[FITTED:]]
     others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
     failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)

@@ -169,9 +169,7 @@ def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_record
         moved.rename(events)
 
 
-def test_records_in_place_of_a_sweep_are_refused_with_what_to_do(with_records, capsys):
-    assert cli.main(["start", str(with_records.parent / "dip.csv")]) == 2
-    assert "give a sweep and these as --events" in capsys.readouterr().err
+def test_options_of_records_without_records_are_refused(with_records, capsys):
     assert cli.main(["start", str(with_records.parent / "data.csv"), "--base", "1MVA,1kV"]) == 2
     assert "--channels and --base are of records of events" in capsys.readouterr().err
 
