@@ -37,8 +37,8 @@ from ibrid.study import Study, StudyOptions
 
 #: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a valley, and no further.
 WAVES, HOPS = 1, 0
-#: Rounds, and steps of each, of a first descent from values of another fit.
-NEAR = (4, 3)
+#: Rounds, and steps of each, of a first descent beside values of another fit, and how many starts have one.
+NEAR, NEAREST = (4, 3), 2
 #: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
 ROUNDS, GAIN = 4, 0.995
 #: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
@@ -162,14 +162,16 @@ def _fitted(
 def _explaining(
     question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None
 ) -> list[EventFit]:
-    """Fits from known values, then from where small departures lead, until one explains the records or the time is up."""
+    """Fits from known values or where small departures lead, whichever is ahead; then from each of these, until one explains the
+    records or the time is up."""
     began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
-    near = misfit.coarse.best_of([] if warm is None else [warm], 1)
+    small = small_departures(question, nominal, effort)
     rounds = ROUNDS if effort.restarts else 0
-    fits = _fitted([one.go(*NEAR).values for one in near], question, data, rounds=rounds)
+    near = [] if warm is None else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
+    first = sorted(near, key=lambda one: one.cost)[:1]
+    fits = _fitted([one.values for one in first], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
         return fits
-    small = small_departures(question, nominal, effort)
     starts = [(nominal, True)] * bool(question.values) + [(start, led) for led in (False, True) for start in small]
     for start, led in starts[: effort.restarts + 1]:
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):

@@ -115,6 +115,7 @@ class Start:
         records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
         if self.records is not None and not records:
             return sure + " No diagram that was fitted has a rest in every record of events."
+        sure += " A limit that acts in a record is found by ibrid gap." if alone and self.best.grade not in FITS else ""
         fitted = "Error of the records" if alone else "Error of the records of events, fitted with the sweep"
         return sure + (f" {fitted}: {records}." if records else "")
 
@@ -270,15 +271,8 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
-    gap = [
-        "ibrid",
-        "gap",
-        record if isinstance(answer.data, Events) else model,
-        data,
-        *behind,
-        "--out",
-        str(folder / "gap"),
-    ]
+    alone = isinstance(answer.data, Events)
+    gap = ["ibrid", "gap", record if alone else model, data, *behind, "--out", str(folder / "gap")]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
     op = answer.data.names[0]
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
@@ -287,5 +281,7 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     elif answer.best.grade in FITS:
         chosen = (stability, export, search if two else gap)
     else:
-        chosen = (search, gap, stability)
+        chosen = (
+            (gap, search, stability) if alone else (search, gap, stability)
+        )  # a limit is likelier than another make
     return tuple(map(shlex.join, chosen))

@@ -14,13 +14,15 @@ from sharing import shared
 import ibrid
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
-from ibrid.gap.joint_fit import evaluate_events
+from ibrid.fit.settings import FitSettings
+from ibrid.gap.joint_fit import evaluate_events, evaluate_records
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
+from ibrid.study import Study
 
 #: The shipped benchmark, whose sweep is `paper_like`.
 NUMBERS = {
@@ -112,6 +114,22 @@ def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_val
     found = next(iter(record.parameters.values()))
     for part in ("plant.L_g", "q_droop.k", "virtual_reactance.L"):
         assert abs(found[part] / plant.diagram_values[part] - 1.0) < 0.1, part
+
+
+def test_a_fit_does_not_end_where_another_structure_leads():
+    """Values of a filter of the PLL without its exact angle, whose fit to these records ends far from the device."""
+    plant = plant_named("paper_like")
+    kinds = [event_of("dip:0.8,at=0.04,for=0.04"), event_of("phase:8,at=0.04")]
+    point = OperatingPoint("part load", 0.8, -0.2)
+    study = Study.of(record_events(plant, [point], kinds, rate=3000.0, length=0.12, noise_db=50.0))
+    poor = {"plant.L_F": 0.14, "plant.R_F": 0.00456, "plant.C_F": 0.0662, "plant.L_g": 0.15, "plant.R_g": 0.00844,
+            "pll_filter.omega_c": 2940.0, "pll.kP_pll": 59.9, "pll.kI_pll": 1400.0, "power.kP": 0.000718, "power.kI": 20.1,
+            "current.kP": 0.0393, "current.kI": 74100.0, "decoupling.L": 1e-05}  # fmt: skip
+    ends = [
+        evaluate_records(ibrid.parse_program(plant.program), study, FitSettings(restarts=0, hops=0), {"": values}).nrmse
+        for values in (poor, plant.diagram_values)
+    ]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-3)
 
 
 def test_a_twin_of_the_sweep_is_excluded_by_a_record_that_reaches_a_limit_of_the_voltage():

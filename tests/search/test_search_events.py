@@ -10,6 +10,7 @@ from ibrid_search.proposal import Evaluated
 from ibrid_search.rankings import rankings_of
 from ibrid_search.running import search
 from ibrid_search.store import Store
+from ibrid_search.watching.server import step_page
 from sharing import shared
 
 import ibrid
@@ -67,6 +68,7 @@ def test_records_alone_are_searched_from_a_start_and_the_page_plays_the_answer(t
     assert max(answer.nrmse_by_record.values()) < 1.2 * 10**-2.5  # the noise
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Records of events" in page
+    assert "Records of events" in step_page(folder, 0)
     assert "no data" not in page
     assert main([*words[:-4], "--budget", "1", "--out", str(folder), "--resume"]) == 0
     assert main([*words[:-4], "--choose", "frequencies", "--out", str(tmp_path / "other")]) == 2
