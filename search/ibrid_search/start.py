@@ -110,12 +110,14 @@ class Start:
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         alone, held = isinstance(self.data, Events), self.best.held_out or {}
+        sure += (
+            " A limit that acts in a record is asked for by ibrid gap." if alone and self.best.grade not in FITS else ""
+        )
         points = "; ".join(f"{error:.2g} {'in' if alone else 'at'} {op}" for op, error in held.items())
         sure += f" Error {'in a record' if alone else 'at a point'} that the fit never saw: {points}." if held else ""
         records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
         if self.records is not None and not records:
             return sure + " No diagram that was fitted has a rest in every record of events."
-        sure += " A limit that acts in a record is found by ibrid gap." if alone and self.best.grade not in FITS else ""
         fitted = "Error of the records" if alone else "Error of the records of events, fitted with the sweep"
         return sure + (f" {fitted}: {records}." if records else "")
 
