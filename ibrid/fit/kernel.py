@@ -179,8 +179,7 @@ def respond(values, rows, columns, delays, omega, size):
 def excited(excitation, line):
     """What the loops below multiply an admittance by, read-only as they are compiled for: (K, 2, 2) complex; (K, 0, 0), which
     is nothing, for None."""
-    given = np.zeros((len(line), 0, 0), dtype=complex) if excitation is None else np.ascontiguousarray(excitation)
-    given = given.view()
+    given = np.zeros((len(line), 0, 0), complex) if excitation is None else np.ascontiguousarray(excitation).view()
     given.flags.writeable = False
     return given
 

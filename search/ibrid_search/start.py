@@ -35,10 +35,9 @@ from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.merit import EXACT, Criterion
 from ibrid_search.rankings import rankings_of
 
-#: Diagrams that are fitted after the looks, seconds of each fit at most, and waves of starts; diagrams that are fitted to records
-#: while none fits, whose race is short.
-FITTED, SECONDS, RESTARTS = 3, 12.0, 1
-RACED = 6
+#: Diagrams that are fitted after the looks, and to records, whose race is short, while none fits; seconds of each fit at most,
+#: and waves of starts.
+FITTED, RACED, SECONDS, RESTARTS = 3, 6, 12.0, 1
 GRADES = tuple(map(str, Grade))
 FITS = GRADES[:2]
 _WORDS = {
@@ -206,7 +205,7 @@ def start_html(answer: Start) -> str:
     """The page as text."""
     record = answer.best.record
     sweep = answer.data if isinstance(answer.data, Sweep) else None
-    facts: dict[str, Any] = record_facts(record, sweep, "bode") if record is not None else {}
+    facts = record_facts(record, sweep, "bode") if record is not None else {}
     facts["events"] = facts_of_record(record, answer.records) if answer.best.by_record else None
     look, swept = answer.inspection, sweep is not None
     first_look = format_events_inspection(look) if isinstance(look, EventsInspection) else format_inspection(look)
