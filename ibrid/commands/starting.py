@@ -54,8 +54,8 @@ def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, E
         return inputs.read_events_at(arguments.data, *options), arguments.data, None
     if arguments.events is None:
         inputs.require_no_events_options(arguments)
-        return *_sweep(arguments.data, folder), None
-    return *_sweep(arguments.data, folder), inputs.read_events_at(arguments.events, *options)
+    beside = None if arguments.events is None else inputs.read_events_at(arguments.events, *options)
+    return *_sweep(arguments.data, folder), beside
 
 
 def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":

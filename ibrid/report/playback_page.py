@@ -36,7 +36,7 @@ def played_facts(playback: Playback) -> dict[str, Any]:
 
 def facts_of_record(record: Record | None, events: Events | None) -> dict[str, Any] | None:
     """The same of a record that was fitted to events; None where it was not, or where they are gone."""
-    if record is None or events is None or not record.parameters:
+    if record is None or events is None or not record.nrmse_by_record:
         return None
     return played_facts(play(model_of_record(record), events))
 

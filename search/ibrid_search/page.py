@@ -76,7 +76,7 @@ def run_html(run: RunData) -> str:
         "trajectory": trajectory_svg(run),
         "drawn": drawn_models(run),
         "responses": response_facts(run),
-        "events": None if run.sweep else facts_of_record(record, run.events),
+        "events": facts_of_record(record, run.events),
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),

@@ -72,7 +72,7 @@ class Rankings:
         own = self.looker.worth(error, parent.record.free_parameters)
         enough = own - min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
         if error > max(GROSS, ABOVE_NOISE * floor.level):
-            looks = self._ranked(parent.diagram, self._values(parent), frame_of, False)
+            looks = self._ranked(parent.diagram, self._values(parent), frame_of)
             frame = [look for look in looks if look.worth < own - STANDS and new(look.edit.diagram)]
             if frame:
                 return frame[:number]
@@ -126,7 +126,7 @@ class Rankings:
 
     def _error_of(self, diagram: Diagram, values: Values) -> float:
         """What a look at a diagram leaves; infinite where it has no response."""
-        return min((look.error for look in self._ranked(diagram, values, itself_of, False)), default=inf)
+        return min((look.error for look in self._ranked(diagram, values, itself_of)), default=inf)
 
     def _error(self, parent: Evaluated) -> float:
         return self.looker.criterion.floor.error(parent.record)
@@ -143,7 +143,7 @@ class Rankings:
         if self.study.events is not None:
             return
         yield self._pairs(sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD])
-        yield self._ranked(diagram, values, anywhere_of, settled)
+        yield self._ranked(diagram, values, anywhere_of)
 
     def _pairs(self, firsts: Sequence[RankedEdit]) -> list[RankedEdit]:
         """Looks at effects on top of looks: at those that a glance finds best."""
@@ -160,7 +160,7 @@ class Rankings:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
 
     def _ranked(
-        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]], settled: bool
+        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]], settled: bool = False
     ) -> list[RankedEdit]:
         """Edits of a diagram with fitted values, by looks; settled : it leaves nothing but noise."""
         key = f"{edits.__name__} {program_text(diagram)}"

@@ -144,8 +144,8 @@ class Start:
 def start(
     data: Sweep | Events, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None
 ) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; one of two devices in
-    parallel where none of these fits.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; to a sweep one of two
+    devices in parallel where none of these fits.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
     and ranked by the Bayesian information criterion.
@@ -206,7 +206,7 @@ def start_html(answer: Start) -> str:
     record = answer.best.record
     sweep = answer.data if isinstance(answer.data, Sweep) else None
     facts = record_facts(record, sweep, "bode") if record is not None else {}
-    facts["events"] = facts_of_record(record, answer.records) if answer.best.by_record else None
+    facts["events"] = facts_of_record(record, answer.records)
     look, swept = answer.inspection, sweep is not None
     first_look = format_events_inspection(look) if isinstance(look, EventsInspection) else format_inspection(look)
     return page("start.html", {**facts, "answer": answer, "swept": swept, "first_look": first_look}, "ibrid_search")
@@ -282,7 +282,6 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     elif answer.best.grade in FITS:
         chosen = (stability, export, search if two else gap)
     else:
-        chosen = (
-            (gap, search, stability) if alone else (search, gap, stability)
-        )  # a limit is likelier than another make
+        first = (gap, search) if alone else (search, gap)  # in records a limit is likelier than another make
+        chosen = (*first, stability)
     return tuple(map(shlex.join, chosen))

@@ -247,8 +247,7 @@ def step_page(folder: Path, number: int, kinds: Sequence[ModuleKind] = VOCABULAR
         step = store.step(number)
         record = store.record(number, kinds)
         sweep, _ = measured(store.meta.get("data", ""), read_sweep)
-        alone = sweep is None and store.meta.get("events")
-        events, _ = measured(store.meta["events"], read_events) if alone else (None, "")
+        events, _ = measured(store.meta.get("events", ""), read_events)
         try:
             parent = None if step.edited is None else store.step(step.edited)
         except IbridError:
