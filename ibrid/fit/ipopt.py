@@ -1,6 +1,7 @@
 """The solver of record: Ipopt, through CasADi, on the compiled objective with exact gradient and Gauss-Newton Hessian."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -13,26 +14,39 @@ _ROUNDING = 1e-7
 #: Added to the Hessian of the scaled objective, so that a direction which changes no response is not stepped along.
 _DAMPING = 1e-5
 
-
-@dataclass(frozen=True)
-class Optimum:
-    """Ipopt's answer: x (P,), the squared errors (M,), its status, the number of iterations."""
-
-    x: np.ndarray
-    costs: np.ndarray
-    status: str
-    iterations: int
+#: A number, and what gives its gradient (P,) and its Hessian (P, P): a line search asks for none.
+Valued = tuple[float, Callable[[], tuple[np.ndarray, np.ndarray]]]
+Objective = Callable[[np.ndarray], Valued]
+Box = tuple[np.ndarray, np.ndarray]
 
 
-def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> Optimum:
-    """Minimise the error from x, inside the boxes: where the noise is known the sum of the squares and of what is believed, which
-    is the maximum likelihood; else the mean over operating points of the root of the squared error, as it is scored.
+def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> tuple[np.ndarray, str, int]:
+    """`minimise` the error from x, inside the boxes: where the noise is known the sum of the squares and of what is believed,
+    which is the maximum likelihood; else the mean over operating points of the root of the squared error, as it is scored.
     """
-    (low, high), size = misfit.box, misfit.problem.size
+    number = len(misfit.problem.points)
+
+    def objective(x: np.ndarray) -> Valued:
+        cost, gradient, hessian = (part[0] for part in misfit.parts(x[None]))
+        if misfit.noise is None:
+            root = np.sqrt(cost + _ROUNDING**2)
+            value, factor = float(root.mean()), 1.0 / root / number
+        else:
+            value, factor = float(cost.sum()) / number, np.full(len(cost), 2.0 / number)
+        return value, lambda: (factor @ gradient, np.einsum("m,mpq->pq", factor, hessian))
+
+    return minimise(objective, misfit.box, x, iterations=iterations, seconds=seconds)
+
+
+def minimise(
+    objective: Objective, box: Box, x: np.ndarray, *, iterations: int, seconds: float, gain: float = 1e-7
+) -> tuple[np.ndarray, str, int]:
+    """x (P,) where an objective is least from x on, Ipopt's status, and its iterations; gain : relative, of the last steps."""
+    (low, high), size = box, len(x)
     start = np.clip(x, low, high)
-    memory = _Memory(misfit, start)
+    memory = _Memory(objective, start)
     if not size or not np.isfinite(memory.scale):
-        return Optimum(start, memory.costs(start), "nothing to optimise", 0)
+        return start, "nothing to optimise", 0
     symbol = ca.MX.sym("x", size)
     callbacks = [_Value(memory, size), _Gradient(memory, size), _Hessian(memory, size)]
     solver = ca.nlpsol(
@@ -52,7 +66,7 @@ def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> 
             "ipopt.max_wall_time": max(seconds, 1e-3),
             "ipopt.tol": 1e-9,
             "ipopt.acceptable_tol": 1e10,  # so that a step without gain ends the solve
-            "ipopt.acceptable_obj_change_tol": 1e-7,
+            "ipopt.acceptable_obj_change_tol": gain,
             "ipopt.acceptable_iter": 2,
             "ipopt.tiny_step_tol": 1e-8,  # of a logarithm: such a step is taken without a line search
             "ipopt.mu_init": 1e-9,
@@ -68,50 +82,33 @@ def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> 
     found = np.clip(np.asarray(answer["x"]).ravel(), low, high)
     if not memory.value(found) <= memory.value(start):
         found = start
-    return Optimum(found, memory.costs(found), str(statistics["return_status"]), int(statistics["iter_count"]))
+    return found, str(statistics["return_status"]), int(statistics["iter_count"])
 
 
 class _Memory:
     """One evaluation serves value, gradient and Hessian; the error is scaled to 1 at the start."""
 
-    def __init__(self, misfit: Misfit, start: np.ndarray) -> None:
-        self.misfit = misfit
+    def __init__(self, objective: Objective, start: np.ndarray) -> None:
+        self.objective = objective
         self._key: bytes | None = None
-        self._result: tuple[float, np.ndarray, np.ndarray] = (np.inf, np.zeros(0), np.zeros(0))
-        self._costs = np.zeros(0)
         self.interruption: TimeoutError | KeyboardInterrupt | None = None
         self.scale = 1.0
-        self._evaluate(start)
-        self.scale = max(self._result[0], _ROUNDING)
-        self._key = None  # what is kept of the start is not scaled
-
-    def _evaluate(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        if (key := x.tobytes()) != self._key:
-            cost, gradient, hessian = self.misfit.parts(x[None])
-            number, size = len(self.misfit.problem.points), len(x)
-            if self.misfit.noise is None:
-                root = np.sqrt(cost[0] + _ROUNDING**2)
-                value, factor = float(root.mean()) / self.scale, 1.0 / root / number / self.scale
-            else:
-                value = float(cost[0].sum()) / number / self.scale
-                factor = np.full(cost.shape[1], 2.0 / number / self.scale)
-            total = np.einsum("m,mp->p", factor, gradient[0]) if np.isfinite(value) else np.zeros(size)
-            curvature = np.einsum("m,mpq->pq", factor, hessian[0]) if np.isfinite(value) else np.eye(size)
-            self._key, self._costs, self._result = key, cost[0, :number], (value, total, curvature)
-        return self._result
+        self.scale = max(self.value(start), _ROUNDING)
 
     def value(self, x: np.ndarray) -> float:
-        return self._evaluate(x)[0]
+        if (key := x.tobytes()) != self._key:
+            self._value, slopes = self.objective(x)
+            flat = (np.zeros(len(x)), np.eye(len(x)))
+            self._key, self._slopes = key, cache(slopes if np.isfinite(self._value) else lambda: flat)
+        return self._value / self.scale
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        return self._evaluate(x)[1]
+        self.value(x)
+        return self._slopes()[0] / self.scale
 
     def hessian(self, x: np.ndarray) -> np.ndarray:
-        return self._evaluate(x)[2]
-
-    def costs(self, x: np.ndarray) -> np.ndarray:
-        self._evaluate(x)
-        return self._costs
+        self.value(x)
+        return self._slopes()[1] / self.scale
 
 
 class _Value(ca.Callback):

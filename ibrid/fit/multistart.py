@@ -67,16 +67,16 @@ def fit(
     search.hop()
     best, twins = search.most_plausible()
     left = settings.seconds - (time.monotonic() - started)
-    optimum = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations, seconds=left)
+    x, status, iterations = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations, seconds=left)
     return Solution(
-        x=optimum.x,
-        errors=np.sqrt(optimum.costs),
-        twins=search.distinct(twins, optimum.x),
+        x=x,
+        errors=np.sqrt(search.believing.parts(x[None])[0][0, : len(problem.points)]),
+        twins=search.distinct(twins, x),
         finished=tuple(sorted(search.finished, key=lambda one: one.error)),
         independent=len(search.independent),
         agreeing=len(search.agreeing),
         waves=waves,
         evaluations=problem.evaluations,
-        ipopt_status=optimum.status,
-        ipopt_iterations=optimum.iterations,
+        ipopt_status=status,
+        ipopt_iterations=iterations,
     )

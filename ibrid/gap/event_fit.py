@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import f as f_law
 
 from ibrid.errors import IbridError
+from ibrid.fit.ipopt import minimise
 from ibrid.fit.problem import Misfit
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.event_misfit import LED, PLAIN, Descending, EventMisfit
@@ -21,6 +22,8 @@ from ibrid.structure.diagram import Diagram
 
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
+#: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
+ITERATIONS, SECONDS, STEPS_GAIN, WITHIN = 20, 3.0, 1e-5, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +142,15 @@ class EventFitter:
             prior=self.prior,
             x=x,
         )
+
+    def settled(self, fit: EventFit) -> EventFit:
+        """A fit as the solver of record leaves it; as it is where the model jumps, for which Ipopt has no slopes."""
+        if fit.misfit.jumping.any():
+            return fit
+        low, high = fit.misfit.box
+        box = np.maximum(low, fit.x - WITHIN), np.minimum(high, fit.x + WITHIN)
+        x, *_ = minimise(fit.misfit.valued, box, fit.x, iterations=ITERATIONS, seconds=SECONDS, gain=STEPS_GAIN)
+        return min((fit, self.at(fit.diagram, fit.limits, x)), key=lambda one: one.cost)
 
     def at_values(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventFit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""

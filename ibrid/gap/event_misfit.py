@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.fit.ipopt import Valued
 from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.fit.problem import FreeNumber, Misfit
 from ibrid.gap.data import Values
@@ -39,8 +40,11 @@ LED, PLAIN = (10, 2), (12, 3)
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
-#: Part of the cost to which a descent begun again must come, or it was at its end; cost of a number where only noise is left.
+#: To which part of what noise does not leave a descent begun again must come, or it was at its end; cost of a number of noise.
 HELPS, LEFT = 0.8, 1.1
+#: By how much a number at which the model jumps is moved, either way, to begin again: its slope is a chord, which knows nothing
+#: of a valley a thousandth away. How many such starts take a round of some steps.
+NUDGES, NUDGED, TRIED = (2.5e-4, 1e-3, 4e-3, 1.6e-2), 6, (1, 3)
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Parameter sets that are simulated together at most; single ones that are kept.
@@ -77,7 +81,7 @@ class EventMisfit:
         self.coordinates = self.beliefs.coordinates
         own = {one.name: k for k, one in enumerate(parameters)}
         jumps = {f"{one.id}.{name}" for one in limits for name in one.jumps}
-        self._jumping = np.array([one.name in jumps for one in parameters])
+        self.jumping = np.array([one.name in jumps for one in parameters])
         self._place = np.array([own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int)
 
     @cached_property
@@ -204,16 +208,21 @@ class EventMisfit:
         _, down, hold = self.beliefs.pull(x)
         return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
 
+    def valued(self, x: np.ndarray) -> Valued:
+        """Half of the cost at x (P,), with its gradient, and its Hessian by Gauss and Newton."""
+        points = self.at(x[None])
+        return 0.5 * float(points.cost[0]), lambda: self._normal(x, points.carried[0][0])
+
     def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
-        size = np.where(self._jumping, WIDEST, min(SLOPE * self.scale, WIDEST))
+        size = np.where(self.jumping, WIDEST, min(SLOPE * self.scale, WIDEST))
         step = np.where(x + size <= self.box[1], size, -size)
         found = self.played(np.concatenate([x[None], x + np.diag(step)]))
         return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
 
     def _central_slopes(self, x: np.ndarray) -> np.ndarray:
         """The same to the square of the step, so that a direction that nothing sees has no slope. Beyond the box by a step."""
-        size = np.where(self._jumping, WIDEST, SLOPE)
+        size = np.where(self.jumping, WIDEST, SLOPE)
         ends = self.played(np.concatenate([x + sign * np.diag(size) for sign in (1.0, -1.0)]))
         return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * size[:, None])).T
 
@@ -284,8 +293,13 @@ class Descending:
             pass
 
     def _elsewhere(self) -> Iterator[np.ndarray]:
-        """With what went far from what is believed put back (a zero at 0, for which a resistance makes up: no slope leads back),
-        and where predictions lead."""
+        """With what jumps moved by a little; with what went far from what is believed put back (a zero at 0, for which a
+        resistance makes up: no slope leads back), and where predictions lead."""
+        moves = np.eye(len(self.x))[self.misfit.jumping]
+        nudged = [self.x + size * move for move in moves for nudge in NUDGES for size in (nudge, -nudge)]
+        if nudged:
+            begun = self.misfit.best(np.clip(nudged, *self.misfit.box), NUDGED)
+            yield min((one.go(*TRIED) for one in begun), key=lambda one: one.cost, default=self).x
         near = self.misfit.beliefs.put_back(self.x)
         for x in (near, self.x) if np.any(near != self.x) else (self.x,):
             yield from (one.go(*LED).x for one in self.misfit.predicting.best(x[None], 1))
@@ -297,7 +311,8 @@ class Descending:
         for again in self.misfit.best(x[None], 1):
             if again.go(*PLAIN).cost < before:
                 self.x, self.cost = again.x, again.cost
-        return self.cost < HELPS * before
+        was, left = (cost - self.misfit.count for cost in (before, self.cost))
+        return was > 0 and left < HELPS * was
 
     def _round(self, steps: int) -> None:
         scaled = self.misfit.scaled(self.x)

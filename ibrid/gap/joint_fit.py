@@ -119,6 +119,7 @@ def weighed_by_events(
         raise IbridError(NO_REST)
     least = min(fit.cost for fit in fits)
     best = next(data.fitter.at(fit.diagram, fit.limits, fit.x) for fit in fits if fit.cost - least < LIKELY)
+    best = data.fitter.settled(best)
     model = Model(question.diagram, Convention(), best)
     record = record_of(model, data, question, played(model, data, question.events))
     if twins:

@@ -30,6 +30,8 @@ DRAWS = 3
 RACED, SWEPT = 32, 8
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
+#: Part of what a model leaves at which a limit beside it is what is missing, whatever else is.
+DECIDED = 1e-4
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
@@ -60,10 +62,9 @@ class Records(Data):
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}
-        # by ids of fits, each with that fit, so that its id is not used again
-        self._fits: dict[int, tuple[EventFit, dict[_Edit, Model]]] = {}
-        self._races: dict[int, tuple[EventFit, dict[_Edit, Model | None]]] = {}
-        self._predicted: dict[int, tuple[EventFit, Values]] = {}
+        self._fits: dict[Fitted, dict[_Edit, Model]] = {}
+        self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
+        self._predicted: dict[Fitted, Values] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
@@ -105,9 +106,11 @@ class Records(Data):
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
-        """Limits; and all edits of the program where neither the model nor one limit alone explains the records."""
-        limits = self._limit_places(model)
-        if model.adequate() or any(fit is not None and fit.adequate() for fit in self._raced(model).values()):
+        """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
+        that the model leaves: what else is missing shows beside that limit."""
+        limits, decided = self._limit_places(model), DECIDED * model.refit.cost
+        tried = [] if model.adequate() else [one for one in self._raced(model).values() if one is not None]
+        if model.adequate() or any(one.adequate() or one.refit.cost < decided for one in tried):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
@@ -117,8 +120,7 @@ class Records(Data):
 
     def _raced(self, model: Model) -> dict[_Edit, Model | None]:
         """The model with every limit that it lacks, or without one that it has, fitted together."""
-        key = id(model.refit)
-        if key not in self._races:
+        if model.refit not in self._races:
             places = self._limit_places(model)
             small = None if model.adequate() else self._by_sweep(model.diagram)
             first: Values = {} if small is None or small.p_value() < ADEQUATE else small.values
@@ -127,14 +129,11 @@ class Records(Data):
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
                 led=not model.adequate(),
             )  # fmt: skip
-            self._races[key] = (
-                model.refit,
-                {
-                    _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
-                    for place, fit in zip(places, fits, strict=True)
-                },
-            )
-        return self._races[key][1]
+            self._races[model.refit] = {
+                _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
+                for place, fit in zip(places, fits, strict=True)
+            }
+        return self._races[model.refit]
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
@@ -152,8 +151,7 @@ class Records(Data):
         What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
         thirty and no higher. A sweep beside them ranks it better, where it shows there.
         """
-        key = id(model.refit)
-        if key not in self._fits:
+        if model.refit not in self._fits:
             edits = insertions(model.diagram, self.kinds, self.catalogue)
             glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit)) is not None]
             swept = self._swept(model, edits)
@@ -173,8 +171,8 @@ class Records(Data):
                 if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
                     fits.append(fit)
                     models[_edit(edit)] = replace(glance, refit=fit)
-            self._fits[key] = model.refit, models
-        return self._fits[key][1]
+            self._fits[model.refit] = models
+        return self._fits[model.refit]
 
     def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[_Edit, Values]:
         """The edits that explain most of the sweep at a glance, with their values there; none without a sweep."""
@@ -213,11 +211,10 @@ class Records(Data):
     def _led(self, model: Model) -> Values:
         if model.adequate():
             return model.refit.values
-        key = id(model.refit)
-        if key not in self._predicted:
+        if model.refit not in self._predicted:
             led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
-            self._predicted[key] = model.refit, led
-        return self._predicted[key][1]
+            self._predicted[model.refit] = led
+        return self._predicted[model.refit]
 
     def _worst(self, model: Model) -> str:
         pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)

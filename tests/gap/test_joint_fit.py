@@ -15,11 +15,13 @@ import ibrid
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.event_question import asked
 from ibrid.gap.joint_fit import evaluate_events, evaluate_records
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.sweeping import plant_named
+from ibrid.playback.limits import LIMITS
 from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
 from ibrid.study import Study
@@ -71,6 +73,23 @@ def inside(record: Record, names: Sequence[str]) -> list[str]:
         for name, span in ends.items()
         if span and abs(values[name] - VISIBLE[name]) <= 3.0 * max(span[1] - values[name], values[name] - span[0])
     ]
+
+
+def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose_model_jumps():
+    question = asked(
+        ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"), {}
+    )
+    data = question.records(question.prior())
+    fitter, diagram = data.fitter, question.diagram
+    ended = fitter.settled(fitter.at_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7}))
+    value, slopes = ended.misfit.valued(ended.x)
+    gradient, hessian = slopes()
+    gain = 0.5 * gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-9)[0]  # of a step of Newton
+    assert value < 0.55 * ended.numbers  # half of chi2, of as many numbers
+    assert gain < 1e-3 * value
+    freeze = next(limit for limit in LIMITS if limit.id == "pll_freeze")
+    jumps = fitter.at_values(diagram, (freeze,), VISIBLE)
+    assert fitter.settled(jumps) is jumps
 
 
 @shared

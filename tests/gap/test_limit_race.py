@@ -1,10 +1,13 @@
 """Which form of a missing limit explains records, from values 15 % off; the device is simulated apart from the package."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from ibrid_bench.events.cases import NAMES, EventCase, draw
 
-from ibrid.gap.event_misfit import of_record
+from ibrid.gap.event_misfit import Descending, of_record
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
 from ibrid.gap.release import HOLD, MOMENT, by_moments
@@ -89,3 +92,27 @@ def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good(
     assert behind[of_record(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
     assert seen[of_record(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
     assert HOLD not in {**behind, **seen}
+
+
+class Stepping(Descending):
+    """A descent that stays where it is: on a step there is no slope."""
+
+    def go(self, rounds: int, steps: int) -> "Stepping":
+        return self
+
+
+def test_a_number_at_which_the_model_jumps_is_looked_for_a_little_way_off_where_its_slope_ends():
+    def best(x: np.ndarray, number: int) -> list[Stepping]:
+        costs = [2.0 if one[0] < 0.015 or one[1] else 0.5 for one in x]
+        steps = [Stepping(misfit, one, cost) for one, cost in zip(x, costs, strict=True)]
+        return sorted(steps, key=lambda step: step.cost)[:number]
+
+    nowhere = SimpleNamespace(best=lambda x, number: [])
+    misfit: Any = SimpleNamespace(
+        best=best, predicting=nowhere, beliefs=SimpleNamespace(put_back=lambda x: x), count=1,
+        jumping=np.array([True, False]), box=(np.full(2, -1.0), np.full(2, 1.0)),
+    )  # fmt: skip
+    descent = Stepping(misfit, np.zeros(2), 2.0)
+    descent.to_its_end()
+    assert descent.cost == 0.5
+    assert descent.x.tolist() == [0.016, 0.0]

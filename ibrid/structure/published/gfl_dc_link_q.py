@@ -1,6 +1,5 @@
 def build_gfl_dc_link_q(g):
-    """Grid-following with the DC link's voltage on the d axis and reactive power on the q axis (Yazdani and Iravani 2010, ch. 8).
-    """
+    """Grid-following, the DC link's voltage on the d axis, reactive power on q (Yazdani and Iravani 2010, ch. 8)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

@@ -1,6 +1,5 @@
 def build_gfl_ddsrf_open_loop(g):
-    """Grid-following, decoupled double synchronous frame PLL (Rodriguez et al., TPEL 2007), references p*/|v| and -q*/|v|.
-    """
+    """Grid-following, decoupled double synchronous frame PLL (Rodriguez et al. 2007), references p*/|v| and -q*/|v|."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

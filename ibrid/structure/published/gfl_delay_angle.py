@@ -1,6 +1,5 @@
 def build_gfl_delay_angle(g):
-    """Grid-following bench inverter: the delay of its command leaves an uncompensated angle (Francis, Virginia Tech 2010).
-    """
+    """Grid-following bench inverter: its command's delay leaves an uncompensated angle (Francis 2010)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")

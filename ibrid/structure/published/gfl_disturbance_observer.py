@@ -1,6 +1,5 @@
 def build_gfl_disturbance_observer(g):
-    """Grid-following, constant current reference, current control by an observer of what disturbs it (motulator 0.5, MIT).
-    """
+    """Grid-following, constant current reference, current control by a disturbance observer (motulator 0.5)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")

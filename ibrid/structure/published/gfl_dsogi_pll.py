@@ -1,6 +1,5 @@
 def build_gfl_dsogi_pll(g):
-    """Grid-following, DSOGI-PLL: it locks to the positive sequence (Rodriguez et al., PESC 2006); power and current control.
-    """
+    """Grid-following, DSOGI-PLL, which locks to the positive sequence (Rodriguez et al. 2006)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

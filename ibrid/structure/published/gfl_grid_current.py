@@ -1,6 +1,5 @@
 def build_gfl_grid_current(g):
-    """Grid-following control of the grid current, the resonance damped by the capacitor's current (Pan et al., TIE 2014).
-    """
+    """Grid-following control of the grid current, damped by the capacitor's current (Pan et al., TIE 2014)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

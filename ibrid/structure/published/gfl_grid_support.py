@@ -1,6 +1,5 @@
 def build_gfl_grid_support(g):
-    """Grid-following with grid support: droops of frequency on p and of voltage on q, both filtered (IEEE 1547, REGC and REEC models).
-    """
+    """Grid-following with grid support: filtered droops of frequency and voltage (IEEE 1547, REGC and REEC models)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

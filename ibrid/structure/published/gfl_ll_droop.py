@@ -1,6 +1,5 @@
 def build_gfl_ll_droop(g):
-    """Grid-following two-level converter behind reactor and transformer: filtered sensors, second filter of the PLL, Q-V droop.
-    """
+    """Grid-following behind reactor and transformer: filtered sensors, second filter of the PLL, Q-V droop."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LLFilter", "plant")

@@ -1,6 +1,5 @@
 def build_gfl_open_loop(g):
-    """Grid-following without power loops: i_ref = (p*/|v|, -q*/|v|) of the filtered voltage (Yazdani and Iravani 2010, ch. 8).
-    """
+    """Grid-following without power loops: i_ref = (p*, -q*)/|v| of the filtered voltage (Yazdani and Iravani 2010)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

@@ -1,6 +1,5 @@
 def build_gfl_pcc_voltage(g):
-    """Grid-following that measures the voltage of the PCC: synchronisation, powers and filtered feedforward take it (Wen et al. 2016).
-    """
+    """Grid-following by the voltage of the PCC: synchronisation, powers, filtered feedforward (Wen et al. 2016)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

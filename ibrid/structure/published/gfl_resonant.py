@@ -1,6 +1,5 @@
 def build_gfl_resonant(g):
-    """Grid-following, PI with resonant control of the negative sequence and of the 5th and 7th harmonic (Teodorescu et al. 2006).
-    """
+    """Grid-following, PI and resonant control of negative sequence, 5th, 7th harmonic (Teodorescu et al. 2006)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

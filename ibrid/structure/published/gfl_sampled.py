@@ -1,6 +1,5 @@
 def build_gfl_sampled(g):
-    """Grid-following sampled control: computing time, then zero-order hold (Buso and Mattavelli 2006); filtered feedforward.
-    """
+    """Grid-following sampled control: computing time, zero-order hold, filtered feedforward (Buso, Mattavelli 2006)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

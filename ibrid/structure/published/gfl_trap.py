@@ -1,6 +1,5 @@
 def build_gfl_trap(g):
-    """Grid-following behind an LCL filter with a trap at the switching frequency (Wu, He and Blaabjerg, TPEL 2012), with a control delay.
-    """
+    """Grid-following behind an LCL filter with a trap at the switching frequency (Wu et al. 2012), with a delay."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LCL_trap", "plant")

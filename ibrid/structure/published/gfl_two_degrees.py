@@ -1,6 +1,5 @@
 def build_gfl_two_degrees(g):
-    """Grid-following, two-degrees-of-freedom current control (Harnefors and Nee 1998; motulator): kP + k on the reference, kP on i.
-    """
+    """Grid-following, two-degrees-of-freedom current control: kP + k on i_ref, kP on i (Harnefors and Nee 1998)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")

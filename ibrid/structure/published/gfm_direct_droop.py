@@ -1,6 +1,5 @@
 def build_gfm_direct_droop(g):
-    """Grid-forming without inner loops: droops of filtered p and q set angle and voltage, a virtual impedance damps (Du et al. 2020).
-    """
+    """Grid-forming without inner loops: filtered droops, a virtual impedance damps (Du et al. 2020)."""
     # frames and plant; the angle is the integral of the frequency
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")

@@ -1,6 +1,5 @@
 def build_gfm_direct_vsm(g):
-    """Virtual synchronous machine without inner loops: swing equation as a low-pass of p, reactive power by an integrator (Zhong 2011).
-    """
+    """Virtual synchronous machine without inner loops: low-pass of p as swing, integrated q (Zhong 2011)."""
     # frames and plant; the angle is the integral of the frequency
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")

@@ -1,6 +1,5 @@
 def build_gfm_power_synchronisation(g):
-    """Power-synchronisation control (Zhang, Harnefors and Nee, TPWRS 2010): the angle integrates the power error, R_a damps fast currents.
-    """
+    """Power-synchronisation control: the angle integrates the power error, R_a damps (Zhang et al. 2010)."""
     # frames and plant; the angle is the integral of the frequency
     g.add("Rot_v", "park_v")
     g.add("LLFilter", "plant")

@@ -1,6 +1,5 @@
 def build_gfm_regfm_a1(g):
-    """Grid-forming REGFM_A1 (Du et al., WECC 2021): droops of filtered p and q, a PI of the filtered voltage makes the internal one.
-    """
+    """Grid-forming REGFM_A1: droops of filtered p and q, a PI of the filtered voltage (Du et al., WECC 2021)."""
     # frames and plant; the angle is the integral of the frequency
     g.add("Rot_v", "park_v")
     g.add("LLFilter", "plant")

@@ -1,6 +1,5 @@
 def build_gfm_single_loop(g):
-    """Grid-forming with a single voltage loop: droops of filtered p and q, a PI of the capacitor's voltage makes the command (Qoria 2020).
-    """
+    """Grid-forming with a single voltage loop: filtered droops, a PI of the capacitor's voltage (Qoria 2020)."""
     # frames and plant; the angle is the integral of the frequency
     g.add("Rot_v", "park_v")
     g.add("LCL", "plant")
