@@ -13,6 +13,7 @@ from ibrid.gap.prior import read_values
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 from ibrid.report.text import format_record
+from ibrid.telling import telling
 from ibrid.writing import require_place
 
 
@@ -75,17 +76,19 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
         model = inputs.record(arguments.program, arguments.kinds)
     else:
         model = inputs.program(arguments.program)
-    return evaluate_events(
-        model,
-        events,
-        sweep,
-        values=None if arguments.values is None else read_values(arguments.values),
-        port=inputs.port(arguments.port, events if sweep is None else sweep),
-        vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
-        seed=arguments.seed,
-        holdout_op=arguments.holdout_op,
-        settings=_settings(arguments),
-    )
+    with telling("interactive") as tell:
+        return evaluate_events(
+            model,
+            events,
+            sweep,
+            values=None if arguments.values is None else read_values(arguments.values),
+            port=inputs.port(arguments.port, events if sweep is None else sweep),
+            vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
+            seed=arguments.seed,
+            holdout_op=arguments.holdout_op,
+            settings=_settings(arguments),
+            tell=tell,
+        )
 
 
 def _say_why(record: Record, program: str) -> int:

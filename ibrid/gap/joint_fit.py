@@ -34,6 +34,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.transformed import transformed
 from ibrid.structure.diagram import Diagram
 from ibrid.study import Study, StudyOptions
+from ibrid.telling import Tell
 
 #: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a valley, and no further.
 WAVES, HOPS = 1, 0
@@ -52,6 +53,7 @@ def evaluate_events(
     *,
     values: Nominal | None = None,
     settings: FitSettings | None = None,
+    tell: Tell = lambda *_: None,
     **options: Unpack[StudyOptions],
 ) -> Record:
     """Fit a diagram's free parameters, and those of limits beside it, to records of events.
@@ -62,7 +64,7 @@ def evaluate_events(
     events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
     values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
     settings : effort of the fit to the sweep. Of records alone its restarts say how many further starts are descended where the
-        first does not explain them; after its seconds none is.
+        first does not explain them; after its seconds none is. tell : is told what goes on, and the share that is done.
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
         equilibrium exact.
 
@@ -75,7 +77,7 @@ def evaluate_events(
     ------
     IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
     """
-    return weighed_by_events(asked(model, sweep, values, events, options), settings)[0]
+    return weighed_by_events(asked(model, sweep, values, events, options), settings, tell=tell)[0]
 
 
 def evaluate_records(
@@ -93,7 +95,7 @@ def evaluate_records(
 
 
 def weighed_by_events(
-    question: Asked, settings: FitSettings | None = None, warm: Values | None = None
+    question: Asked, settings: FitSettings | None = None, warm: Values | None = None, tell: Tell = lambda *_: None
 ) -> tuple[Record, float]:
     """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together.
 
@@ -109,14 +111,17 @@ def weighed_by_events(
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
     held = near_typical(question, nominal)
     twins: list[Values] = []
+    tell("where small departures lead", 0.0)
     if question.study is None:
-        fits = _explaining(question, held, nominal, effort, warm)
+        fits = _explaining(question, held, nominal, effort, warm, tell)
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
+        tell(f"the records, from {len(twins) + 1} answers of the sweep", 0.2)
         fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held)
     if not fits:
         raise IbridError(NO_REST)
+    tell("the solver of record, intervals and errors", 0.8)
     least = min(fit.cost for fit in fits)
     best = next(data.fitter.at(fit.diagram, fit.limits, fit.x) for fit in fits if fit.cost - least < LIKELY)
     best = data.fitter.settled(best)
@@ -161,7 +166,7 @@ def _fitted(
 
 
 def _explaining(
-    question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None
+    question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None, tell: Tell
 ) -> list[EventFit]:
     """Fits from known values or where small departures lead, whichever is ahead; then from each of these, until one explains the
     records or the time is up."""
@@ -174,7 +179,8 @@ def _explaining(
     if _explained(fits) or (fits and not effort.restarts):
         return fits
     starts = [(nominal, True)] * bool(question.values) + [(start, led) for led in (False, True) for start in small]
-    for start, led in starts[: effort.restarts + 1]:
+    for place, (start, led) in enumerate(starts[: effort.restarts + 1], 1):
+        tell(f"descent {place}", min(0.1 + 0.7 * (time.perf_counter() - began) / effort.seconds, 0.8))
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
         least = min((fit.cost for fit in fits), default=np.inf)

@@ -16,10 +16,5 @@ def hardware_sweeps() -> dict[str, Path]:
     """
     root = os.environ.get(VARIABLE)
     base = Path(root) if root else Path(__file__).resolve().parents[2].parent / "shared" / "data"
-    paths = {}
-    for name in NAMES:
-        for path in (base / FOLDER / f"{name}.csv", base / f"{name}.csv"):
-            if path.is_file():
-                paths[name] = path
-                break
-    return paths
+    places = [(name, folder / f"{name}.csv") for name in NAMES for folder in (base, base / FOLDER)]
+    return {name: path for name, path in places if path.is_file()}

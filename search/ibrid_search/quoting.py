@@ -5,13 +5,8 @@ LONGEST_FENCED, LONGEST_QUOTED = 2_000, 600
 FENCE = "````"
 #: What ends a fence, a turn or a thought in the templates of models, and what is shown in its place.
 _MARKS = (
-    ("```", "'''"),
-    ("<|", "< |"),
-    ("|>", "| >"),
-    ("think>", "think >"),
-    ("[INST", "[ INST"),
-    ("[/INST", "[ /INST"),
-)
+    ("```", "'''"), ("<|", "< |"), ("|>", "| >"), ("think>", "think >"), ("[INST", "[ INST"), ("[/INST", "[ /INST"),
+)  # fmt: skip
 
 
 def fenced(text: str, *, longest: int = LONGEST_FENCED) -> str:
