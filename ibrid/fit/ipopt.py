@@ -1,4 +1,4 @@
-"""The solver of record: Ipopt, through CasADi, on the compiled objective with exact gradient and Gauss-Newton Hessian."""
+"""The solver of record: Ipopt, through CasADi, on an objective with its gradient and a Gauss-Newton Hessian."""
 
 from collections.abc import Callable
 from functools import cache
