@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table
+from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.running import search
 from ibrid_search.start import start
+from ibrid_search.step import line
+from ibrid_search.store import Store
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import evaluate
@@ -76,7 +79,16 @@ def _searched(sweep: Sweep, held: Sequence[str]) -> Row:
         )
         record = run.best
         assert record is not None
-        return {**_of(record), "answer": f"{record.free_parameters} numbers, {run.ending}", "labels": _labels(record)}
+        with Store.open(run.folder / ARCHIVE, read_only=True) as store:
+            steps = {step.number: step for step in store.steps()}
+        way = "; ".join(step.note for step in line(steps, run.selection["answer"]))
+        return {
+            **_of(record),
+            "answer": f"{way}; {record.free_parameters} numbers, {run.ending}",
+            "labels": _labels(record),
+            "program": record.program,
+            "parameters": dict(record.parameters),
+        }
 
 
 def _gap(sweep: Sweep, held: Sequence[str]) -> Row:
