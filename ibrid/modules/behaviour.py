@@ -146,7 +146,7 @@ class Behaviour:
         return (
             not self.static
             or self.element is Element.TURN
-            or (self.in_line and _diagonal(numbers_of(kind, _arguments(kind))[3]))
+            or (self.in_line and _near(d := numbers_of(kind, _arguments(kind))[3], np.diag(np.diag(d))))
         )
 
     @property
@@ -359,10 +359,6 @@ def _quarter_turn(d: np.ndarray) -> bool:
 def _turns(d: np.ndarray) -> bool:
     """True for a I + b J."""
     return d.shape == (2, 2) and _near(d, d[0, 0] * np.eye(2) + d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
-
-
-def _diagonal(d: np.ndarray) -> bool:
-    return _near(d, np.diag(np.diag(d)))
 
 
 def _near(value: Any, expected: Any) -> bool:

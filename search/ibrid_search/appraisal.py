@@ -73,10 +73,10 @@ class Appraisal:
             return False
         return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
 
-    def rank(self, step: Step) -> tuple[float, int, int]:
-        """Of eligible steps the least is the best; of two that are worth the same the one with fewer states."""
+    def rank(self, step: Step, *, alike: bool = False) -> tuple[float, int, int]:
+        """Of eligible steps the least is the best, of equals the one with fewer states. alike : published or not is the same."""
         value = self.criterion.value(self.error(step.number), int(step.free or 0), self.oddities(step))
-        if self.published and step.hash not in self.published:
+        if self.published and not alike and step.hash not in self.published:
             value += UNPUBLISHED * self.criterion.price
         return round(value, DECIMALS), int(step.order or 0), step.number
 

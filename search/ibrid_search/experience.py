@@ -7,7 +7,7 @@ ln(fit) - ln(look) over the same searches. What nobody tried keeps the rank that
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, log
 from pathlib import Path
@@ -19,7 +19,7 @@ from ibrid.errors import IbridError
 from ibrid.writing import inside, write_whole
 from ibrid_search.report.selection import read_selection
 from ibrid_search.run_folder import ARCHIVE, SELECTION
-from ibrid_search.step import Status, Step
+from ibrid_search.step import Status, line
 from ibrid_search.store import Store
 
 #: The file of an experience, its schema, and how many tries the mean of all ideas weighs.
@@ -94,7 +94,7 @@ def tried_edits(folder: Path) -> Iterator[TriedEdit]:
     chosen = read_selection(inside(folder, SELECTION))
     if chosen is None or chosen.answer is None:
         raise IbridError(f"{folder}: holds no finished run, which alone teaches; finish it with ibrid search --resume")
-    inherited = set(_ancestors(steps, chosen.answer))
+    inherited = {step.number for step in line({step.number: step for step in steps}, chosen.answer)}
     for step in steps:
         if step.status is Status.OK and step.nrmse is not None and (part := step.usage.get("family")):
             yield TriedEdit(str(part), step.number in inherited, _beyond(step.nrmse, step.usage.get("look")))
@@ -103,10 +103,3 @@ def tried_edits(folder: Path) -> Iterator[TriedEdit]:
 def _beyond(fit: float, look: Any) -> float | None:
     known = isinstance(look, float) and isfinite(look) and look > 0 and fit > 0
     return log(fit / look) if known else None
-
-
-def _ancestors(steps: Iterable[Step], number: int | None) -> Iterator[int]:
-    known = {step.number: step for step in steps}
-    while number is not None and number in known:
-        yield number
-        number = known.pop(number).parent

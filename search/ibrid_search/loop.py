@@ -7,6 +7,7 @@ With a proposer that learns from evaluations, a whole batch of its answers is ma
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ class Loop:
         self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
         self.evaluations = 0
         self.best: Step | None = None
+        self.leanest: Step | None = None  # by known noise alone: several things not seen may outweigh being published
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
@@ -101,16 +103,18 @@ class Loop:
         While results are under way that may change this, the fruitless step is kept: what a step sees follows from its
         number alone, also after a resume. A best that is not good enough yet leaves the rest of the budget to the search.
         """
-        best, reached = self.best, self._reached
-        if best is not None and self._tidying and (reached is not None or best.number not in self.bare):
-            step = self._proposed(best)
-            fruitless = step.status is Status.NO_ANSWER
-            if fruitless and reached is not None and not self._under_way:
-                return reached
-            if not fruitless or reached is not None:
+        reached = self._reached
+        for tidied in (self.leanest, self.best) if self._tidying else ():
+            final = tidied is self.best and reached is not None
+            if tidied is None or (tidied.number in self.bare and not final):
+                continue
+            step = self._proposed(tidied)
+            if step.status is not Status.NO_ANSWER or (final and self._under_way):
                 self._append(step)
                 return None
-            self.bare.add(best.number)
+            if final:
+                return reached
+            self.bare.add(tidied.number)
         self._append(self._proposed())
         return None
 
@@ -342,8 +346,9 @@ class Loop:
         else:
             self.archive.admit(entry)
         if eligible(step):
-            both = [step] if self.best is None else [self.best, step]
-            self.best = min(both, key=self.appraisal.rank)
+            rank, known = self.appraisal.rank, self.appraisal.criterion.floor.known
+            self.best = min(filter(None, (self.best, step)), key=rank)
+            self.leanest = min(filter(None, (self.leanest, step)), key=partial(rank, alike=True)) if known else None
 
 
 def _fresh(step: Step) -> bool:

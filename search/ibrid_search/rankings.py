@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
-from math import inf, log
+from math import log
 
 from ibrid.errors import IbridError
 from ibrid.gap.missing_transfer import measured
@@ -118,15 +118,15 @@ class Rankings:
         return self.looker.textbooks()
 
     def loss(self, parent: Evaluated, without: Diagram) -> float:
-        """What a candidate loses when something is taken away, in ln(error) above the floor, by a look."""
-        floor = self.looker.criterion.floor
+        """What a candidate loses when something is taken away, by looks at both: where a sweep tells its noise in free numbers,
+        those saved counted, else in ln(error) above the floor."""
+        looker, values, study = self.looker, self._values(parent), self.study
+        less, floor = looker.ranked(itself_of(without, study), values)[0], looker.criterion.floor
+        if floor.known and study.events is None:
+            own = looker.ranked(itself_of(parent.diagram, study), values)[0]
+            return log(less.error / own.error) / looker.price + less.free - own.free
         least = floor.most if floor.known else LOOKED_EXACT
-        left = self._error_of(without, self._values(parent))
-        return log(max(left, least) / max(self._error(parent), least))
-
-    def _error_of(self, diagram: Diagram, values: Values) -> float:
-        """What a look at a diagram leaves; infinite where it has no response."""
-        return min((look.error for look in self._ranked(diagram, values, itself_of)), default=inf)
+        return log(max(less.error, least) / max(self._error(parent), least))
 
     def _error(self, parent: Evaluated) -> float:
         return self.looker.criterion.floor.error(parent.record)

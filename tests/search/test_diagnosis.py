@@ -1,6 +1,7 @@
 """Diagnosis: a few warm steps of every edit rank first what the data hide, and a search by it needs a handful of evaluations."""
 
 from dataclasses import replace
+from math import log
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from ibrid_search.diagnosis import (
 from ibrid_search.merit import GROSS, criterion
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.diagnosis import Diagnosis
-from ibrid_search.proposers.pruning import Pruning
+from ibrid_search.proposers.pruning import AFFORDABLE, Pruning, removal_moves
 from ibrid_search.rankings import rankings_of
 from ibrid_search.settings import SearchSettings
 from scripted_search import steps_of
@@ -146,6 +147,24 @@ def test_what_a_look_cannot_do_without_is_not_taken_away():
     context = Context(study, Evaluated(1, truth, ibrid.evaluate(truth, study)))
     assert Pruning().propose(context, np.random.default_rng(0)).edit
     assert not Diagnosis().remover(thorough=False).propose(context, np.random.default_rng(0)).edit
+
+
+def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_does():
+    study = Study(inverter("no_decoupling").noisy(50.0, 0).sweep)
+    diagram = ibrid.textbook("gfl_pll_filter_exact")
+    parent = Evaluated(0, diagram, ibrid.evaluate(diagram, study))
+    (view,) = views_of(diagram, study.kinds)
+    costs = {}
+    for name in ("decoupling", "pll_filter"):
+        move = next(one for one in removal_moves(view) if one.note.startswith("without") and name in one.note)
+        less = ibrid.evaluate(view.after(move), study)
+        assert less.over_noise is not None
+        assert parent.record.over_noise is not None
+        saved = parent.record.free_parameters - less.free_parameters
+        by_fit = log(less.over_noise / parent.record.over_noise) / criterion(study, SearchSettings()).price - saved
+        costs[name] = rankings_of(study).loss(parent, view.after(move))
+        assert costs[name] == pytest.approx(by_fit, abs=0.5, rel=0.1)
+    assert costs["decoupling"] < 0 < AFFORDABLE < costs["pll_filter"]
 
 
 def test_an_edit_that_cannot_be_fitted_is_worth_nothing():

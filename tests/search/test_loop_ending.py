@@ -2,20 +2,32 @@
 
 from collections import Counter
 from dataclasses import replace
+from math import exp
 from pathlib import Path
 
 import pytest
 from ibrid_search.edits import edit_between
 from ibrid_search.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
-from ibrid_search.merit import noise_floor
+from ibrid_search.merit import criterion, noise_floor
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.settings import SearchSettings
 from ibrid_search.spending import Limits, Spender, Spending
 from ibrid_search.step import EVALUATED, Status, Step
-from scripted_search import PLAIN, ScriptedEvaluator, ScriptedProposer, ended, noisy, numbered, steps_of, study
+from scripted_search import (
+    PLAIN,
+    ScriptedEvaluator,
+    ScriptedProposer,
+    ended,
+    noisy,
+    numbered,
+    scripted,
+    steps_of,
+    study,
+)
 
 import ibrid
+from ibrid.structure.drafting import Draft
 from ibrid.structure.roles import roles
 
 
@@ -129,6 +141,35 @@ class Paid(Spender, ScriptedProposer):
             return Proposal("", failure=self.spending.over)
         self.spending.count({"cost": 1.0})
         return replace(numbered(context, number), usage={"cost": 1.0})
+
+
+def test_three_things_that_gain_little_each_go_though_what_has_them_is_published(path):
+    draft = Draft(ibrid.textbook("gfl_exact"), study().kinds)
+    draft.insert("plant.i_ti", draft.targets("plant.i_ti"), "LPF1_dq", "current_filter")
+    draft.insert("plant.e_q", ["pll.e_q"], "Notch", "notch")
+    draft.insert("pll.delta_omega", draft.targets("pll.delta_omega"), "LPF1", "slow")
+    published, data = draft.diagram(), noisy()
+    numbers = {("current_filter", "LPF1_dq"): 1, ("notch", "Notch"): 2, ("slow", "LPF1"): 1}
+    level, price = noise_floor(data).level, criterion(replace(study(), sweep=data), PLAIN).price
+
+    def lost(program: str) -> set[tuple[str, str]]:
+        return modules_of(ibrid.program_text(published)) - modules_of(program)
+
+    def law(program: str) -> float:  # without each of the three the criterion falls by 0.6 of the price of a number
+        worse = sum(numbers.get(module, 99) - 0.6 for module in lost(program))
+        return min(0.5 * level * exp(price * worse), 0.5)
+
+    evaluator = ScriptedEvaluator(law, stable=lambda _: True, misfit=lambda nrmse: nrmse / level)
+    useless = ((ScriptedProposer(numbered), 1.0),)
+    with scripted(path, sweep=data, settings=PLAIN, proposers=useless, evaluator=evaluator, budget=60) as loop:
+        loop.appraisal.published = frozenset({ibrid.structure_hash(published)})
+        loop.run(ibrid.program_text(published))
+    assert loop.best is not None
+    assert lost(loop.best.program) == set(numbers)
+
+
+def modules_of(program: str) -> set[tuple[str, str]]:
+    return {(one.name, one.kind) for one in ibrid.parse_program(program).instances}
 
 
 @pytest.mark.parametrize("stable", [True, False])

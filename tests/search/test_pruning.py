@@ -95,6 +95,19 @@ def test_everything_can_go_but_the_plant(name):
             assert any(one.name in note for note in notes), one.name
 
 
+@each_of(
+    "name, kinds",
+    [("gfl_ll_droop", {"LFilter"}), ("gfl_exact", {"LFilter", "LLFilter"}), ("gfl_trap", {"LCL", "LLFilter"})],
+)
+def test_the_filter_can_lose_what_not_every_one_has(name, kinds):
+    view = view_of(ibrid.textbook(name), VOCABULARY)
+    assert view is not None
+    plant = view.roles.plant
+    less = [view.after(move) for move in removal_moves(view) if plant in move.note and ": remove" in move.note]
+    assert kinds <= {one.kind for diagram in less for one in diagram.instances if one.name == plant}
+    assert all(free_numbers(diagram) < free_numbers(view.diagram) for diagram in less)
+
+
 @pytest.mark.parametrize("unseen", ["current_filter", "notch"])
 def test_what_the_data_leave_open_goes_first(unseen):
     for seed in range(6):

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import chain, combinations
 
@@ -15,6 +16,7 @@ from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.parts.blocks import removals, twin_removals
 from ibrid.parts.edit import Edit
 from ibrid.parts.inner_loops import loop_removals
+from ibrid.parts.output_filter import OF_THE_FILTER
 from ibrid.parts.view import Move, View, views_of
 from ibrid.parts.wiring import cut_wires, shared_parameters
 from ibrid.signals import Signal
@@ -24,15 +26,15 @@ from ibrid_search.proposal import Context, Proposal
 
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
-#: What a look may lose, in ln(error): a fit finds more than a look.
+#: What a look may lose, in free numbers or in ln(error): a fit finds more than a look.
 AFFORDABLE = 1.0
 
 
 class Pruning:
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
     usual controller, first. `thorough` : what is drawn in a roundabout way is drawn plainly before that, and two things go at
-    once after it. `loss` : in ln(error), of a diagram, from a look at the data; what loses least
-    goes first, and what loses more than `AFFORDABLE` stays."""
+    once after it. `loss` : of a diagram, from a look at the data; what loses least goes first, and what loses more than
+    `AFFORDABLE` stays."""
 
     name = "pruning"
     attempts = 1
@@ -73,7 +75,10 @@ class Pruning:
 
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
-    return chain(removals(view), twin_removals(view), loop_removals(view), cut_wires(view), shared_parameters(view))
+    less = ((effect.id, move) for effect in OF_THE_FILTER for move in effect.moves(view) if move.change == "remove")
+    of_filter = (replace(move, note=f"{name}: remove {move.where}") for name, move in less)
+    blocks = chain(removals(view), twin_removals(view), loop_removals(view))
+    return chain(blocks, of_filter, cut_wires(view), shared_parameters(view))
 
 
 def _pairs(
