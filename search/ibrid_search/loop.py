@@ -7,7 +7,6 @@ With a proposer that learns from evaluations, a whole batch of its answers is ma
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,7 +67,9 @@ class Loop:
         self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
         self.evaluations = 0
         self.best: Step | None = None
-        self.leanest: Step | None = None  # by known noise alone: several things not seen may outweigh being published
+        self.by_data: Step | None = (
+            None  # the best, published or not, where data tell their noise: tidied first
+        )
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
@@ -104,7 +105,7 @@ class Loop:
         number alone, also after a resume. A best that is not good enough yet leaves the rest of the budget to the search.
         """
         reached = self._reached
-        for tidied in (self.leanest, self.best) if self._tidying else ():
+        for tidied in (self.by_data, self.best) if self._tidying else ():
             final = tidied is self.best and reached is not None
             if tidied is None or (tidied.number in self.bare and not final):
                 continue
@@ -348,7 +349,9 @@ class Loop:
         if eligible(step):
             rank, known = self.appraisal.rank, self.appraisal.criterion.floor.known
             self.best = min(filter(None, (self.best, step)), key=rank)
-            self.leanest = min(filter(None, (self.leanest, step)), key=partial(rank, alike=True)) if known else None
+            self.by_data = (
+                min(filter(None, (self.by_data, step)), key=lambda one: rank(one, alike=True)) if known else None
+            )
 
 
 def _fresh(step: Step) -> bool:

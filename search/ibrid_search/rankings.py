@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
-from math import log
+from math import isfinite, log
 
 from ibrid.errors import IbridError
 from ibrid.gap.missing_transfer import measured
@@ -118,12 +118,12 @@ class Rankings:
         return self.looker.textbooks()
 
     def loss(self, parent: Evaluated, without: Diagram) -> float:
-        """What a candidate loses when something is taken away, by looks at both: where a sweep tells its noise in free numbers,
-        those saved counted, else in ln(error) above the floor."""
+        """What a removal loses by looks: in free numbers, less those saved, where a sweep tells its noise; else in ln(error)."""
         looker, values, study = self.looker, self._values(parent), self.study
         less, floor = looker.ranked(itself_of(without, study), values)[0], looker.criterion.floor
-        if floor.known and study.events is None:
-            own = looker.ranked(itself_of(parent.diagram, study), values)[0]
+        counted = floor.known and study.events is None
+        own = looker.ranked(itself_of(parent.diagram, study), values)[0] if counted else None
+        if own is not None and isfinite(own.error):
             return log(less.error / own.error) / looker.price + less.free - own.free
         least = floor.most if floor.known else LOOKED_EXACT
         return log(max(less.error, least) / max(self._error(parent), least))

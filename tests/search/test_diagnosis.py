@@ -167,6 +167,24 @@ def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_d
     assert costs["decoupling"] < 0 < AFFORDABLE < costs["pll_filter"]
 
 
+def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fit(monkeypatch):
+    study = Study(inverter("no_decoupling").noisy(50.0, 0).sweep)
+    diagram = ibrid.textbook("gfl_exact")
+    parent = Evaluated(0, diagram, ibrid.evaluate(diagram, study))
+    rankings = rankings_of(study)
+    ranked = rankings.looker.ranked
+
+    def blind(edits, values, **options):
+        looks = ranked(edits, values, **options)
+        return [replace(look, error=np.inf) if look.edit.diagram is diagram else look for look in looks]
+
+    monkeypatch.setattr(rankings.looker, "ranked", blind)
+    (view,) = views_of(diagram, study.kinds)
+    losses = [rankings.loss(parent, view.after(move)) for move in removal_moves(view) if "decoupling" in move.note]
+    assert losses
+    assert all(-1.0 < loss < AFFORDABLE for loss in losses)
+
+
 def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [given.record.parameters[name] for name in study.fitted.names]
