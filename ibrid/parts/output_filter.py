@@ -184,8 +184,7 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-#: What the output filter of an inverter may have or lack.
-OF_THE_FILTER = (FILTER_CAPACITOR, CAPACITOR_DAMPING, TRAP_FILTER, SERIES_IMPEDANCE)
+OF_THE_FILTER = (FILTER_CAPACITOR, CAPACITOR_DAMPING, TRAP_FILTER, SERIES_IMPEDANCE)  # what an output filter may lack
 
 _BANDS = (0.2, 0.4, 1.0, 1.0)
 _FOLLOWING = where_missing(filter_capacitor, lambda view: view.roles.lcl or grid_forming(view))

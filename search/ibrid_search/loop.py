@@ -67,9 +67,7 @@ class Loop:
         self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
         self.evaluations = 0
         self.best: Step | None = None
-        self.by_data: Step | None = (
-            None  # the best, published or not, where data tell their noise: tidied first
-        )
+        self.by_data: Step | None = None  # the best, published or not, where data tell their noise: tidied first
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
@@ -347,11 +345,10 @@ class Loop:
         else:
             self.archive.admit(entry)
         if eligible(step):
-            rank, known = self.appraisal.rank, self.appraisal.criterion.floor.known
+            rank = self.appraisal.rank
             self.best = min(filter(None, (self.best, step)), key=rank)
-            self.by_data = (
-                min(filter(None, (self.by_data, step)), key=lambda one: rank(one, alike=True)) if known else None
-            )
+            if self.appraisal.criterion.floor.known:
+                self.by_data = min(filter(None, (self.by_data, step)), key=lambda one: rank(one, alike=True))
 
 
 def _fresh(step: Step) -> bool:
