@@ -24,6 +24,8 @@ MOST = {"quick": 0.3, "test": 20.0, "all": float("inf")}
 ALL_ALONE = ("benchmarks", "blind", "learning")
 #: Cases from here on have a record of their own; below it is left out.
 LONG_CASE, SHORT = 5.0, 0.05
+#: So many times what a tier lets a test cost is said, since machines differ.
+FAR = 5.0
 
 COSTS: dict[str, float] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
 
@@ -106,8 +108,8 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
     return report
 
 
-class Recorder:
-    """In the process that hears every report: what each test took, kept when all have ended."""
+class Costs:
+    """In the process that hears every report: what each test took, kept when all have ended, and said where it is too much."""
 
     def __init__(self) -> None:
         self.own: dict[str, float] = defaultdict(float)
@@ -117,22 +119,34 @@ class Recorder:
         self.own[report.nodeid] += getattr(report, "own", 0.0)
         self.borrowed[report.nodeid] += getattr(report, "borrowed", 0.0)
 
-    def pytest_sessionfinish(self) -> None:
-        """What cases of a test share counts once."""
+    def whole(self) -> dict[str, float]:
+        """Key -> seconds; what cases of a test share counts once."""
         own: dict[str, float] = defaultdict(float)
         shared: dict[str, float] = defaultdict(float)
         for case, seconds in self.own.items():
             key = case if seconds + self.borrowed[case] >= LONG_CASE else case.split("[")[0]
             own[key] += seconds
             shared[key] = max(shared[key], self.borrowed[case])
-        new = {key: seconds + shared[key] for key, seconds in own.items()}
+        return {key: seconds + shared[key] for key, seconds in own.items()}
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if not session.config.option.record:
+            return
         tests = {case.split("[")[0] for case in self.own}
         old = {key: seconds for key, seconds in COSTS.items() if key.split("[")[0] not in tests}
-        whole = {key: round(seconds, 2) for key, seconds in (old | new).items() if seconds >= SHORT}
+        whole = {key: round(seconds, 2) for key, seconds in (old | self.whole()).items() if seconds >= SHORT}
         there = {key: seconds for key, seconds in whole.items() if (HERE.parent / key.split("::")[0]).exists()}
         RECORD.write_text(json.dumps(dict(sorted(there.items())), indent=1) + "\n", encoding="utf-8")
 
+    def pytest_terminal_summary(self, terminalreporter: Any, config: pytest.Config) -> None:
+        """A test without a record runs in every tier: it is named where it costs far more than the tier lets it."""
+        over = {key: seconds for key, seconds in self.whole().items() if seconds > FAR * MOST[config.option.tier]}
+        if over:
+            terminalreporter.section(f"too long for make {config.option.tier}: make durations ARGS=FILE writes it down")
+            for key, seconds in sorted(over.items(), key=lambda each: -each[1]):
+                terminalreporter.write_line(f"{seconds:6.1f} s  {key}")
+
 
 def pytest_configure(config: pytest.Config) -> None:
-    if config.option.record and not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Recorder(), "recorder")
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Costs(), "costs")

@@ -152,9 +152,7 @@ def with_point(record: Record, op: str | None) -> tuple[Record, str]:
     """The record, with `op` among its operating points, and the name of that point; raises as `linear_model`."""
     known = record.parameters
     if record.outcome != "ok" or not known:
-        raise IbridError(
-            f"the record has no fit (outcome {record.outcome}: {'; '.join(record.reasons)}); evaluate again"
-        )
+        raise IbridError(f"the record has no fit (outcome {record.outcome}: {'; '.join(record.reasons)}); fit again")
     if op is None and len(known) == 1:
         return record, next(iter(known))
     if op is None:

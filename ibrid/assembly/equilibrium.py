@@ -46,13 +46,11 @@ def equilibria(
     DiagramError : a module needs the operating point of a signal that does not follow from the plant.
     """
     if len(devices(wiring)) > 1:
-        raise DiagramError(
-            "the diagram has two devices, each with a frame of its own; this asks for one, leave one out"
-        )
+        raise DiagramError("the diagram has two devices, each with its own frame; this asks for one, leave one out")
     plant = wiring.plant
     in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
     flow = carried(wiring)
-    frame = controller_frame(wiring, flow, parameters, in_grid, omega_0)
+    frame = controller_frame(wiring, carried(wiring, driving=False), parameters, in_grid, omega_0)
     wanted = _wanted(wiring)
     for name, port, channels in wanted:
         if not all(flow.follows(wiring, channel) for channel in channels):

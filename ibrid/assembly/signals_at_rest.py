@@ -31,7 +31,7 @@ class Carried:
 
     `needs` : channel -> the input channels of its module that set it. `known` : these and those of the plant.
     `reached` : the known ones that carry more than a ConstZero. `command` : input channels that have the plant's u_r,
-    because the same sources drive them and not all of these are known.
+    because the same sources drive them; what these sources are without their constants is no rest.
     """
 
     needs: Mapping[Channel, tuple[Channel, ...]]
@@ -44,8 +44,12 @@ class Carried:
         return channel in self.command or self.known.issuperset(sources_of(wiring, channel))
 
 
-def carried(wiring: Wiring) -> Carried:
-    """Which channels follow from the plant, and in which order."""
+def carried(wiring: Wiring, *, driving: bool = True) -> Carried:
+    """Which channels follow from the plant, and in which order.
+
+    driving : whatever drives the plant's command has its u_r; else only where it cannot be known otherwise, which is how the
+    frame finds what its q axis lacks.
+    """
     known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
@@ -56,11 +60,12 @@ def carried(wiring: Wiring) -> Carried:
         if carries(kind)
         for channel, inputs in _dependence(name, kind).items()
     }
-    reached, command = set(known), frozenset[Channel]()
-    order = _follow(wiring, needs, known, reached, command)
-    driven = [(f"{wiring.plant}.u_r", axis) for axis in (0, 1)]
-    if lost := [axis for _, axis in driven if not known.issuperset(sources_of(wiring, driven[axis]))]:
-        command = frozenset((port, axis) for port in command_inputs(wiring) for axis in lost)
+    reached, command, order, axes = set(known), frozenset[Channel](), [], (0, 1)
+    if not driving:
+        order = _follow(wiring, needs, known, reached, command)
+        axes = [one for one in axes if not known.issuperset(sources_of(wiring, (f"{wiring.plant}.u_r", one)))]
+    if axes:
+        command = frozenset((port, axis) for port in command_inputs(wiring) for axis in axes)
         order += _follow(wiring, needs, known, reached, command)
     return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached), command)
 

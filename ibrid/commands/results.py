@@ -39,9 +39,7 @@ def run_export(arguments: Namespace) -> int:
     where = "; ".join(record.parameters) if arguments.op == "all" else model.op
     print(f"{arguments.out}: {len(model.states)} states at {where}{', nonlinear' if nonlinear else ''}")
     if nonlinear and record.diagram.outside.elements:
-        complain(
-            "the nonlinear model is the device behind its port; put the port's elements into the network around it"
-        )
+        complain("the nonlinear model is the device behind its port; put the port's elements into the network round it")
     for doubt in doubts(record, model, frequency):
         complain(doubt)
     return 0

@@ -187,9 +187,7 @@ class Record:
 
     def _require(self, op: str) -> None:
         if self.outcome != Outcome.OK:
-            raise IbridError(
-                f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); evaluate again"
-            )
+            raise IbridError(f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); fit again")
         if op not in self.parameters:
             raise OperatingPointError(f"the record has no operating point {op!r}; {near(op, self.parameters)}")
 

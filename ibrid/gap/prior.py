@@ -157,9 +157,7 @@ def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, floa
     value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
     spread = None if tolerance is None else _number(name, "tolerance", tolerance)
     if spread is not None and spread <= 0:
-        raise IbridError(
-            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual one"
-        )
+        raise IbridError(f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual")
     if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
         raise IbridError(f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance")
     if box.logarithmic and value <= 0:
@@ -187,9 +185,7 @@ def read_values(path: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
     except RecursionError:
-        raise IbridError(
-            f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found a deep nesting'
-        ) from None
+        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found deep nesting') from None
     except ValueError as error:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):

@@ -124,7 +124,7 @@ class Records(Data):
             places = self._limit_places(model)
             small = None if model.adequate() else self._by_sweep(model.diagram)
             first: Values = {} if small is None or small.p_value() < ADEQUATE else small.values
-            origins = [model.refit.values] if model.adequate() else [first, *self._origins(model)]
+            origins = [model.refit.values] if model.adequate() else [first, model.refit.values, self._led(model)]
             fits = race(
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
                 led=not model.adequate(),
@@ -203,10 +203,6 @@ class Records(Data):
 
     def _changed(self, model: Model, insertion: Insertion) -> Model:
         return replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
-
-    def _origins(self, model: Model) -> tuple[Values, ...]:
-        """Values from which an edit of a model is tried: where its own fit ended, and where predictions led it."""
-        return (model.refit.values, self._led(model))
 
     def _led(self, model: Model) -> Values:
         if model.adequate():

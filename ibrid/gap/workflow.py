@@ -100,9 +100,7 @@ def find_gap(
         raise IbridError("a gap is sought in a sweep, in events, or in both; found neither")
     study = Study.of(sweep, **options)
     if (study.parameters, study.equilibrium) != ("shared", "exact"):
-        raise IbridError(
-            "a gap is sought with shared parameters and the exact equilibrium; leave the other options out"
-        )
+        raise IbridError("a gap is sought with shared parameters and the exact equilibrium; leave other options out")
     study = replace(study, labels=options.get("labels", "uncertain"))
     kernel.load()
     require_legal(diagram, study.kinds, equilibrium="exact")

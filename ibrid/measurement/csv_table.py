@@ -115,9 +115,7 @@ def fields_of(number: int, line: str, path: Path) -> list[str]:
     try:
         return [field.strip() for field in next(csv.reader([line], strict=True))]
     except csv.Error as reason:
-        raise SweepError(
-            f"{path} line {number} must be comma-separated values; {reason}, check the quotes."
-        ) from reason
+        raise SweepError(f"{path} line {number} must be comma-separated values; {reason}, check quotes.") from reason
 
 
 def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:

@@ -56,9 +56,7 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
     kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
     if len(parts) != 2 or kinds != ["power", "voltage"]:
-        raise SweepError(
-            f"{option} is apparent power and line-to-line voltage, such as 10kVA,400V; found {text[:40]!r}."
-        )
+        raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
     return sizes[0][0], sizes[1][0]
 
 

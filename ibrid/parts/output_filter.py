@@ -30,9 +30,10 @@ def _exchange(draft: Edit, view: View, kind: str) -> str:
     return plant
 
 
-def _plant(view: View, kind: str, strengths: Mapping[str, Strength], change, where: str) -> Move:
-    """Another plant, with strengths for its new parameters."""
-    return Move.at(change, where, lambda draft: draft.usually(_exchange(draft, view, kind), **strengths))
+def _plant(view: View, kind: str, strengths: Mapping[str, Strength], change, where: str) -> Iterator[Move]:
+    """Another plant, with strengths for its new parameters, where the vocabulary has it."""
+    if view.known(kind):
+        yield Move.at(change, where, lambda draft: draft.usually(_exchange(draft, view, kind), **strengths))
 
 
 def _with_capacitor(draft: Edit, view: View, strengths: Mapping[str, Strength], *, converter: bool) -> None:
@@ -55,7 +56,7 @@ def filter_capacitor(view: View) -> Iterator[Move]:
     """The other filter; with an LCL the controller measures the converter's or the grid's current."""
     kind, plant = view.kind(view.roles.plant), view.roles.plant
     if view.roles.lcl:
-        for other, kept in WITHOUT.items():
+        for other, kept in ((one, kept) for one, kept in WITHOUT.items() if view.known(one)):
             yield Move(
                 "L filter instead of the LCL filter" if other == "LFilter" else "",
                 lambda draft, other=other: _without_capacitor(draft, view, other),
@@ -93,12 +94,12 @@ def _capacitor_damping(view: View) -> Iterator[Move]:
     kind, plant = view.shipped(view.roles.plant), view.roles.plant
     present, _ = DAMPED.get(kind, ("", {}))
     if present:
-        yield _plant(view, "LCL", {}, "remove", f"{present} of {plant}")
+        yield from _plant(view, "LCL", {}, "remove", f"{present} of {plant}")
     for other, (words, strengths) in DAMPED.items() if present or kind == "LCL" else ():
         if not present:
-            yield _plant(view, other, strengths, "add", f"{words} of {plant}")
+            yield from _plant(view, other, strengths, "add", f"{words} of {plant}")
         elif kind != other:
-            yield _plant(view, other, in_place(strengths), "replace", f"{words} of {plant}, in place of {present}")
+            yield from _plant(view, other, in_place(strengths), "replace", f"{words} of {plant}, in place of {present}")
 
 
 CAPACITOR_DAMPING = Effect(
@@ -122,10 +123,10 @@ TRAP = {
 def _trap_filter(view: View) -> Iterator[Move]:
     kind, plant = view.shipped(view.roles.plant), view.roles.plant
     if kind == "LCL_trap":
-        yield _plant(view, "LCL", {}, "remove", f"the trap of {plant}")
-    elif kind == "LCL" and view.known("LCL_trap"):
+        yield from _plant(view, "LCL", {}, "remove", f"the trap of {plant}")
+    elif kind == "LCL":
         trapped = _plant(view, "LCL_trap", TRAP, "add", f"a series L_t, R_t, C_t beside C_F of {plant}")
-        yield replace(trapped, note="a trap beside the capacitor")
+        yield from (replace(move, note="a trap beside the capacitor") for move in trapped)
 
 
 TRAP_FILTER = Effect(
@@ -147,9 +148,9 @@ TRAPS = (Family("trap", "module", (0.0, 0.0, 0.5, 1.0), 0.3, _UNTRAPPED),)
 def _series_impedance(view: View) -> Iterator[Move]:
     plant = view.roles.plant
     if not view.roles.lcl and not has_line(view) and not _absorbed(view):
-        yield _plant(view, "LLFilter", LINE, "add", f"between {plant}.e and {plant}.v_in")
+        yield from _plant(view, "LLFilter", LINE, "add", f"between {plant}.e and {plant}.v_in")
     if not view.roles.lcl and has_line(view):
-        yield _plant(view, "LFilter", {}, "remove", f"L_g, R_g of {plant}, so that e is the PCC voltage")
+        yield from _plant(view, "LFilter", {}, "remove", f"L_g, R_g of {plant}, so that e is the PCC voltage")
     bindings = view.draft.instances[plant].bindings
     fixed = {key: value for key in ("L_g", "R_g") if isinstance(value := bindings.get(key), float)}
     if fixed:

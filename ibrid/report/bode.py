@@ -94,7 +94,7 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
     start = _phase_window(entry, shown)
-    floor = _floor(shown)
+    floor = ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0)
     drawn = False
     for curve in shown:
         colour, marker, dashes = series(curve.index)
@@ -161,11 +161,6 @@ def _dots(
     magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
     phase.errorbar(frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look)
     return True
-
-
-def _floor(shown: Sequence[Curves]) -> float:
-    """Magnitude below which a value is rounding and is not drawn."""
-    return ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0)
 
 
 def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:

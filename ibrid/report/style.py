@@ -134,7 +134,9 @@ def plain_decades(*drawn: Axis) -> None:
             low, high = axis.get_view_interval()
             if axis.get_scale() == "log" and low > 0 and high < SOME * low:
                 leading = "123456789" if high < ALL * low else "25"
-                axis.set_minor_formatter(FuncFormatter(lambda value, _, kept=leading: _between(value, kept)))
+                axis.set_minor_formatter(
+                    FuncFormatter(lambda value, _, kept=leading: _written(value) if f"{value:e}"[0] in kept else "")
+                )
             else:
                 axis.set_minor_locator(NullLocator())
 
@@ -147,7 +149,3 @@ def unit_of(axis: Axis) -> str:
 
 def _written(value: float) -> str:
     return number(value).replace("-", "−", 1) if value < 0 else number(value)
-
-
-def _between(value: float, kept: str) -> str:
-    return _written(value) if f"{value:e}"[0] in kept else ""

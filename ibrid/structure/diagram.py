@@ -141,9 +141,7 @@ def _number(where: str, value: object) -> float:
         try:
             number = float(value)
         except OverflowError:
-            raise DiagramError(
-                f"{where} is bound to an integer too large for a number; write a finite number"
-            ) from None
+            raise DiagramError(f"{where} is bound to an integer too large for a number; write a finite one") from None
     if not math.isfinite(number):
         raise DiagramError(
             f"{where} is bound to {value!r:.80}; write a shared name, a finite number or a pair (low, high)"

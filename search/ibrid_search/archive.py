@@ -216,7 +216,9 @@ class Archive:
         """Show each island's best natives, as they are now, to both neighbours; a guest is never shown on."""
         number = len(self._islands)
         share = self._settings.migrants
-        shown = [island.natives.top(_part(len(island.natives), share)) for island in self._islands]
+        shown = [
+            island.natives.top(max(1, round(share * len(island.natives))) if share else 0) for island in self._islands
+        ]
         for place, island in enumerate(self._islands):
             for neighbour in sorted({(place - 1) % number, (place + 1) % number} - {place}):
                 for entry in shown[neighbour]:
@@ -224,8 +226,3 @@ class Archive:
                     island.pool.add(entry)
             island.trim(self._room)
         self._counts["migrations"] += 1
-
-
-def _part(number: int, share: float) -> int:
-    """That share of a number, at least one unless the share is zero."""
-    return max(1, round(share * number)) if share else 0

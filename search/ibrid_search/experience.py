@@ -78,9 +78,7 @@ def experience_of(folders: Sequence[str | Path]) -> Experience:
     """What finished searches teach; IbridError where none of them has tried an idea, or a folder holds no finished run."""
     edits = [one for folder in folders for one in tried_edits(Path(folder))]
     if not edits:
-        raise IbridError(
-            "these runs have tried no idea of control practice; give runs of --proposer diagnosis or rules"
-        )
+        raise IbridError("these runs tried no idea of control practice; give runs of --proposer diagnosis or rules")
     beyond = [one.beyond for one in edits if one.beyond is not None]
     tau = min(float(np.std(beyond)), MOST) if len(beyond) > 1 else 0.0
     tried = Counter(one.part for one in edits)

@@ -500,3 +500,82 @@ def test_without_a_real_operating_point_a_controller_that_does_not_ask_for_it_ha
     paper = Case(program(text), "paper", values=WEAK, point=(1.0, 0.0, 1.0))  # where p, q, v are not asked for
     assert np.isfinite(paper.response()).all()
     assert np.isfinite(Case(program(text), values=WEAK, point=(0.3, 0.0, 1.0)).response()).all()
+
+
+#: A proportional voltage control whose references a linear model has lost, with the power measured at its own command.
+REFERENCE_FEEDFORWARD = """
+def build_test(g):
+    g.add("Rot_v", "park_v")
+    g.add("LFilter", "plant", L_F=0.245, R_F=0.0078)
+    g.add("Rot_i", "park_i")
+    g.add("Integrator", "angle")
+    g.add("PQ_calc", "power")
+    g.add("Gain", "sync_gain", k=-39.0)
+    g.add("Gain_dq", "active_resistance", k=-0.125)
+    g.add("SliceQ", "i_q")
+    g.add("LPF1", "slow_q", omega_c=31.0)
+    g.add("Gain", "feedforward", k=0.125)
+    g.add("ConstZero", "no_d")
+    g.add("PackDQ", "i_ref")
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("park_i.i_DQ", "i_DQ")
+    g.connect("angle.out", "park_v.delta")
+    g.connect("angle.out", "park_i.delta")
+    g.connect("sync_gain.out", "plant.delta_omega")
+    g.connect("sync_gain.out", "angle.in_")
+    g.connect("active_resistance.out", "power.e")
+    g.connect("i_ref.out", "power.e")
+    g.connect("plant.i_g", "power.i")
+    g.connect("power.p", "sync_gain.in_")
+    g.connect("plant.i_g", "active_resistance.in_")
+    g.connect("plant.i_g", "i_q.in_")
+    g.connect("i_q.out", "slow_q.in_")
+    g.connect("slow_q.out", "feedforward.in_")
+    g.connect("no_d.out", "i_ref.in_d")
+    g.connect("feedforward.out", "i_ref.in_q")
+    g.connect("active_resistance.out", "plant.u_r")
+    g.connect("i_ref.out", "plant.u_r")
+"""
+
+
+def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_power_is_measured():
+    """Beside its nonlinear equations, written down with their references, linearised by central differences."""
+    inductance, resistance, damping, sync, corner = 0.245, 0.0078, 0.125, 39.0, 31.0
+    p, q, v = 0.7, -0.1, 1.0
+    i_0 = np.array([p, -q])
+
+    def series(speed: float) -> np.ndarray:
+        return np.array([[resistance, -speed * inductance], [speed * inductance, resistance]])
+
+    u_0 = np.array([v, 0.0]) + series(1.0) @ i_0
+    angle = np.arctan2(u_0[1], u_0[0])  # the command at rest is on d: what the q axis adds is zero
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    at_rest = np.concatenate([turn @ i_0, [angle, (turn @ i_0)[1]]])
+
+    def motion(x: np.ndarray, terminal: np.ndarray) -> np.ndarray:
+        i, delta, slow = x[:2], x[2], x[3]
+        u = turn @ u_0 - damping * (i - at_rest[:2]) + np.array([0.0, damping * (slow - at_rest[3])])
+        slip = sync * (u_0 @ i_0 - u @ i)
+        seen = np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]]) @ terminal
+        drop = series(1 + slip / OMEGA_0) @ i
+        return np.concatenate([OMEGA_0 / inductance * (u - seen - drop), [slip, corner * (i[1] - slow)]])
+
+    def current(x: np.ndarray) -> np.ndarray:
+        return np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]]) @ x[:2]
+
+    step, terminal = 1e-5, np.array([v, 0.0])
+    assert np.abs(motion(at_rest, terminal)).max() < 1e-12
+    a, b, c = (
+        np.array([(law(start + step * one) - law(start - step * one)) / (2 * step) for one in np.eye(len(start))]).T
+        for law, start in (
+            (lambda x: motion(x, terminal), at_rest),
+            (lambda voltage: motion(at_rest, voltage), terminal),
+            (current, at_rest),
+        )
+    )
+    frequency = np.array([1.0, 10.0, 60.0, 400.0])
+    wanted = [c @ np.linalg.solve(2j * np.pi * hz * np.eye(4) - a, b) for hz in frequency]
+    case = Case(parse_program(REFERENCE_FEEDFORWARD), point=(p, q, v))
+    assert case.response(frequency) == pytest.approx(np.array(wanted), rel=1e-6, abs=1e-6 * np.abs(wanted).max())

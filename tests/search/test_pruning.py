@@ -108,6 +108,17 @@ def test_the_filter_can_lose_what_not_every_one_has(name, kinds):
     assert all(free_numbers(diagram) < free_numbers(view.diagram) for diagram in less)
 
 
+def test_what_a_small_vocabulary_cannot_draw_is_not_tried():
+    """Each kind of filter left out of the vocabulary in turn: whatever is taken away can be drawn without it."""
+    for name in ("gfl_exact", "gfl_trap", "gfl_ll_droop"):
+        diagram = ibrid.textbook(name)
+        own = {one.kind for one in diagram.instances}
+        for missing in ({"LFilter"}, {"LLFilter"}, {"LCL", "LFilter", "LLFilter"}):
+            view = view_of(diagram, tuple(kind for kind in VOCABULARY if kind.name in own or kind.name not in missing))
+            assert view is not None
+            assert all(view.after(move) != diagram for move in removal_moves(view)), (name, missing)
+
+
 @pytest.mark.parametrize("unseen", ["current_filter", "notch"])
 def test_what_the_data_leave_open_goes_first(unseen):
     for seed in range(6):

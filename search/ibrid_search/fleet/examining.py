@@ -134,7 +134,7 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     family = prior.of(structure)
     own = {
         "structure": structure,
-        "diagram": _label(structure),
+        "diagram": _labels().get(structure, f"structure {structure[:8]}"),
         "family": family_words(sort_of_control(record.diagram, study.kinds)),
         "expected": expected,
     }
@@ -145,11 +145,6 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
 def _known(record: Record, family: DeviceFamily) -> dict[str, Any]:
     typical = {name: list(pair) for name, pair in family.typical.items()}
     return {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
-
-
-def _label(structure: str) -> str:
-    """The name of a shipped diagram, or the beginning of the structure's hash."""
-    return _labels().get(structure, f"structure {structure[:8]}")
 
 
 @cache

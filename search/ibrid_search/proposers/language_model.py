@@ -61,9 +61,7 @@ class LanguageModel(Spender):
     ) -> None:
         weights = np.array([weight for _, weight in models], dtype=float)
         if not len(models) or not np.isfinite(weights).all() or (weights < 0).any() or not weights.sum() > 0:
-            raise IbridError(
-                "the proposer llm needs at least one model and weights that are not negative; name a model"
-            )
+            raise IbridError("the proposer llm needs at least one model and weights that are not negative; name one")
         self.models = tuple(chat for chat, _ in models)
         self.weights = weights / weights.sum()
         if asked not in QUESTIONS:
