@@ -16,7 +16,7 @@ from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import carries, command_inputs, steady_inputs
+from ibrid.structure.steady_state import carries, command_inputs, measured, steady_inputs
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
@@ -47,8 +47,8 @@ class Carried:
 def carried(wiring: Wiring, *, driving: bool = True) -> Carried:
     """Which channels follow from the plant, and in which order.
 
-    driving : whatever drives the plant's command has its u_r; else only where it cannot be known otherwise, which is how the
-    frame finds what its q axis lacks.
+    driving : what the controller makes of measured signals and drives the plant with has its u_r, since constants add to it;
+    else only where it cannot be known otherwise, which is how the frame finds what its q axis lacks.
     """
     known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
     for name, kind in wiring.kinds.items():
@@ -60,10 +60,11 @@ def carried(wiring: Wiring, *, driving: bool = True) -> Carried:
         if carries(kind)
         for channel, inputs in _dependence(name, kind).items()
     }
-    reached, command, order, axes = set(known), frozenset[Channel](), [], (0, 1)
-    if not driving:
-        order = _follow(wiring, needs, known, reached, command)
-        axes = [one for one in axes if not known.issuperset(sources_of(wiring, (f"{wiring.plant}.u_r", one)))]
+    reached, sources = set(known), wiring.sources.get(f"{wiring.plant}.u_r", ())
+    order, command = _follow(wiring, needs, known, reached, frozenset()), frozenset[Channel]()
+    axes = [axis for axis in (0, 1) if not known.issuperset((one, axis) for one in sources)]
+    if driving and not all(measured(wiring, one) for one in sources):
+        axes = [0, 1]
     if axes:
         command = frozenset((port, axis) for port in command_inputs(wiring) for axis in axes)
         order += _follow(wiring, needs, known, reached, command)

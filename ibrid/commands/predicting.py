@@ -108,9 +108,7 @@ def run_stability(arguments: Namespace) -> int:
     _require_places(arguments, {"--report": arguments.report})
     if (arguments.scr is None) == (arguments.grid is None):
         given = "neither" if arguments.scr is None else "both"
-        raise IbridError(
-            f"stability takes --scr 1.5:10 or --grid r=..,x=.. or --grid FILE, found {given}; give one of them"
-        )
+        raise IbridError(f"stability takes --scr 1.5:10 or --grid r=..,x=.. or --grid FILE, found {given}; give one")
     if arguments.grid is not None and arguments.xr is not None:
         raise IbridError("--xr belongs to --scr; a --grid brings its own r and x")
 

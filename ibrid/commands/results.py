@@ -50,9 +50,7 @@ def run_report(arguments: Namespace) -> int:
     if (Path(arguments.record) / ARCHIVE).is_file():
         inputs.require_no_events_options(arguments)
         if arguments.events is not None:
-            raise IbridError(
-                "the page of a search shows no records of events; leave --events out, or report its best.json"
-            )
+            raise IbridError("the page of a search shows no records of events; leave --events out or report best.json")
         return _run_page(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()

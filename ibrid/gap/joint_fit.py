@@ -104,9 +104,7 @@ def weighed_by_events(
     started = time.perf_counter()
     kernel.load()
     if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
-        raise IbridError(
-            "events are fitted with shared parameters and the exact equilibrium; leave the other options out"
-        )
+        raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave other options out")
     data, effort = question.records({}), settings or FitSettings()
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
     held = near_typical(question, nominal)

@@ -50,9 +50,7 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     limits, rest = limits_told(values)
     for limit in limits:
         if not applicable(limit, places_of(diagram, kinds)):
-            raise IbridError(
-                f"{limit.id} needs a current controller or PLL in the program, which has none; leave it out"
-            )
+            raise IbridError(f"{limit.id} needs a current controller or PLL, which the program lacks; leave it out")
     table = parameter_table(wire(diagram, kinds), "exact")
     known = [*table.names, *(f"{one.id}.{name}" for one in limits for name in one.parameters)]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}

@@ -130,9 +130,7 @@ def _merge(name: str, members: Sequence[tuple[tuple[str, str], Range]]) -> Param
     high = min(box.high for _, box in members)
     if not low < high:
         where = " and ".join(".".join(key) for key, _ in members)
-        raise DiagramError(
-            f"{where} share the name {name}, but their boxes do not overlap; give them names of their own"
-        )
+        raise DiagramError(f"{where} share the name {name}, but their boxes do not overlap; give them own names")
     first = members[0][1]
     return Parameter(
         name=name,

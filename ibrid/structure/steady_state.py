@@ -8,6 +8,7 @@ the plant's command comes from behind integrators, but together it rests where t
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ibrid.modules.behaviour import ROTATIONS
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
@@ -53,6 +54,19 @@ def command_inputs(wiring: Wiring) -> frozenset[str]:
     sources = set(wiring.sources.get(command, ()))
     alike = (target for target, found in wiring.sources.items() if sources and set(found) == sources)
     return frozenset(target for target in alike if target not in (command, TERMINAL_CURRENT))
+
+
+def measured(wiring: Wiring, source: str) -> bool:
+    """Whether a source is a signal of the plant or of the terminals, at most turned, filtered or delayed."""
+    for _ in wiring.kinds:  # a loop of filters ends nowhere
+        kind = wiring.kinds.get(name := split_port(source)[0])
+        if kind is None or kind.family == PLANT:
+            return True
+        before = wiring.sources[f"{name}.{steady_inputs(kind)[0]}"] if kind.inputs else ()
+        if len(before) != 1 or not (kind.element in ROTATIONS or kind.dc_gain == 1.0):
+            return False
+        (source,) = before
+    return False
 
 
 def steady_order(wiring: Wiring) -> Steady:

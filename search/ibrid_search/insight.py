@@ -82,9 +82,7 @@ class Insight:
     def read_diagram(self, name: str | None = None, step: int | None = None) -> dict[str, Any]:
         """The text of a shipped diagram, with its comments, or of an evaluated step."""
         if (name is None) == (step is None):
-            raise IbridError(
-                "read_diagram takes the name of a shipped diagram or the number of a step; give one of them"
-            )
+            raise IbridError("read_diagram takes the name of a shipped diagram or the number of a step; give one")
         text = textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
         return {"program": text, "next": self.hand_in if name is not None else f"diagnose with step={step}"}
 

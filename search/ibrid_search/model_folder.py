@@ -48,9 +48,7 @@ def require_model(folder: Path) -> None:
             f"{folder}: holds an adapter, which names a model elsewhere; merge it with merge_and_unload() and save the whole"
         )
     if any("/" in str(value) for key, value in _config(folder).items() if "attn_implementation" in key):
-        raise IbridError(
-            f"{folder}: its {CONFIG} asks for a kernel from the network; take attn_implementation out of it"
-        )
+        raise IbridError(f"{folder}: its {CONFIG} asks for a kernel from the network; take attn_implementation out")
 
 
 def _config(folder: Path) -> dict[str, Any]:

@@ -83,9 +83,7 @@ class ChatServer:
             )
 
         if self.form not in ("auto", *FORMS):
-            raise IbridError(
-                f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one of them"
-            )
+            raise IbridError(f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one")
         if wrong := sorted({"messages", "model", "stream"}.intersection(self.extra)):
             raise IbridError(f"the field {wrong[0]} of a request is not free; leave it out")
 

@@ -65,9 +65,7 @@ class LanguageModel(Spender):
         self.models = tuple(chat for chat, _ in models)
         self.weights = weights / weights.sum()
         if asked not in QUESTIONS:
-            raise IbridError(
-                f"a language model is asked as {' or '.join(QUESTIONS)}, found {asked!r}; choose one of them"
-            )
+            raise IbridError(f"a language model is asked as {' or '.join(QUESTIONS)}, found {asked!r}; choose one")
         self.prompt_tokens, self.asked = prompt_tokens, asked
         if asked == "engineer":
             self.window, self.remembers = 1, 4
