@@ -3,12 +3,13 @@
     pytest --tier quick|test|all       all is the default; make quick, make test and make test-all pass the others
     pytest --record ...                writes what these tests cost into durations.json (make durations, for all of them)
 
-Costs are processor seconds, shared fixtures and results included, so that other work on the machine does not change them.
+Costs are processor seconds, with a part of the fixtures and results that tests of a file share, so that other work on the
+machine hardly changes them and the sum of a tier says what it takes.
 A test without a record counts as short.
 """
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from sharing import borrowed, processor_seconds
 HERE = Path(__file__).parent
 RECORD = HERE / "durations.json"
 #: Seconds that a test may cost, all its cases together, in each tier.
-MOST = {"quick": 0.3, "test": 20.0, "all": float("inf")}
+MOST = {"quick": 0.3, "test": 5.0, "all": float("inf")}
 #: What is checked before a change of fit, gap, search or parts is done, and not at every merge.
 ALL_ALONE = ("benchmarks", "blind", "learning")
 #: Cases from here on have a record of their own; below it is left out.
@@ -120,14 +121,14 @@ class Costs:
         self.borrowed[report.nodeid] += getattr(report, "borrowed", 0.0)
 
     def whole(self) -> dict[str, float]:
-        """Key -> seconds; what cases of a test share counts once."""
-        own: dict[str, float] = defaultdict(float)
-        shared: dict[str, float] = defaultdict(float)
-        for case, seconds in self.own.items():
-            key = case if seconds + self.borrowed[case] >= LONG_CASE else case.split("[")[0]
-            own[key] += seconds
-            shared[key] = max(shared[key], self.borrowed[case])
-        return {key: seconds + shared[key] for key, seconds in own.items()}
+        """Key -> seconds; what tests of a file share counts once, each of them bears its part."""
+        users = Counter((case.split("::")[0], round(seconds, 2)) for case, seconds in self.borrowed.items())
+        whole: dict[str, float] = defaultdict(float)
+        for case, own in self.own.items():
+            shared = self.borrowed[case]
+            seconds = own + shared / users[case.split("::")[0], round(shared, 2)]
+            whole[case if seconds >= LONG_CASE else case.split("[")[0]] += seconds
+        return whole
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if not session.config.option.record:
