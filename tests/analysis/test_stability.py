@@ -421,8 +421,8 @@ def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
         (["--grid", "r=-1,x=0.2"], "zero or positive"),
         (["--grid", "missing.csv"], "no such file"),
         (["--grid", "r=0.1,x=0.2", "--xr", "3"], "--xr belongs to --scr"),
-        (["--grid", "r=0.1,x=0.2", "--scr", "1:2"], "give one of them"),
-        ([], "give one of them"),
+        (["--grid", "r=0.1,x=0.2", "--scr", "1:2"], "; give one"),
+        ([], "; give one"),
     ],
 )
 def test_wrong_inputs_get_one_sentence(record_file, capsys, options, words):

@@ -106,7 +106,7 @@ def test_two_equal_devices_that_share_by_halves_have_twice_the_admittance_of_one
 
 def test_one_frame_is_not_asked_of_two_devices():
     diagram = wire(textbook("parallel_gfl_gfm"), VOCABULARY)
-    with pytest.raises(DiagramError, match="two devices, each with a frame of its own"):
+    with pytest.raises(DiagramError, match="two devices, each with its own frame"):
         equilibria(diagram, {}, (1.0, 0.3, 1.0), "pcc", OMEGA_0)
 
 
