@@ -99,7 +99,7 @@ def check_effect(
             complaints.append(f"moves must not raise, found {type(error).__name__} ({error}) for {diagram.name}")
             continue
         if first != again:
-            complaints.append(f"moves must be the same asked again, found others for {diagram.name}; use no chance")
+            complaints.append(f"moves must be the same each time, found others for {diagram.name}; use no chance")
         number += len(first)
         for insertion in first:
             complaints += _of_insertion(diagram, insertion, vocabulary, measured)

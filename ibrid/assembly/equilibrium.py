@@ -50,7 +50,7 @@ def equilibria(
     plant = wiring.plant
     in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
     flow = carried(wiring)
-    frame = controller_frame(wiring, carried(wiring, driving=False), parameters, in_grid, omega_0)
+    frame = controller_frame(wiring, flow, parameters, in_grid, omega_0)
     wanted = _wanted(wiring)
     for name, port, channels in wanted:
         if not all(flow.follows(wiring, channel) for channel in channels):

@@ -16,7 +16,7 @@ from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import carries, command_inputs, measured, steady_inputs
+from ibrid.structure.steady_state import carries, command_of, entering, steady_inputs
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
@@ -30,26 +30,22 @@ class Carried:
     """Output channels that follow from the plant, each after those it needs.
 
     `needs` : channel -> the input channels of its module that set it. `known` : these and those of the plant.
-    `reached` : the known ones that carry more than a ConstZero. `command` : input channels that have the plant's u_r,
-    because the same sources drive them; what these sources are without their constants is no rest.
+    `reached` : the known ones that carry more than a ConstZero. `command` : the outputs that drive the plant's command;
+    wherever all of them add up they have its u_r, which constants beside them make.
     """
 
     needs: Mapping[Channel, tuple[Channel, ...]]
     known: frozenset[Channel]
     reached: frozenset[Channel]
-    command: frozenset[Channel]
+    command: frozenset[str]
 
     def follows(self, wiring: Wiring, channel: Channel) -> bool:
         """True when the operating point of a channel is known."""
-        return channel in self.command or self.known.issuperset(sources_of(wiring, channel))
+        return self.known.issuperset(_entering(wiring, channel, self.command))
 
 
-def carried(wiring: Wiring, *, driving: bool = True) -> Carried:
-    """Which channels follow from the plant, and in which order.
-
-    driving : what the controller makes of measured signals and drives the plant with has its u_r, since constants add to it;
-    else only where it cannot be known otherwise, which is how the frame finds what its q axis lacks.
-    """
+def carried(wiring: Wiring) -> Carried:
+    """Which channels follow from the plant, and in which order."""
     known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
@@ -60,14 +56,9 @@ def carried(wiring: Wiring, *, driving: bool = True) -> Carried:
         if carries(kind)
         for channel, inputs in _dependence(name, kind).items()
     }
-    reached, sources = set(known), wiring.sources.get(f"{wiring.plant}.u_r", ())
-    order, command = _follow(wiring, needs, known, reached, frozenset()), frozenset[Channel]()
-    axes = [axis for axis in (0, 1) if not known.issuperset((one, axis) for one in sources)]
-    if driving and not all(measured(wiring, one) for one in sources):
-        axes = [0, 1]
-    if axes:
-        command = frozenset((port, axis) for port in command_inputs(wiring) for axis in axes)
-        order += _follow(wiring, needs, known, reached, command)
+    known.update((f"{wiring.plant}.u_r", axis) for axis in (0, 1))
+    reached, command = set(known), command_of(wiring)
+    order = _follow(wiring, needs, known, reached, command)
     return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached), command)
 
 
@@ -76,11 +67,11 @@ def _follow(
     needs: Mapping[Channel, tuple[Channel, ...]],
     known: set[Channel],
     reached: set[Channel],
-    command: frozenset[Channel],
+    command: frozenset[str],
 ) -> list[Channel]:
     """Add to `known` and `reached` what follows from them and from `command`; the new channels in order."""
     waiting = {
-        channel: {source for one in inputs if one not in command for source in sources_of(wiring, one)}
+        channel: {source for one in inputs for source in _entering(wiring, one, command)}
         for channel, inputs in needs.items()
         if channel not in known
     }
@@ -92,7 +83,7 @@ def _follow(
     order = [channel for channel, missing in unknown_sources.items() if not missing]
     for channel in order:  # grows while it is walked
         known.add(channel)
-        if not reached.isdisjoint(waiting[channel]) or not command.isdisjoint(needs[channel]):
+        if not reached.isdisjoint(waiting[channel]):
             reached.add(channel)
         for user in users.get(channel, ()):
             unknown_sources[user] -= 1
@@ -170,6 +161,12 @@ def sources_of(wiring: Wiring, channel: Channel) -> list[Channel]:
     return [(source, channel[1]) for source in wiring.sources.get(channel[0], (channel[0],))]
 
 
+def _entering(wiring: Wiring, channel: Channel, command: frozenset[str]) -> list[Channel]:
+    """As `sources_of`, with the plant's u_r in place of all that drive it; command : of `Carried`."""
+    port, axis = channel
+    return [(one, axis) for one in entering(wiring, port, command)] if port in wiring.sources else [channel]
+
+
 def to_frame(frame: Frame, z: Pair) -> Pair:
     """R(delta_eq) z."""
     cosine, sine = frame
@@ -186,13 +183,12 @@ def matrices_of(
 
 def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
     """The output channels on which the wanted ones depend."""
-    front = [source for channel in wanted if channel not in flow.command for source in sources_of(wiring, channel)]
+    front = [source for channel in wanted for source in _entering(wiring, channel, flow.command)]
     upstream: set[Channel] = set()
     for channel in front:  # grows while it is walked
         if channel not in upstream:
             upstream.add(channel)
-            inputs = (one for one in flow.needs.get(channel, ()) if one not in flow.command)
-            front += [source for one in inputs for source in sources_of(wiring, one)]
+            front += [source for one in flow.needs.get(channel, ()) for source in _entering(wiring, one, flow.command)]
     return upstream
 
 
@@ -208,9 +204,7 @@ def _given(wiring: Wiring, in_grid: Mapping[str, Pair], frame: Frame, upstream: 
 
 
 def _arriving(wiring: Wiring, flow: Carried, found: Mapping[Channel, Any], channel: Channel) -> Any:
-    if channel in flow.command:
-        return found[f"{wiring.plant}.u_r", channel[1]]
-    return weighted_sum((1.0, found[source]) for source in sources_of(wiring, channel))
+    return weighted_sum((1.0, found[source]) for source in _entering(wiring, channel, flow.command))
 
 
 def _at_ports(name: str, kind: ModuleKind, entering: Mapping[Channel, Any]) -> dict[str, Pair]:

@@ -92,7 +92,7 @@ def values_at_rest(
     """
     wiring = wire(diagram, kinds)
     parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
-    flow = carried(wiring, driving=False)
+    flow = carried(wiring)
     at_rest = []
     for point in sweep.points:
         op = point.op.pqv

@@ -157,7 +157,7 @@ def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, floa
     value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
     spread = None if tolerance is None else _number(name, "tolerance", tolerance)
     if spread is not None and spread <= 0:
-        raise IbridError(f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for the usual")
+        raise IbridError(f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for a usual one")
     if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
         raise IbridError(f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance")
     if box.logarithmic and value <= 0:

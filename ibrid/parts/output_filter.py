@@ -56,7 +56,9 @@ def filter_capacitor(view: View) -> Iterator[Move]:
     """The other filter; with an LCL the controller measures the converter's or the grid's current."""
     kind, plant = view.kind(view.roles.plant), view.roles.plant
     if view.roles.lcl:
-        for other, kept in ((one, kept) for one, kept in WITHOUT.items() if view.known(one)):
+        for other, kept in WITHOUT.items():
+            if not view.known(other):
+                continue
             yield Move(
                 "L filter instead of the LCL filter" if other == "LFilter" else "",
                 lambda draft, other=other: _without_capacitor(draft, view, other),

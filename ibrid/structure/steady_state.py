@@ -2,15 +2,15 @@
 
 It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC
 gain of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either. What drives
-the plant's command comes from behind integrators, but together it rests where the plant's u_r does.
+the plant's command comes from behind integrators and constants, but together it rests where the plant's u_r does.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 
 from ibrid.modules.behaviour import ROTATIONS
 from ibrid.modules.kind import ModuleKind
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 
@@ -19,8 +19,8 @@ class Steady:
     """Signals at rest.
 
     `order` : modules whose outputs follow from the plant, each after the modules that it needs; the plant itself is not
-    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant. `command` :
-    inputs that have the plant's u_r at rest, since the same sources drive them.
+    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant, and its u_r.
+    `command` : of `command_of`, which have its u_r together.
     """
 
     order: tuple[str, ...]
@@ -29,7 +29,7 @@ class Steady:
 
     def follows(self, wiring: Wiring, port: str) -> bool:
         """True when the operating point at an input is known."""
-        return port in self.command or self.known.issuperset(wiring.sources.get(port, ()))
+        return self.known.issuperset(entering(wiring, port, self.command))
 
 
 def carries(kind: ModuleKind) -> bool:
@@ -48,15 +48,21 @@ def steady_inputs(kind: ModuleKind) -> tuple[str, ...]:
     return tuple(port for port in kind.inputs if port in kind.equilibrium_ports) or tuple(kind.inputs)
 
 
-def command_inputs(wiring: Wiring) -> frozenset[str]:
-    """Inputs of other modules that the sources of the plant's command drive, all of them and nothing else."""
-    command = f"{wiring.plant}.u_r"
-    sources = set(wiring.sources.get(command, ()))
-    alike = (target for target, found in wiring.sources.items() if sources and set(found) == sources)
-    return frozenset(target for target in alike if target not in (command, TERMINAL_CURRENT))
+def command_of(wiring: Wiring) -> frozenset[str]:
+    """The outputs that drive the plant's command, as the controller makes them; none where all of them are measured signals."""
+    sources = frozenset(wiring.sources.get(f"{wiring.plant}.u_r", ()))
+    return frozenset() if all(_measured(wiring, one) for one in sources) else sources
 
 
-def measured(wiring: Wiring, source: str) -> bool:
+def entering(wiring: Wiring, port: str, command: Set[str]) -> tuple[str, ...]:
+    """What adds up at an input; where the whole `command` does, the plant's u_r in its place."""
+    sources, own = wiring.sources.get(port, ()), f"{wiring.plant}.u_r"
+    if port == own or not command or not command <= set(sources):
+        return tuple(sources)
+    return own, *(one for one in sources if one not in command)
+
+
+def _measured(wiring: Wiring, source: str) -> bool:
     """Whether a source is a signal of the plant or of the terminals, at most turned, filtered or delayed."""
     for _ in wiring.kinds:  # a loop of filters ends nowhere
         kind = wiring.kinds.get(name := split_port(source)[0])
@@ -71,15 +77,12 @@ def measured(wiring: Wiring, source: str) -> bool:
 
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
-    known = {TERMINAL_VOLTAGE}
+    known, command = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, command_of(wiring)
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
             known.update(f"{name}.{port}" for port in kind.outputs)
-    order = _carried(wiring, known, frozenset())
-    if known.issuperset(wiring.sources.get(f"{wiring.plant}.u_r", ())):
-        return Steady(order, frozenset(known), frozenset())
-    command = command_inputs(wiring)
-    return Steady((*order, *_carried(wiring, known, command)), frozenset(known), command)
+    order = _carried(wiring, known, command)
+    return Steady(order, frozenset(known), command)
 
 
 def _carried(wiring: Wiring, known: set[str], command: frozenset[str]) -> tuple[str, ...]:
@@ -87,8 +90,7 @@ def _carried(wiring: Wiring, known: set[str], command: frozenset[str]) -> tuple[
     waiting: dict[str, set[str]] = {}
     for name, kind in wiring.kinds.items():
         if carries(kind) and not known.issuperset(f"{name}.{port}" for port in kind.outputs):
-            ports = (f"{name}.{port}" for port in steady_inputs(kind))
-            needed = (source for port in ports if port not in command for source in wiring.sources[port])
+            needed = (one for port in steady_inputs(kind) for one in entering(wiring, f"{name}.{port}", command))
             waiting[name] = {source for source in needed if source not in known}
     users: dict[str, list[str]] = {}
     for name, sources in waiting.items():
@@ -135,5 +137,5 @@ def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | No
 
 
 def _unknown(wiring: Wiring, port: str, steady: Steady) -> Iterator[str]:
-    sources = () if port in steady.command else wiring.sources[port]
+    sources = entering(wiring, port, steady.command)
     return (split_port(source)[0] for source in sources if source not in steady.known)

@@ -131,7 +131,7 @@ def _require_own_files(path: Path) -> None:
             file = inside(base.parent, base.name + ending)
             if ending == "-journal" and file.is_file() and file.read_bytes().endswith(_NAMES_ANOTHER):
                 raise IbridError(
-                    f"{file}: names a file elsewhere, which no journal of a run does; remove it, try again"
+                    f"{file}: names a file elsewhere, which no journal of a run does; remove it and try again"
                 )
 
 

@@ -540,7 +540,16 @@ def build_test(g):
 """
 
 
-def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_power_is_measured():
+#: The measured power without what the filter's resistance loses: another signal beside the command.
+LOSS = """
+    g.add("Gain_dq", "loss", k=-0.0078)
+    g.connect("plant.i_g", "loss.in_")
+    g.connect("loss.out", "power.e")
+"""
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.0078], ids=["the command", "the command and another signal"])
+def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_power_is_measured(lost: float):
     """Beside its nonlinear equations, written down with their references, linearised by central differences."""
     inductance, resistance, damping, sync, corner = 0.245, 0.0078, 0.125, 39.0, 31.0
     p, q, v = 0.7, -0.1, 1.0
@@ -557,7 +566,7 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
     def motion(x: np.ndarray, terminal: np.ndarray) -> np.ndarray:
         i, delta, slow = x[:2], x[2], x[3]
         u = turn @ u_0 - damping * (i - at_rest[:2]) + np.array([0.0, damping * (slow - at_rest[3])])
-        slip = sync * (u_0 @ i_0 - u @ i)
+        slip = sync * (u_0 @ i_0 - lost * i_0 @ i_0 - (u - lost * i) @ i)
         seen = np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]]) @ terminal
         drop = series(1 + slip / OMEGA_0) @ i
         return np.concatenate([OMEGA_0 / inductance * (u - seen - drop), [slip, corner * (i[1] - slow)]])
@@ -577,5 +586,5 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
     )
     frequency = np.array([1.0, 10.0, 60.0, 400.0])
     wanted = [c @ np.linalg.solve(2j * np.pi * hz * np.eye(4) - a, b) for hz in frequency]
-    case = Case(parse_program(REFERENCE_FEEDFORWARD), point=(p, q, v))
+    case = Case(parse_program(REFERENCE_FEEDFORWARD + LOSS * (lost > 0)), point=(p, q, v))
     assert case.response(frequency) == pytest.approx(np.array(wanted), rel=1e-6, abs=1e-6 * np.abs(wanted).max())

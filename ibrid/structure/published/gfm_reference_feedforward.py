@@ -8,7 +8,7 @@ def build_gfm_reference_feedforward(g):
     # power of the converter's own voltage
     g.add("PQ_calc", "power")
     g.add("Gain", "sync_gain")
-    # voltage: the active resistance, and what it drops of the slow current
+    # voltage: an active resistance, on the q axis for what is left of the current without its slow part
     g.add("Gain_dq", "active_resistance")
     g.add("SliceQ", "i_q")
     g.add("LPF1", "slow_q")
