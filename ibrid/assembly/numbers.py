@@ -6,6 +6,29 @@ from typing import Any
 import casadi as ca
 
 
+def _operator(operation: int) -> tuple[Any, Any]:
+    """An operation with a symbol on its left, and on its right."""
+
+    def forward(one: Any, other: Any) -> "Scalar":
+        found: Any = ca.SX.binary(operation, one, other)
+        found.__class__ = Scalar
+        return found
+
+    return forward, lambda one, other: forward(other, one)
+
+
+class Scalar(ca.SX):
+    """One symbol, whose arithmetic goes straight to its operation.
+
+    The operators of casadi try every type that they know, ten times as long, and a diagram takes hundreds of them.
+    """
+
+    __add__, __radd__ = _operator(ca.OP_ADD)
+    __sub__, __rsub__ = _operator(ca.OP_SUB)
+    __mul__, __rmul__ = _operator(ca.OP_MUL)
+    __truediv__, __rtruediv__ = _operator(ca.OP_DIV)
+
+
 def is_zero(value: Any) -> bool:
     """True for a number that is zero and a symbol that is structurally zero."""
     return bool(value.is_zero()) if isinstance(value, ca.SX) else value == 0

@@ -12,6 +12,7 @@ import numpy as np
 
 from ibrid.assembly.interconnection import Interconnected, interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.numbers import Scalar
 from ibrid.structure.parameters import Parameter, ParameterTable, parameter_table
 from ibrid.structure.wiring import Wiring
 
@@ -100,8 +101,8 @@ def _joined(
 ) -> tuple[ca.SX, ca.SX, Interconnected]:
     """Symbols theta and point (p, q, v), and the rows they give; without Pade orders the delays stay exact."""
     theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)
-    symbols = {parameter.name: theta[index] for index, parameter in enumerate(table.free)}
-    at = (point[0], point[1], point[2])
+    symbols = {parameter.name: Scalar(theta[index]) for index, parameter in enumerate(table.free)}
+    at = (Scalar(point[0]), Scalar(point[1]), Scalar(point[2]))
     matrices = module_matrices(wiring, table, symbols, at, pade_orders=pade_orders, **physics)
     return theta, point, interconnect_rows(wiring, matrices, exact_delays=pade_orders is None)
 

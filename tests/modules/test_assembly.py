@@ -2,6 +2,7 @@
 
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
 from collecting import each_of
@@ -9,6 +10,7 @@ from random_diagrams import random_legal_diagram
 
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.numeric import closed_loop
 from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.errors import DiagramError, OperatingPointError
@@ -588,3 +590,27 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
     wanted = [c @ np.linalg.solve(2j * np.pi * hz * np.eye(4) - a, b) for hz in frequency]
     case = Case(parse_program(REFERENCE_FEEDFORWARD + LOSS * (lost > 0)), point=(p, q, v))
     assert case.response(frequency) == pytest.approx(np.array(wanted), rel=1e-6, abs=1e-6 * np.abs(wanted).max())
+
+
+def test_a_symbol_of_a_law_computes_as_numbers_do():
+    x, y = Scalar(ca.SX.sym("x")), Scalar(ca.SX.sym("y"))
+
+    def law(one, other):
+        several = (
+            one + other,
+            one - other,
+            one * other,
+            one / other,
+            2.0 + one,
+            2 - one,
+            3 * one,
+            1 / one,
+            one - 2,
+            one / 4,
+        )
+        return [*several, -one, one**2, np.float64(3.0) * one, (one + 1.0) * other - one / (2.0 * other)]
+
+    found = ca.Function("law", [x, y], [ca.vertcat(*law(x, y))])(1.3, -0.7)
+    np.testing.assert_allclose(np.array(found).ravel(), law(1.3, -0.7), rtol=1e-15)
+    assert isinstance((2.0 * x + y) / 3, Scalar)  # on through a law
+    assert (ca.SX.eye(2) * x).shape == (x * ca.SX.eye(2)).shape == (2, 2)
