@@ -18,7 +18,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ibrid.analysis.collector import Collector
 from ibrid.analysis.freed_fits import FreedFit, FreedFits, PlantFits, fits_of
@@ -146,7 +146,7 @@ def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
     """Places of the parameters that changed, in the order in which they entered, and the fit with them."""
     added: list[int] = []
     last = fits.fit(())
-    level = float(chi2.isf(FALSE_ALARM / max(fits.size, 1), 1))
+    level = float(chdtri(1, FALSE_ALARM / max(fits.size, 1)))
     while len(added) < min(MOST, fits.size):
         tried = {j: fits.fit((*added, j), last) for j in fits.likely(added, last)}
         least = min((one.cost for one in tried.values()), default=last.cost)
@@ -160,7 +160,7 @@ def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
         few = sorted(tried, key=lambda j: tried[j].cost)[:PAIRED]
         pairs = {pair: fits.fit(pair, last) for pair in combinations(few, 2)}
         pair = min(pairs, key=lambda one: pairs[one].cost, default=())
-        if not pair or last.cost - pairs[pair].cost <= chi2.isf(FALSE_ALARM / len(pairs), 2):
+        if not pair or last.cost - pairs[pair].cost <= chdtri(2, FALSE_ALARM / len(pairs)):
             break
         added, last = list(pair), pairs[pair]
     for j in tuple(added[:-1]):

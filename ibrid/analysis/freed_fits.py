@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.stats import chi2
-from scipy.stats import f as f_law
+from scipy.special import chdtrc, fdtrc
 
 from ibrid.analysis.collector import Collector
 from ibrid.analysis.collector_model import CollectorCoordinates, CollectorModel
@@ -78,7 +77,7 @@ class FreedFits(ABC):
 
     def p_value(self, cost: float) -> float:
         """Of so large a T by noise alone."""
-        return float(chi2.sf(cost, self.numbers))
+        return float(chdtrc(self.numbers, cost))
 
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
         """The best of a scan of the last parameter about each middle: the lower of them may lie in the higher valley."""
@@ -292,7 +291,7 @@ class EventFits(FreedFits):
         """As sure as the noise was told."""
         if not np.isfinite(self._told_by):
             return super().p_value(cost)
-        return float(f_law.sf(cost / self.numbers, self.numbers, self._told_by))
+        return float(fdtrc(self.numbers, self._told_by, cost / self.numbers))
 
 
 def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = None) -> FreedFits:

@@ -11,7 +11,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from ibrid.evaluation.errors_by_part import noise_floor
 from ibrid.fit.identifiability import MODEL_FLOOR
@@ -83,7 +83,7 @@ def judged_points(points: Sequence[PointSweep]) -> tuple[list[PointSweep], str]:
 def grade_of(nrmse: float, misfit: Mapping[str, Any]) -> Grade:
     """The word for an NRMSE and a misfit; without degrees of freedom a good fit says nothing, so it is rough at best."""
     ratio, dof = misfit["chi2_per_dof"], misfit["dof"]
-    if ratio is not None and stats.chi2.sf(ratio * dof, dof) > ADEQUATE:
+    if ratio is not None and chdtrc(dof, ratio * dof) > ADEQUATE:
         return Grade.EXPLAINS
     if ratio is not None and ratio <= 1.0 + CLOSE**2:
         return Grade.CLOSE

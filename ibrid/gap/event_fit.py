@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import f as f_law
+from scipy.special import fdtrc
 
 from ibrid.errors import IbridError
 from ibrid.fit.ipopt import minimise
@@ -56,7 +56,7 @@ class EventFit(Fitted):
         told_by = self.misfit.noise.told_by
         if not np.isfinite(told_by):
             return super().p_value(scale)
-        return float(f_law.sf(self.chi2 / scale**2 / self.dof, self.dof, told_by))
+        return float(fdtrc(self.dof, told_by, self.chi2 / scale**2 / self.dof))
 
     @cached_property
     def slopes(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc
 
 from ibrid.errors import IbridError, near
 from ibrid.fit.problem import Problem
@@ -171,7 +171,7 @@ class _Search:
             np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
         ]
         dof = max(self.target.data.size * 2 - free, 1.0)
-        p_value = float(chi2_distribution.sf(fit.chi2, dof))
+        p_value = float(chdtrc(dof, fit.chi2))
         return PortFit(
             port=self.port,
             chi2=fit.chi2,

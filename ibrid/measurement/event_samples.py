@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import firwin, resample_poly
 
 from ibrid.errors import SweepError
 from ibrid.measurement.event_rest import record_from_rest
@@ -122,6 +121,8 @@ def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | N
     step = np.diff(time)
     if not len(step) or MANY * np.median(step) >= 1 or np.ptp(step) > 0.02 * np.median(step):
         return time, v, i, sigma, ()
+    from scipy.signal import firwin, resample_poly  # half a second, for records of many samples alone
+
     rate = 1 / float(np.median(step))
     k = int(rate / KEPT + 1e-3)
     low_pass = np.asarray(firwin(20 * k + 1, 1 / k, window="blackman"), dtype=float)

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
-from scipy.stats import norm
+from scipy.special import chdtrc, ndtri
 
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
 from ibrid.measurement.noise import estimate_point, of_norm
@@ -164,8 +163,8 @@ def _tested(values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarr
     mean = (weight * values).sum(axis=0) / weight.sum(axis=0)
     square, dof = (weight * np.abs(values - mean) ** 2).sum(axis=0), 2.0 * (len(values) - 1)
     deviations = ((square / dof) ** (1 / 3) - (1 - 2 / (9 * dof))) / np.sqrt(2 / (9 * dof))  # Wilson and Hilferty
-    p = chi2_law.sf(square, dof)
-    return p, np.where(p > 1e-300, norm.isf(np.maximum(p, 1e-300)), deviations)
+    p = chdtrc(dof, square)
+    return p, np.where(p > 1e-300, -ndtri(np.maximum(p, 1e-300)), deviations)
 
 
 def _bands(cells: list[_Cell], limit: float) -> Iterator[AmplitudeDependence]:

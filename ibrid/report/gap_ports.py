@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from ibrid.gap.missing_transfer import MissingTransfer
 from ibrid.gap.noise import ADEQUATE
@@ -64,7 +64,7 @@ def _name(one: PortFit) -> str:
 def limit_of(fits: Sequence[PortFit]) -> float:
     """chi2 per degree of freedom up to which a port is adequate; nearly the same for all."""
     dof = float(np.median([one.dof for one in fits]))
-    return float(chi2_law.isf(ADEQUATE, dof)) / dof
+    return float(chdtri(dof, ADEQUATE)) / dof
 
 
 def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
