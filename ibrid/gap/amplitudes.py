@@ -59,7 +59,7 @@ class Amplitudes(Data):
         fit = self._fits[id(insertion)][1]
         return None if fit is None else replace(model, refit=fit, edits=(insertion,))
 
-    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
         """The fit itself: less says nothing."""
         return self.edited(model, insertion)
 

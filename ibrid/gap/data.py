@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtrc
 
 from ibrid.gap.noise import Noise
 from ibrid.parts.practice import Insertion
@@ -48,7 +48,7 @@ class Fitted:
 
     def p_value(self, scale: float = 1.0) -> float:
         """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
-        return float(chi2_law.sf(self.chi2 / scale**2, self.dof))
+        return float(chdtrc(self.dof, self.chi2 / scale**2))
 
 
 class Data(ABC):
@@ -82,8 +82,8 @@ class Data(ABC):
         """A model with an edit, fitted; quick : from these values alone."""
 
     @abstractmethod
-    def glanced(self, model: "Model", insertion: Insertion, *, nominal: bool = True) -> "Model | None":
-        """A model with an edit after a few steps, at most as good as `edited`; nominal : from nominal values too."""
+    def glanced(self, model: "Model", insertion: Insertion, *, near: bool = False) -> "Model | None":
+        """A model with an edit after a few steps, at most as good as `edited`; near : of a model that fits already."""
 
     def read_otherwise(self, model: "Model", enough: float) -> "Iterator[Model]":
         """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches."""

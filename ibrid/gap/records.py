@@ -141,7 +141,7 @@ class Records(Data):
         tried = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
         return tried.get(_edit(insertion))
 
-    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
+    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
         """The same: what is tried at once needs no further glance."""
         return self.edited(model, insertion)
 

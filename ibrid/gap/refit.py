@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.least_squares import LEVENBERG, Batch, Descent
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
@@ -26,18 +26,22 @@ from ibrid.structure.canonical import structure_hash
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import wire
 
-#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2.
-FAR, NEAR = 10, 60
+#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2: of all starts, then of the best.
+FAR, NEAR = (5, 5), (12, 60)
+#: On chi2, of starts that were given, beside the logarithm.
+GIVEN = 15
 #: The same of a glance, and how many starts it follows to its end.
-GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 4, 2
-#: Starts that go on to chi2.
-KEPT = 6
+GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 5, 2
+#: Starts that go on with the logarithm, those that go on to chi2 from either, and those that end there.
+KEPT, LED, ENDED = 12, (3, 6), 3
 #: Frequencies of all operating points together beyond which descents begin on a few; the points and frequencies of each that
 #: these are at most; ends that go on with all data, and their steps after a glance.
 MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
 #: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise; its limit is far beyond
 #: what it takes on a machine that is free.
 WHOLE = FitSettings(objective="sigma", solved=1e-2, seconds=300.0)
+#: On chi2, of which no verdict asks for more digits.
+DESCENT = Descent(stall=1e-5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,15 +140,16 @@ class Refitter:
             return self._best(diagram, self._led(diagram, x, len(starts)))
         ends = self._few._led(diagram, x, len(starts)).best(CARRIED)
         chi2, _ = self._misfits(diagram)
-        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), NEAR))
+        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), NEAR[1]))
 
     def _led(self, diagram: Diagram, x: np.ndarray, given: int) -> Batch:
         """Where starts x (S, P) lead, the first of which were given."""
         chi2, logarithmic = self._misfits(diagram)
-        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), NEAR // 4)
-        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR)
-        kept = np.concatenate([near.best(KEPT // 2).x, far.best(KEPT).x])
-        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR)
+        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN)
+        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
+        far = LEVENBERG.go(logarithmic, far, FAR[1])
+        kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
+        return DESCENT.go(chi2, DESCENT.go(chi2, DESCENT.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
 
     def _misfits(self, diagram: Diagram) -> tuple[Misfit, Misfit]:
         problem = self.problem(diagram)
@@ -166,10 +171,11 @@ class Refitter:
             return None
         return self.refit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
 
-    def glance(self, diagram: Diagram, starts: Sequence[Values]) -> Refit | None:
+    def glance(self, diagram: Diagram, starts: Sequence[Values], *, near: bool = False) -> Refit | None:
         """A diagram after a few steps from the starts: an upper end of what a refit finds, at a tenth of its cost.
 
-        None where no start has a response, or the diagram no matrices.
+        near : the starts fit nearly, and no other valley is looked for. None where no start has a response, or the diagram no
+        matrices.
         """
         try:
             problem = self.problem(diagram)
@@ -177,16 +183,18 @@ class Refitter:
             return None
         x = np.array([beliefs_of(problem, self.prior).start(values) for values in starts])
         if self._few is None:
-            return self._best(diagram, self._glanced(diagram, x))
+            return self._best(diagram, self._glanced(diagram, x, near))
         chi2, _ = self._misfits(diagram)
-        ends = self._few._glanced(diagram, x).best(1)
+        ends = self._few._glanced(diagram, x, near).best(1)
         return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), POLISH))
 
-    def _glanced(self, diagram: Diagram, x: np.ndarray) -> Batch:
+    def _glanced(self, diagram: Diagram, x: np.ndarray, near: bool) -> Batch:
         chi2, logarithmic = self._misfits(diagram)
-        near = LEVENBERG.begin(chi2, x).best(1)
+        first = LEVENBERG.begin(chi2, x)
+        if near:
+            return LEVENBERG.go(chi2, first.best(GLANCED), GLANCE_FAR + GLANCE_NEAR)
         far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
-        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([near.x, far.x])), GLANCE_NEAR)
+        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR)
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""

@@ -21,10 +21,11 @@ CARRIED, BEAM = 8, 4
 LABELLED = 3
 #: Rounds at most in which each edit of an answer that is not enough is exchanged for another.
 SWAPS = 2
-#: Edits that are refitted, in the order of a glance, and the distance in the information criterion up to which more are.
-REFITTED, CLOSE = 12, 30.0
-#: The same where the model fits already, and only what pays well beside it counts.
-FURTHER = 4
+#: Edits that are refitted, in the order of a glance, the distance in the information criterion up to which more are, and how
+#: many when one of them fits as well as the noise allows.
+REFITTED, CLOSE, SETTLED = 12, 30.0, 6
+#: The same where the model fits already: only what pays well beside it counts, and a glance from there is nearly a refit.
+FURTHER, NEARLY = 4, 6.0
 #: Part of the cost by which two trials must differ, or they say the same of the data.
 APART = 1e-4
 #: Of the best trials: those from which the model before is refitted (drop-back).
@@ -52,18 +53,21 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
     The rest stay as the glance left them.
     """
     adequate = enough(bench, model)
-    glances = _glanced(bench, model, nominal=not adequate)
-    refitted, trials, best = (FURTHER if adequate else REFITTED), [], np.inf
+    glances, values = _glanced(bench, model, near=adequate), ((model.refit.values,) if adequate else ())
+    refitted, close = (FURTHER, NEARLY) if adequate else (REFITTED, CLOSE)
+    trials: list[Model] = []
+    best = np.inf
     for number, glance in enumerate(glances):
         edit = glance.edits[-1]
-        hopeless = number >= refitted and glance.bic(bench.scale) > best + CLOSE
+        hopeless = number >= refitted and glance.bic(bench.scale) > best + close
         if hopeless or isinstance(edit, Convention) or bench.watch.late():
             trials.append(glance)
             continue
         bench.watch(min(number, refitted), refitted, f"{edit.effect}: {edit.change} {edit.where}")
-        trial = bench.shop.edited(model, edit) or glance
+        trial = bench.shop.edited(model, edit, quick=values) or glance
         trials.append(min(trial, glance, key=lambda one: one.refit.cost))
         best = min(best, trials[-1].bic(bench.scale))
+        refitted = min(refitted, SETTLED) if enough(bench, trials[-1]) else refitted
     if conventions:
         reached = min((one.refit.cost for one in trials if one.adequate(bench.scale)), default=np.inf)
         trials += _read_otherwise(bench, model, reached)
@@ -82,14 +86,14 @@ def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
     return [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
 
 
-def _glanced(bench: Bench, model: Model, *, nominal: bool = True) -> list[Model]:
+def _glanced(bench: Bench, model: Model, *, near: bool = False) -> list[Model]:
     """A glance at every edit of a model, best first."""
     edits, glances = bench.shop.insertions(model), []
     for edit in edits:
         if bench.watch.late():
             break
         bench.watch(0, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
-        glances.append(bench.shop.glanced(model, edit, nominal=nominal))
+        glances.append(bench.shop.glanced(model, edit, near=near))
     return sorted((one for one in glances if one is not None), key=lambda one: one.bic(bench.scale))
 
 
@@ -124,12 +128,32 @@ def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
 
 
 def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list[list[Model]]]:
-    """Forward steps from the given model, then a look back at every edit that was made.
+    """Forward steps from the given model, then a look back.
 
     Returns the repaired model and, for each of its edits, the trials that compete for its place.
     """
-    best = _looked_back(bench, given, _forward(bench, given, trials))
+    return looked_back(bench, given, _forward(bench, given, trials), trials)
+
+
+def looked_back(bench: Bench, given: Model, best: Model, trials: list[Model]) -> tuple[Model, list[list[Model]]]:
+    """As `repair`, from a repaired model: what is not needed goes, and what explains clearly more takes an edit's place."""
+    best = _without_idle(bench, given, best)
+    rivals = _rivals(bench, given, best, trials)
+    better = _overtaking(bench, best, rivals)
+    if better is None:
+        return best, rivals
+    bench.steps.append(
+        f"exchanged: {_words(better.edits[-1])} explains more in the place of an edit that was made first"
+    )
+    best = _without_idle(bench, given, better)
     return best, _rivals(bench, given, best, trials)
+
+
+def _overtaking(bench: Bench, best: Model, rivals: list[list[Model]]) -> Model | None:
+    """The best of what could stand in the place of one of several edits, where it is clearly better; else None."""
+    limit = best.bic(bench.scale) - ALIKE
+    better = [one for place in rivals for one in place if one.bic(bench.scale) < limit and bench.shop.stable(one)]
+    return None if len(best.edits) < 2 else min(better, key=lambda one: one.bic(bench.scale), default=None)
 
 
 def enough(bench: Bench, model: Model) -> bool:
@@ -253,7 +277,7 @@ def _further(bench: Bench, model: Model) -> Model:
     return model
 
 
-def _looked_back(bench: Bench, given: Model, best: Model) -> Model:
+def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
     """Leave out each edit in turn: what the others do as well without it goes."""
     place = 0
     while len(best.edits) > 1 and place < len(best.edits) and not bench.watch.late():

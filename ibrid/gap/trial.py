@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
@@ -97,6 +97,7 @@ class Workshop(Data):
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
         self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
+        self._edits: dict[int, tuple[Diagram, tuple[Insertion, ...]]] = {}
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
@@ -149,8 +150,10 @@ class Workshop(Data):
         return self._steady.get(model)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
-        """All edits of a model."""
-        return insertions(model.diagram, self.kinds, self.catalogue)
+        """All edits of a model, the same ones whenever its diagram comes again: their matrices are derived once."""
+        if id(model.diagram) not in self._edits:
+            self._edits[id(model.diagram)] = model.diagram, insertions(model.diagram, self.kinds, self.catalogue)
+        return self._edits[id(model.diagram)][1]
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect.
@@ -161,10 +164,13 @@ class Workshop(Data):
         starts = strengths(insertion, quick or (model.refit.values, {}))
         return self.refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
-    def glanced(self, model: Model, insertion: Insertion, *, nominal: bool = True) -> Model | None:
-        """A model with an edit, after a few steps from its own and from nominal values; what a refit finds is no worse."""
-        starts = strengths(insertion, (model.refit.values, {}) if nominal else (model.refit.values,))
-        refit = self.refitter(model.convention).glance(insertion.diagram, starts)
+    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
+        """A model with an edit, after a few steps; what a refit finds is no worse.
+
+        near : from its own values alone, of a model that fits already; else from nominal ones too.
+        """
+        starts = strengths(insertion, (model.refit.values,) if near else (model.refit.values, {}))
+        refit = self.refitter(model.convention).glance(insertion.diagram, starts, near=near)
         if refit is None:
             return None
         return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
@@ -246,7 +252,7 @@ def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str,
 
 def threshold(extra: int, tests: int) -> float:
     """Gain of chi2 that so many further free numbers must bring in one of so many tests."""
-    return float(chi2_law.isf(FALSE_ALARM / max(tests, 1), max(extra, 1)))
+    return float(chdtri(max(extra, 1), FALSE_ALARM / max(tests, 1)))
 
 
 def driven_to_nothing(before: Model, after: Model) -> bool:

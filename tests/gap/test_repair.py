@@ -1,0 +1,45 @@
+"""A repair that began with a wrong edit ends with the right ones."""
+
+from ibrid_bench.hidden.case import draw_case
+
+from ibrid.gap.noise import noise_of
+from ibrid.gap.prior import prior_of
+from ibrid.gap.repair import Bench, looked_back, trials_of
+from ibrid.gap.trial import Model, Workshop
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.parts.catalogue import CATALOGUE
+from ibrid.structure.parameters import parameter_table
+from ibrid.structure.program import parse_program
+from ibrid.structure.wiring import wire
+
+FEW = tuple(one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward"))
+TRUE = {("power_filter", "remove"), ("pll_prefilter", "remove")}
+
+
+def edits_of(model: Model) -> set[tuple[str, str]]:
+    return {(one.effect, one.change) for one in model.edits}
+
+
+def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_first():
+    case = draw_case("pair", 0, effects=["power_filter:remove", "pll_prefilter:remove"], severity="gross", noise_db=60,
+                     points=1, frequencies=12)  # fmt: skip
+    diagram = parse_program(case.program)
+    wiring = wire(diagram, VOCABULARY)
+    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    bench = Bench(Workshop(noise_of(case.sweep), VOCABULARY, prior, FEW, 0, "exact"))
+    given = bench.shop.given(diagram)
+    assert given is not None
+    trials = trials_of(bench, given, conventions=False)
+    first = next(one for one in trials if one.edits[-1].effect == "reference_feedforward")
+    removed = next(
+        one for one in bench.shop.insertions(first) if (one.effect, one.change) == ("pll_prefilter", "remove")
+    )
+    wrong = bench.shop.edited(first, removed)
+    assert wrong is not None
+    best, rivals = looked_back(bench, given, wrong, trials)
+    assert edits_of(best) == TRUE
+    assert best.adequate(bench.scale)
+    assert len(rivals) == 2
+    assert any(step.startswith("exchanged: power_filter") for step in bench.steps)
+    kept, _ = looked_back(bench, given, best, trials)
+    assert edits_of(kept) == TRUE
