@@ -37,6 +37,8 @@ MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
 #: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
+#: Parameter sets that compiled loops take at once.
+WIDE = 16
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
 #: Parameter sets; the same with their rests; and values of the orders of delays for which the laws are kept.
@@ -174,7 +176,11 @@ def run(
     memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples. deepest : as of
     `simulate`, as is the rule of the steps.
     """
-    time = signals.x
+    time, lanes = signals.x, x.shape[1]
+    if (
+        lanes % WIDE >= WIDE // 2
+    ):  # as many more of the last one take less time than lanes that a processor takes one by one
+        x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % WIDE)), "edge") for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
     code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
@@ -182,7 +188,7 @@ def run(
     current, left = simulate(
         code, tape.size, *literals, tape.inputs[3], constants, x.copy(), memory, spline, time, parts, deepest, x, rule
     )
-    return current, left, memory
+    return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
 
 
 def fastest(jacobian: Any) -> float:

@@ -16,22 +16,8 @@ from ibrid.errors import IbridError
 _TWO = ("ADD", "SUB", "MUL", "DIV", "POW", "CONSTPOW", "LT", "LE", "EQ", "NE", "AND", "OR", "FMIN", "FMAX", "IF_ELSE_ZERO",
         "ATAN2", "HYPOT")  # fmt: skip
 _ONE = (
-    "ASSIGN",
-    "NEG",
-    "TWICE",
-    "SQ",
-    "SQRT",
-    "INV",
-    "SIN",
-    "COS",
-    "EXP",
-    "LOG",
-    "NOT",
-    "FABS",
-    "SIGN",
-    "TANH",
-    "ATAN",
-)
+    "ASSIGN", "NEG", "TWICE", "SQ", "SQRT", "INV", "SIN", "COS", "EXP", "LOG", "NOT", "FABS", "SIGN", "TANH", "ATAN",
+)  # fmt: skip
 OPERATIONS = {name: getattr(ca, f"OP_{name}") for name in (*_ONE, *_TWO)}
 _TWO_NUMBERS = {OPERATIONS[name] for name in _TWO}
 
@@ -55,7 +41,8 @@ class Tape:
 
 def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: Sequence[int] = ()) -> Tape:
     """The tape of results as functions of arguments; constant : numbers of the arguments that a simulation does not change."""
-    function = ca.Function("tape", list(arguments), [ca.densify(one) for one in results], {"live_variables": False})
+    each_once = ca.cse([ca.densify(one) for one in results])
+    function = ca.Function("tape", list(arguments), each_once, {"live_variables": False})
     known = set(OPERATIONS.values())
     inputs = tuple(np.full(one.numel(), -1, dtype=np.int64) for one in arguments)
     outputs = tuple(np.zeros(one.numel(), dtype=np.int64) for one in results)

@@ -124,11 +124,15 @@ def test_without_a_limit_an_adaptive_integration_gives_the_same_current():
 def test_several_parameter_sets_at_once_answer_as_each_alone():
     events = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6")], length=0.3)
     player = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [limit_named("current_limit")])
-    sets = [VALUES | {"current_limit.i_max": i_max} for i_max in (1.0, 5.0)]
-    together = player.play(events.records[0], sets)
-    for one, values in zip(together, sets, strict=True):
-        (alone,) = player.play(events.records[0], [values])
-        np.testing.assert_allclose(one.current, alone.current, atol=1e-5)  # their steps differ where the other switches
+    for number in (2, 9, 18):  # lanes of compiled loops come by sixteen
+        sets = [VALUES | {"current_limit.i_max": i_max} for i_max in np.linspace(1.0, 5.0, number)]
+        together = player.play(events.records[0], sets)
+        assert len(together) == number
+        for place in (0, number // 2, number - 1):
+            (alone,) = player.play(events.records[0], [sets[place]])
+            # their steps differ where the other switches
+            np.testing.assert_allclose(together[place].current, alone.current, atol=1e-5)
+            np.testing.assert_allclose(together[place].memory, alone.memory, atol=1e-5)
 
 
 def test_a_simulation_that_diverges_says_when_it_left():

@@ -31,7 +31,7 @@ HIDDEN = (*LIMITS, "pll_filter", "nothing", "unreached")
 LARGEST = 3.0
 #: Part of the answer that a hidden limit must change, and which one that is not reached may.
 REACHED, UNREACHED = 0.05, 1e-6
-RATE, LENGTH, AT, LASTS = 5000.0, 0.3, 0.06, 0.1
+RATE, LENGTH, AT, LASTS = 5000.0, 0.4, 0.06, 0.1
 FREQUENCY = np.geomspace(5.0, 2000.0, 16)
 
 
