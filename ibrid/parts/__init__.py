@@ -7,16 +7,6 @@ from ibrid.parts.practice import Effect, Family, Insertion
 from ibrid.parts.view import Move, View, view_of, views_of
 
 __all__ = [
-    "CATALOGUE",
-    "FAMILIES",
-    "Edit",
-    "Effect",
-    "Family",
-    "Insertion",
-    "Move",
-    "Strength",
-    "View",
-    "insertions",
-    "view_of",
+    "CATALOGUE", "FAMILIES", "Edit", "Effect", "Family", "Insertion", "Move", "Strength", "View", "insertions", "view_of",
     "views_of",
-]
+]  # fmt: skip

@@ -16,23 +16,8 @@ STRANGE: tuple[Any, ...] = (
     10**400, float("nan"), float("inf"), True, False, [], [[]], [None], [1, 2], [1, 2, 3], {}, {"": None}, {"a": 1},
 )  # fmt: skip
 _CELLS: tuple[Any, ...] = (
-    None,
-    "",
-    "x",
-    -1,
-    0,
-    7,
-    10**18,
-    1e300,
-    b"\x00\xff",
-    "{}",
-    "[1]",
-    '{"a": 1}',
-    "ok",
-    "pending",
-    "lost",
-    "\x00",
-)
+    None, "", "x", -1, 0, 7, 10**18, 1e300, b"\x00\xff", "{}", "[1]", '{"a": 1}', "ok", "pending", "lost", "\x00",
+)  # fmt: skip
 _NAMES = ("", "x", "\ud800", "p=9,q=9", "plant.L_F", "é" * 100)
 _FACTORS = (-1, 0, 1e3, 1e-3, 1e30, 1e-30)
 #: Part of the changes that keep the type, so that they get past what checks types.

@@ -10,16 +10,8 @@ from ibrid_bench.markdown import markdown_table
 from ibrid_bench.search.tables import error_words
 
 HEADER = (
-    "method",
-    "fitted",
-    "true there",
-    "held out",
-    "numbers",
-    "order",
-    "parameters right",
-    "seconds",
-    "what a reader gets",
-)
+    "method", "fitted", "true there", "held out", "numbers", "order", "parameters right", "seconds", "what a reader gets",
+)  # fmt: skip
 _WIDTHS = (38, 9, 10, 9, 8, 8, 17, 8)
 NOT_YET = "not measured yet"
 

@@ -27,18 +27,10 @@ BASES: Mapping[str, Mapping[str, Any]] = {
 
 # per unit, rad/s, 1/s
 _RANGES = {
-    "L_F": (0.06, 0.2),
-    "R_F": (0.002, 0.02),
-    "C_F": (0.02, 0.1),
-    "L_g": (0.05, 0.25),
-    "R_g": (0.005, 0.03),
-    "kP_pll": (30.0, 150.0),
-    "kI_pll": (300.0, 6000.0),
-    "kP_p": (0.005, 0.05),
-    "kI_p": (6.0, 40.0),
-    "kP_current": (0.2, 0.8),
-    "kI_current": (5.0, 50.0),
-}
+    "L_F": (0.06, 0.2), "R_F": (0.002, 0.02), "C_F": (0.02, 0.1), "L_g": (0.05, 0.25), "R_g": (0.005, 0.03),
+    "kP_pll": (30.0, 150.0), "kI_pll": (300.0, 6000.0), "kP_p": (0.005, 0.05), "kI_p": (6.0, 40.0),
+    "kP_current": (0.2, 0.8), "kI_current": (5.0, 50.0),
+}  # fmt: skip
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -61,38 +61,14 @@ _SECTIONS: tuple[tuple[str, str, Callable[[Row], bool]], ...] = (
 NOT_YET = "Not measured yet.\n"
 
 _SUMMARY = (
-    "inverter",
-    "data",
-    "proposer",
-    "budget",
-    "seeds",
-    "reached",
-    "{verdict}",
-    "lowest, median (range)",
-    "F1 modules / connections",
-    "to limit, median",
-    "s, median",
-)
+    "inverter", "data", "proposer", "budget", "seeds", "reached", "{verdict}", "lowest, median (range)",
+    "F1 modules / connections", "to limit, median", "s, median",
+)  # fmt: skip
 _TOTAL = ("data", "proposer", "inverters", "searches", "reached", "{verdict}", "evaluations, median", "s, median")
 _EVERY = (
-    "inverter",
-    "data",
-    "proposer",
-    "budget",
-    "seed",
-    "lowest",
-    "answer",
-    "truth",
-    "held out",
-    "F1 modules / connections",
-    "numbers",
-    "BIC",
-    "evaluations",
-    "to limit",
-    "workers",
-    "s",
-    "{verdict}",
-)
+    "inverter", "data", "proposer", "budget", "seed", "lowest", "answer", "truth", "held out", "F1 modules / connections",
+    "numbers", "BIC", "evaluations", "to limit", "workers", "s", "{verdict}",
+)  # fmt: skip
 
 
 def page(rows: Mapping[str, Row]) -> str:
