@@ -142,9 +142,7 @@ def looked_back(bench: Bench, given: Model, best: Model, trials: list[Model]) ->
     better = _overtaking(bench, best, rivals)
     if better is None:
         return best, rivals
-    bench.steps.append(
-        f"exchanged: {_words(better.edits[-1])} explains more in the place of an edit that was made first"
-    )
+    bench.steps.append(f"exchanged: {_words(better.edits[-1])} explains clearly more in the place of another edit")
     best = _without_idle(bench, given, better)
     return best, _rivals(bench, given, best, trials)
 
