@@ -177,9 +177,7 @@ def run(
     `simulate`, as is the rule of the steps.
     """
     time, lanes = signals.x, x.shape[1]
-    if (
-        lanes % WIDE >= WIDE // 2
-    ):  # as many more of the last one take less time than lanes that a processor takes one by one
+    if lanes % WIDE >= WIDE // 2:  # taken one by one these lanes take longer than some more of the last one
         x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % WIDE)), "edge") for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
