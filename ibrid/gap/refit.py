@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.least_squares import LEVENBERG, Batch, Descent
+from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
@@ -40,8 +40,6 @@ MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
 #: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise; its limit is far beyond
 #: what it takes on a machine that is free.
 WHOLE = FitSettings(objective="sigma", solved=1e-2, seconds=300.0)
-#: On chi2, of which no verdict asks for more digits.
-DESCENT = Descent(stall=1e-5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +147,7 @@ class Refitter:
         far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
         far = LEVENBERG.go(logarithmic, far, FAR[1])
         kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
-        return DESCENT.go(chi2, DESCENT.go(chi2, DESCENT.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
+        return LEVENBERG.go(chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
 
     def _misfits(self, diagram: Diagram) -> tuple[Misfit, Misfit]:
         problem = self.problem(diagram)
