@@ -78,7 +78,7 @@ def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names
             raise SweepError(f"rating, share and values of {there} must be of a device, and positive")
         if rating > LARGEST:
             raise SweepError(
-                f"the rating of {there} is {rating:g} times the base of power; give it over that, not in VA"
+                f"the rating of {there} is {rating:g} times the base of power; give it per unit of it, not in VA"
             )
         branches.append(replace(_branch(table, own, there, bases, names), rating=rating, share=share, values=values))
     return Collector(name, elements, tuple(branches), 0.0)

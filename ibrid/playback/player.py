@@ -37,7 +37,7 @@ MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
 #: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
-#: Parameter sets that compiled loops take at once.
+#: Parameter sets that the compiled loops take side by side.
 WIDE = 16
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
@@ -177,7 +177,7 @@ def run(
     `simulate`, as is the rule of the steps.
     """
     time, lanes = signals.x, x.shape[1]
-    if lanes % WIDE >= WIDE // 2:  # taken one by one these lanes take longer than some more of the last one
+    if lanes % WIDE >= WIDE // 2:  # what does not fill WIDE runs one by one: repeating the last fills it in less time
         x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % WIDE)), "edge") for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
