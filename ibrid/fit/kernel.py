@@ -259,15 +259,15 @@ def respond_with_derivatives(
 @njit(**OPTIONS)
 def normal_equations(
     values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays,
-    line, excitation, data, weight, logarithmic, size, parameters, with_gradient,
+    line, excitation, data, weight, logarithmic, size, parameters, with_gradient, most,
 ):  # fmt: skip
     """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
 
     r = weight (Y - data), or weight log(Y / data) with `logarithmic`.
 
     values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data, weight : (K, 2, 2).
-    excitation : from `excited`; Y is multiplied by it.
-    Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response.
+    excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no interest.
+    Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response, or it is of no interest.
     """
     batch = values.shape[0]
     cost = np.zeros(batch)
@@ -314,6 +314,9 @@ def normal_equations(
                     for p in range(parameters):
                         slope = factor * dy[p, entry]
                         slopes[2 * entry, p], slopes[2 * entry + 1, p] = slope.real, slope.imag
+            if not total <= most[start]:
+                total = np.inf
+                break
             if with_gradient:
                 for p in range(parameters):
                     for row in range(8):
@@ -346,7 +349,7 @@ def load() -> None:
     for with_gradient in (False, True):
         normal_equations(
             values, derivatives, rows, rows, rows, rows, none, delays, line, excitation, data, weight, False, 1, 1,
-            with_gradient,
+            with_gradient, np.ones(1),
         )  # fmt: skip
     answer(values[0], rows, rows, delays[0], line, excitation, 1)
     respond_with_derivatives(values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], line, excitation, 1, 1)

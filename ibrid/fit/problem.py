@@ -115,11 +115,16 @@ class Problem:
         """Squared error of each start at each operating point: x (S, P) -> (S, M)."""
         return self._evaluate(x, objective, False)[0]
 
-    def normal_equations(self, x: np.ndarray, objective: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Costs (S, M), gradients (S, M, P) and Gauss-Newton matrices (S, M, P, P) by x."""
-        return self._evaluate(x, objective, True)
+    def normal_equations(
+        self, x: np.ndarray, objective: str, most: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Costs (S, M), gradients (S, M, P) and Gauss-Newton matrices (S, M, P, P) by x.
 
-    def _evaluate(self, x: np.ndarray, objective: str, derivatives: bool):
+        most : (S,), total costs beyond which one is of no interest, and infinite.
+        """
+        return self._evaluate(x, objective, True, most)
+
+    def _evaluate(self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None):
         model, starts, local = self.model, len(x), len(self.model.parameters)
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all) if derivatives else None
@@ -140,6 +145,7 @@ class Problem:
                 outputs[0], slopes, model.rows, model.columns, model.derivative_entry, model.derivative_parameter,
                 model.delay_parameter, model.delays(theta), self.line[m], self._excitation[m], self.data[m],
                 weights.weight, weights.logarithmic, model.size, local if derivatives else 0, derivatives,
+                np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
             )  # fmt: skip
             cost[:, m] = part[0]
             if slope_all is not None:
@@ -234,8 +240,8 @@ class Misfit:
         return self.problem.coordinates.x_low, self.problem.coordinates.x_high
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
-        """Evaluate x (S, P)."""
-        cost, gradient, hessian = self.parts(x)
+        """Evaluate x (S, P); a cost beyond that of the point near by is infinite."""
+        cost, gradient, hessian = self.parts(x, None if near is None else near.cost)
         total = cost.sum(axis=1)
         total[~np.isfinite(total)] = np.inf
         return Points(x, total, (gradient.sum(axis=1), hessian.sum(axis=1)))
@@ -245,9 +251,9 @@ class Misfit:
         gradient, hessian = points.carried
         return gradient, hessian
 
-    def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def parts(self, x: np.ndarray, most: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As `Problem.normal_equations`; the last of the parts is what is believed, where anything is."""
-        cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
+        cost, gradient, hessian = self.problem.normal_equations(x, self.objective, most)
         if self.believed is None:
             return cost, gradient, hessian
         own = tuple(self._scale * part for part in self.believed.pull(x))

@@ -50,11 +50,13 @@ def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS)
 
 def room_for_names(fits: Sequence[PortFit], most: int = PORTS) -> float:
     """Inches left of the axes that the names of the ports take."""
-    from matplotlib.textpath import TextPath
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
 
+    font = FontProperties(size=LETTER_SIZE)
     lines = [line for one in fits[:most] for line in _name(one).splitlines()]
-    widest = max((TextPath((0, 0), line, size=LETTER_SIZE).get_extents().width for line in lines), default=0.0)
-    return float(widest + APART) / 72.0
+    widths = [text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines]
+    return float(max(widths, default=0.0) + APART) / 72.0
 
 
 def _name(one: PortFit) -> str:

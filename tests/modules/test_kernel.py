@@ -78,6 +78,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     cost, _, _ = kernel.normal_equations(
         values[None], np.zeros((1, 0)), rows, columns, nothing, nothing, np.full(1, -1, dtype=np.int64), lags[None],
         1j * omega, kernel.excited(None, omega), np.ones((1, 2, 2), complex), np.ones((1, 2, 2)), True, 1, 0, True,
+        np.full(1, np.inf),
     )  # fmt: skip
     assert cost[0] == np.inf
 
