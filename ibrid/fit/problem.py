@@ -48,6 +48,7 @@ class Coordinates:
         self.high = np.array([one.high for one in parameters], dtype=float)
         self.logarithmic = self.low > 0
         self.signed = ~self.logarithmic & (np.maximum(-self.low, self.high) > WIDE_SIGNED_BOX)
+        self._some_signed = bool(self.signed.any())
         self.x_low, self.x_high = self.to_x(self.low), self.to_x(self.high)
 
     def to_x(self, theta: np.ndarray) -> np.ndarray:
@@ -59,13 +60,14 @@ class Coordinates:
     def to_theta(self, x: np.ndarray) -> np.ndarray:
         """Physical values, inside the boxes (..., P)."""
         theta = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
-        theta = np.where(self.signed, SIGNED_SCALE * np.sinh(np.where(self.signed, x, 0.0)), theta)
-        return np.clip(theta, self.low, self.high)
+        if self._some_signed:
+            theta = np.where(self.signed, SIGNED_SCALE * np.sinh(np.where(self.signed, x, 0.0)), theta)
+        return np.minimum(np.maximum(theta, self.low), self.high)
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """d theta / d x (..., P)."""
         slope = np.where(self.logarithmic, theta, 1.0)
-        return np.where(self.signed, np.hypot(theta, SIGNED_SCALE), slope)
+        return np.where(self.signed, np.hypot(theta, SIGNED_SCALE), slope) if self._some_signed else slope
 
 
 class Problem:
@@ -85,6 +87,11 @@ class Problem:
                 if point == 0 or parameter.local:
                     self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
                 self.index[point, local] = len(self.numbers) - 1
+        whole = [bool(np.array_equal(one, np.arange(self.size))) for one in self.index]  # a slice is quicker
+        self._place = [slice(None) if all_ else one for all_, one in zip(whole, self.index, strict=True)]
+        self._places = [
+            (slice(None),) * 2 if all_ else np.ix_(one, one) for all_, one in zip(whole, self.index, strict=True)
+        ]
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
         self.line = [np.ascontiguousarray(point.line) for point in self.points]
         self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
@@ -137,7 +144,7 @@ class Problem:
             held = self.hold / measured_numbers(self.points) * (1.0 if objective == "sigma" else KNOWN_NOISE)
         caller = self._entries if derivatives else self._values
         for m, weights in enumerate(self.residuals(objective)):
-            index = self.index[m]
+            index, (row, column) = self._place[m], self._places[m]
             theta = np.ascontiguousarray(theta_all[:, index])
             outputs = caller(theta, self._fields[m])
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
@@ -151,7 +158,7 @@ class Problem:
             if slope_all is not None:
                 scale = slope_all[:, index]
                 gradient[:, m, index] = part[1] * scale
-                hessian[:, m, index[:, None], index[None, :]] = part[2] * scale[:, :, None] * scale[:, None, :]
+                hessian[:, m, row, column] = part[2] * scale[:, :, None] * scale[:, None, :]
             if held.any():
                 cost[:, m] += (held * (x - self._known) ** 2).sum(axis=1)
                 if slope_all is not None:
@@ -241,10 +248,16 @@ class Misfit:
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P); a cost beyond that of the point near by is infinite."""
-        cost, gradient, hessian = self.parts(x, None if near is None else near.cost)
-        total = cost.sum(axis=1)
-        total[~np.isfinite(total)] = np.inf
-        return Points(x, total, (gradient.sum(axis=1), hessian.sum(axis=1)))
+        most = None if near is None else near.cost
+        parts = self.problem.normal_equations(x, self.objective, most)
+        cost, gradient, hessian = (part.sum(axis=1) for part in parts)
+        if self.believed is not None:
+            pull, down, curved = self.believed.pull(x)
+            cost += self._scale * pull
+            gradient += self._scale * down
+            np.einsum("sii->si", hessian)[:] += self._scale * curved
+        cost[~np.isfinite(cost)] = np.inf
+        return Points(x, cost, (gradient, hessian))
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H, which come with the cost."""

@@ -64,11 +64,13 @@ class Beliefs:
         self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
         self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
         self._bent = ~self._ratio & (self.nominal > 0)
+        self._knee = np.where(self._bent, KNEE * self.nominal, 1.0)
+        self._over = np.where(self._ratio, self.nominal, 1.0)
 
     def sigmas(self, theta: np.ndarray) -> np.ndarray:
         """Standard deviations between theta (..., P) and the nominal values."""
         safe = np.where(self._ratio, theta, 1.0)
-        away = np.where(self._ratio, np.log(safe / np.where(self._ratio, self.nominal, 1.0)), theta - self.nominal)
+        away = np.where(self._ratio, np.log(safe / self._over), theta - self.nominal)
         bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / KNEE)
         return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
 
@@ -95,22 +97,21 @@ class Beliefs:
 
     def x_slope(self, x: np.ndarray) -> np.ndarray:
         """Standard deviations for each unit of x, at x (..., P)."""
-        theta = self.coordinates.to_theta(x)
+        return self._x_slope(self.coordinates.to_theta(x))
+
+    def _x_slope(self, theta: np.ndarray) -> np.ndarray:
         return self.slope(theta) * self.coordinates.slope(theta)
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Sum of the squared standard deviations (...), half its gradient and its curvature (..., P), at x (..., P)."""
-        away, slope = self.sigmas(self.coordinates.to_theta(x)), self.x_slope(x)
+        theta = self.coordinates.to_theta(x)
+        away, slope = self.sigmas(theta), self._x_slope(theta)
         return (away**2).sum(axis=-1), away * slope, slope**2
 
     def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
         """One standard deviation in x (P,), at x (P,); `unknown` where nothing is believed."""
         slope = self.x_slope(x)
         return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
-
-    @property
-    def _knee(self) -> np.ndarray:
-        return np.where(self._bent, KNEE * self.nominal, 1.0)
 
 
 def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, Belief]:

@@ -24,8 +24,9 @@ SWAPS = 2
 #: Edits that are refitted, in the order of a glance, the distance in the information criterion up to which more are, and how
 #: many when one of them fits as well as the noise allows.
 REFITTED, CLOSE, SETTLED = 12, 30.0, 6
-#: The same where the model fits already: only what pays well beside it counts, and a glance from there is nearly a refit.
-FURTHER, NEARLY = 4, 6.0
+#: The same where the model fits already: only what pays well beside it counts, and a glance from there is nearly a refit; what
+#: it finds to gain less than this stays as it is.
+FURTHER, NEARLY, IDLE = 4, 6.0, 1.0
 #: Part of the cost by which two trials must differ, or they say the same of the data.
 APART = 1e-4
 #: Of the best trials: those from which the model before is refitted (drop-back).
@@ -59,7 +60,8 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
     best = np.inf
     for number, glance in enumerate(glances):
         edit = glance.edits[-1]
-        hopeless = number >= refitted and glance.bic(bench.scale) > best + close
+        idle = adequate and glance.free >= model.free and glance.cost(bench.scale) > model.cost(bench.scale) - IDLE
+        hopeless = number >= refitted and (idle or glance.bic(bench.scale) > best + close)
         if hopeless or isinstance(edit, Convention) or bench.watch.late():
             trials.append(glance)
             continue
@@ -289,18 +291,21 @@ def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
 
 
 def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:
-    """For each edit what else could stand in its place beside the others, by a quick refit from the answer.
-
-    Nothing is tried in the place of a convention.
-    """
+    """For each edit what else could stand in its place beside the others: of effects by a quick refit from the answer, of a
+    label another label."""
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
     if bench.watch.late():
         return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):
-        alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
-        rivals.append([] if alone is None else _quickly_edited(bench, alone, best))
+        alone = _without(bench, given, best, place)
+        if alone is None:
+            rivals.append([])
+        elif isinstance(edit, Convention):
+            rivals.append(_read_otherwise(bench, alone, best.refit.cost))
+        else:
+            rivals.append(_quickly_edited(bench, alone, best))
     return rivals
 
 

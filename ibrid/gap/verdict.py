@@ -126,12 +126,12 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
     best, scale, names = findings.best, findings.scale, list[str]()
     edit, limit = best.edits[place], best.bic(scale) + ALIKE
-    if isinstance(edit, Convention):
-        others = [one for one in findings.trials if len(best.edits) == 1 and one.bic(scale) <= limit]
-        labels = [one.edits[-1].ids for one in others if isinstance(one.edits[-1], Convention)]
-        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
     if place >= len(findings.rivals):
         return ()
+    if isinstance(edit, Convention):
+        others = [one.edits[-1] for one in findings.rivals[place] if one.bic(scale) <= limit]
+        labels = [one.ids for one in others if isinstance(one, Convention)]
+        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
     for rival in sorted(findings.rivals[place], key=lambda one: one.bic(scale)):
         other = rival.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
