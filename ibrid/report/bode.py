@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import inline_svgs
 from ibrid.report.style import Axes, series
 
 #: Points of a model line.
@@ -75,18 +75,11 @@ def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = Tr
 
     zoom : False where no script runs, in notebooks.
     """
-    return {
-        entry: inline_svg(
-            lambda axes, entry=entry: draw_bode(axes, entry, shown),
-            name=f"{name}-{entry}",
-            label=f"Bode plot of Y_{entry}{label}",
-            size=(5.2, 3.8),
-            rows=2,
-            heights=(1.25, 1.0),
-            zoom=zoom,
-        )
+    drawings = {
+        f"{name}-{entry}": (f"Bode plot of Y_{entry}{label}", lambda axes, entry=entry: draw_bode(axes, entry, shown))
         for entry in ENTRIES
     }
+    return dict(zip(ENTRIES, inline_svgs(drawings, size=(5.2, 3.8), rows=2, heights=(1.25, 1.0), zoom=zoom), strict=True))
 
 
 def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None:

@@ -5,7 +5,7 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -63,19 +63,46 @@ def inline_svg(
     size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where scripts run.
     left : inches left of the axes, more where their labels are words.
     """
+    (drawn,) = inline_svgs({name: (label, draw)}, size=size, rows=rows, heights=heights, zoom=zoom, left=left)
+    return drawn
+
+
+def inline_svgs(
+    drawings: Mapping[str, tuple[str, Callable[[Sequence["Axes"]], None]]],
+    *,
+    size: tuple[float, float],
+    rows: int = 1,
+    heights: Sequence[float] | None = None,
+    zoom: bool = False,
+    left: float = MARGINS[0],
+) -> list[Markup]:
+    """As `inline_svg`, of several of one kind: name -> (label, draw). The axes are made once, half the time of a figure."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    settings = {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
-    with rc_context(settings):
+    found: list[Markup] = []
+    with rc_context({**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}):
         figure = Figure(figsize=size)
         axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left))
-        draw(list(axes[:, 0]))
-        plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
-    return _for_page(buffer.getvalue(), name, attributes)
+        for name, (label, draw) in drawings.items():
+            if found:
+                _empty(figure)
+            draw(list(axes[:, 0]))
+            plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
+            buffer = io.StringIO()
+            figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+            attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
+            found.append(_for_page(buffer.getvalue(), name, attributes))
+    return found
+
+
+def _empty(figure: "Figure") -> None:
+    for plane in figure.axes:
+        for artist in (*plane.lines, *plane.collections, *plane.patches, *plane.texts):
+            artist.remove()
+        plane.set(xscale="linear", yscale="linear")
+        plane.relim()
+        plane.autoscale()
 
 
 def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None, left: float) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from ibrid.measurement.sequence_view import sequence_view
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.bode import bode_svgs
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import inline_svg, inline_svgs
 from ibrid.report.gap_curves import (
     PointView,
     comparable,
@@ -173,19 +173,16 @@ def _only_in(diagram: Diagram, other: Diagram) -> tuple[str, ...]:
 
 def _entries(view: PointView, place: int) -> dict[str, Any]:
     models = ", ".join(line.name for line in view.lines)
-    return {
-        entry: inline_svg(
+    what = "magnitude, phase, and distance from the measurement over frequency. The tables give the errors."
+    drawings = {
+        f"gap-{place}-{entry}": (
+            f"Y_{entry} at {view.name}: measured, {models}; {what}",
             lambda axes, entry=entry: draw_entry(axes, entry, view),
-            name=f"gap-{place}-{entry}",
-            label=f"Y_{entry} at {view.name}: measured, {models}; magnitude, phase, and distance from the measurement over "
-            "frequency. The tables give the errors.",
-            size=(5.2, 5.0),
-            rows=3,
-            heights=(1.25, 0.95, 0.95),
-            zoom=True,
         )
         for entry in ENTRIES
     }
+    svgs = inline_svgs(drawings, size=(5.2, 5.0), rows=3, heights=(1.25, 0.95, 0.95), zoom=True)
+    return dict(zip(ENTRIES, svgs, strict=True))
 
 
 def _ports(gap: Gap) -> str:
