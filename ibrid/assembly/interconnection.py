@@ -45,11 +45,18 @@ class _Joiner:
             self.rows[f"{name}.{port}", axis] = {len(self.states) + index: 1.0}
         self.inputs = {name: channels_of(name, kind.inputs) for name, kind in wiring.kinds.items()}
         self.outputs = {name: channels_of(name, kind.outputs) for name, kind in wiring.kinds.items()}
+        self.direct = {
+            channel: [
+                (gain, source) for gain, source in zip(gains, self.inputs[name], strict=True) if not is_zero(gain)
+            ]
+            for name, channels in self.outputs.items()
+            for channel, gains in zip(channels, matrices[name][3], strict=True)
+        }  # the direct terms of an output channel: (gain, input channel)
 
     def join(self) -> Interconnected:
         for loop in self._feedthrough_order():
             first = loop[0]
-            if len(loop) == 1 and not any(first in sources_of(self.wiring, to) for _, to in self._direct(first)):
+            if len(loop) == 1 and not any(first in sources_of(self.wiring, to) for _, to in self.direct[first]):
                 self.rows[first] = self._output_row(first)
             else:
                 self._solve_loop(loop)
@@ -73,18 +80,12 @@ class _Joiner:
             _accumulate(row, 1.0, self.rows[source])
         return row
 
-    def _direct(self, channel: Channel) -> list[tuple[Any, Channel]]:
-        """The direct terms of an output channel: (gain, input channel)."""
-        name, _ = split_port(channel[0])
-        gains = self.matrices[name][3][self.outputs[name].index(channel)]
-        return [(gain, source) for gain, source in zip(gains, self.inputs[name], strict=True) if not is_zero(gain)]
-
     def _output_row(self, channel: Channel, without: frozenset[Channel] = frozenset()) -> Row:
         name, _ = split_port(channel[0])
         c_row = self.matrices[name][2][self.outputs[name].index(channel)]
         first = self.first_state[name]
         row = {first + index: value for index, value in enumerate(c_row) if not is_zero(value)}
-        for gain, target in self._direct(channel):
+        for gain, target in self.direct[channel]:
             for source in sources_of(self.wiring, target):
                 if source not in without:
                     _accumulate(row, gain, self.rows[source])
@@ -92,7 +93,7 @@ class _Joiner:
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         pending = {
-            channel: [one for _, target in self._direct(channel) for one in sources_of(self.wiring, target)]
+            channel: [one for _, target in self.direct[channel] for one in sources_of(self.wiring, target)]
             for channels in self.outputs.values()
             for channel in channels
             if channel not in self.rows
@@ -124,7 +125,7 @@ class _Joiner:
         size = len(loop)
         matrix: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
         for i, channel in enumerate(loop):
-            for gain, target in self._direct(channel):
+            for gain, target in self.direct[channel]:
                 for source in sources_of(self.wiring, target):
                     if source in inside:
                         matrix[i][loop.index(source)] = matrix[i][loop.index(source)] - gain

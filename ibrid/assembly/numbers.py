@@ -28,6 +28,11 @@ class Scalar(ca.SX):
     __mul__, __rmul__ = _operator(ca.OP_MUL)
     __truediv__, __rtruediv__ = _operator(ca.OP_DIV)
 
+    def __neg__(self) -> "Scalar":
+        found: Any = ca.SX.unary(ca.OP_NEG, self)
+        found.__class__ = Scalar
+        return found
+
 
 def is_zero(value: Any) -> bool:
     """True for a number that is zero and a symbol that is structurally zero."""
