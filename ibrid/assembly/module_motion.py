@@ -1,8 +1,7 @@
 """One module of a diagram with its numbers, ready to move in absolute quantities."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from ibrid.assembly.interconnection import state_names
 from ibrid.assembly.signals_at_rest import Pair
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
-from ibrid.modules.large_signal import Motion, motion
+from ibrid.modules.large_signal import Motion, asked, motion
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,6 @@ def module_at(
     known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()}}
     law = kind.state_space if kind.large_signal is None else kind.large_signal.law
     return Module(name, kind, asked(law, known), pade_order)
-
-
-def asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the known arguments that a function has."""
-    return {name: known[name] for name in signature(function).parameters if name in known}
 
 
 def by_port(kind: ModuleKind, channels: Any) -> dict[str, Any]:

@@ -15,14 +15,14 @@ from math import atan2
 import numpy as np
 
 from ibrid.assembly.equilibrium import device_points, equilibria
-from ibrid.assembly.module_motion import Module, asked, by_port, module_at
+from ibrid.assembly.module_motion import Module, by_port, module_at
 from ibrid.assembly.operating_point import Parameters, add, plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, matrices_of, sources_of, to_frame
 from ibrid.assembly.terminals import Inner, Point, behind_terminals
 from ibrid.errors import IbridError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
-from ibrid.modules.large_signal import require_large_signal
+from ibrid.modules.large_signal import asked, require_large_signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.outside import LABEL, PORT
 from ibrid.structure.parameters import ParameterTable, parameters_at

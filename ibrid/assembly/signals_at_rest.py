@@ -7,13 +7,13 @@ alone, so that it never depends on values.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from inspect import signature
+from functools import lru_cache
 from typing import Any
 
 from ibrid.assembly.numbers import weighted_sum
 from ibrid.modules.declaration import trial_arguments
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
-from ibrid.modules.large_signal import Motion
+from ibrid.modules.large_signal import Motion, asked
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.steady_state import carries, command_of, entering, steady_inputs
@@ -44,6 +44,7 @@ class Carried:
         return self.known.issuperset(_entering(wiring, channel, self.command))
 
 
+@lru_cache(64)
 def carried(wiring: Wiring) -> Carried:
     """Which channels follow from the plant, and in which order."""
     known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
@@ -228,5 +229,4 @@ def _by_law(
     ports = _at_ports(name, kind, entering)
     known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": pair for port, pair in ports.items()}}
     inputs = {port: ports[port] if signal.width == 2 else ports[port][0] for port, signal in kind.inputs.items()}
-    names = signature(law).parameters
-    return law((), **inputs, **{key: value for key, value in known.items() if key in names})[1]
+    return law((), **inputs, **asked(law, known))[1]

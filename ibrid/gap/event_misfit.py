@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,8 @@ HELPS, LEFT = 0.8, 1.1
 NUDGES, NUDGED, TRIED = (2.5e-4, 1e-3, 4e-3, 1.6e-2), 6, (1, 3)
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
+#: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of its own.
+FELT = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
 TOGETHER, KNOWN = 32, 4
 DESCENT = Descent(
@@ -87,16 +90,25 @@ class EventMisfit:
     @cached_property
     def predicting(self) -> "EventMisfit":
         """The same of predictions: the states are led by the measured current."""
-        other = copy(self)
-        other.led, other._known, other._normals = True, {}, {}
-        return other
+        return self._with(led=True)
 
     @cached_property
     def coarse(self) -> "EventMisfit":
-        """The same by steps of order five, in half the time: they lead to a valley, and no further."""
+        """The same by steps of order five, in half the time."""
+        return self if self.rule is ORDER_5 else self._with(rule=ORDER_5)
+
+    def _with(self, **changed: Any) -> "EventMisfit":
+        """The same but for this, of which nothing is known yet."""
         other = copy(self)
-        other.rule, other._known, other._normals = ORDER_5, {}, {}
+        derived = ("coarse", "predicting")
+        other.__dict__ = {name: one for name, one in vars(self).items() if name not in derived}
+        other.__dict__ |= {**changed, "_known": {}, "_normals": {}}
         return other
+
+    def feels(self, x: np.ndarray, scale: float) -> bool:
+        """Whether coarse steps at x (P,) make a difference, with so much of the noise left over."""
+        apart = (self.coarse.played(x[None]) - self.played(x[None])) / scale
+        return not (apart**2).sum() < FELT
 
     def scaled(self, x: np.ndarray) -> "EventMisfit":
         """The same with what is left over at x (P,) as the noise, where that is more."""
@@ -279,13 +291,20 @@ class Descending:
         return self.cost <= LEFT * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more."""
+        """So many rounds more, by coarse steps; and as many by fine ones where these make a difference."""
+        before = self.idle, self.over, self.damping
+        self._rounds(self.misfit.coarse, rounds, steps)
+        if self.misfit is not self.misfit.coarse and self.misfit.feels(self.x, self.scale):
+            self.idle, self.over, self.damping = before
+            self._rounds(self.misfit, rounds, steps)
+        self.cost = float(self.misfit.at(self.x[None]).cost[0])
+        return self
+
+    def _rounds(self, misfit: EventMisfit, rounds: int, steps: int) -> None:
         for _ in range(rounds):
             if self.over:
                 break
-            self._round(steps)
-        self.cost = float(self.misfit.at(self.x[None]).cost[0])
-        return self
+            self._round(misfit, steps)
 
     def to_its_end(self) -> None:
         """Begun again while that helps much: from here, and from elsewhere where more than noise is left."""
@@ -314,9 +333,9 @@ class Descending:
         was, left = (cost - self.misfit.count for cost in (before, self.cost))
         return was > 0 and left < HELPS * was
 
-    def _round(self, steps: int) -> None:
-        scaled = self.misfit.scaled(self.x)
-        part = STILL if self.scale > NEARLY and not self.misfit.led else ENOUGH
+    def _round(self, misfit: EventMisfit, steps: int) -> None:
+        scaled = misfit.scaled(self.x)
+        part = STILL if self.scale > NEARLY and not misfit.led else ENOUGH
         self.idle = self.idle + 1 if scaled.scale > part * self.scale and self.scale > 1.02 else 0
         if self.idle == IDLE:
             self.over = True

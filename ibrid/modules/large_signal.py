@@ -5,6 +5,8 @@ A kind whose `state_space` asks for no operating point is linear, so that the st
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from inspect import signature
 from math import cos, sin
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +73,16 @@ def motion(
         [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(a, b, strict=True)],
         [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(c, d, strict=True)],
     )
+
+
+def asked(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the known arguments that a function has."""
+    return {name: known[name] for name in _arguments(function) if name in known}
+
+
+@cache
+def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(signature(function).parameters)
 
 
 def cosine(angle: Any) -> Any:

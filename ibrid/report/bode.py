@@ -79,7 +79,9 @@ def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = Tr
         f"{name}-{entry}": (f"Bode plot of Y_{entry}{label}", lambda axes, entry=entry: draw_bode(axes, entry, shown))
         for entry in ENTRIES
     }
-    return dict(zip(ENTRIES, inline_svgs(drawings, size=(5.2, 3.8), rows=2, heights=(1.25, 1.0), zoom=zoom), strict=True))
+    return dict(
+        zip(ENTRIES, inline_svgs(drawings, size=(5.2, 3.8), rows=2, heights=(1.25, 1.0), zoom=zoom), strict=True)
+    )
 
 
 def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None:

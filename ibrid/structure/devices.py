@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import networkx as nx
 
@@ -11,6 +12,7 @@ from ibrid.structure.violation import Violations
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 
+@lru_cache(64)
 def devices(wiring: Wiring) -> tuple[Wiring, ...]:
     """The parts of a legal diagram with a plant each, in the order of the plants; the whole wiring where there is one plant.
 

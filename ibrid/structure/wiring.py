@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import PLANT, Element
@@ -14,7 +15,7 @@ from ibrid.structure.outside import NOTHING, Outside
 __all__ = ["PLANT", "Wiring", "owner_of", "split_port", "wire"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wiring:
     """Modules with their kinds, and the sources of every input.
 
@@ -28,7 +29,7 @@ class Wiring:
     sources: Mapping[str, tuple[str, ...]]
     outside: Outside = NOTHING
 
-    @property
+    @cached_property
     def plant(self) -> str:
         """Name of the plant; of two devices behind one PCC that of the first."""
         return next(name for name, kind in self.kinds.items() if kind.family == PLANT)
