@@ -291,13 +291,17 @@ class Descending:
         return self.cost <= LEFT * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more, by coarse steps; and as many by fine ones where these make a difference."""
-        before = self.idle, self.over, self.damping
-        self._rounds(self.misfit.coarse, rounds, steps)
-        if self.misfit is not self.misfit.coarse and self.misfit.feels(self.x, self.scale):
-            self.idle, self.over, self.damping = before
-            self._rounds(self.misfit, rounds, steps)
-        self.cost = float(self.misfit.at(self.x[None]).cost[0])
+        """So many rounds more; by coarse steps until these make a difference."""
+        misfit, before = self.misfit, (self.idle, self.over, self.damping)
+        left = float(np.sqrt(max(self.cost / misfit.count, 1.0)))
+        fine = misfit.coarse is misfit or misfit.feels(self.x, left)
+        if not fine:
+            self._rounds(misfit.coarse, rounds, steps)
+            fine = misfit.feels(self.x, self.scale)
+            self.idle, self.over, self.damping = before if fine else (self.idle, self.over, self.damping)
+        if fine:
+            self._rounds(misfit, rounds, steps)
+        self.cost = float(misfit.at(self.x[None]).cost[0])
         return self
 
     def _rounds(self, misfit: EventMisfit, rounds: int, steps: int) -> None:

@@ -101,6 +101,7 @@ def _empty(figure: "Figure") -> None:
         for artist in (*plane.lines, *plane.collections, *plane.patches, *plane.texts):
             artist.remove()
         plane.set(xscale="linear", yscale="linear")
+        plane.set_prop_cycle(None)
         plane.relim()
         plane.autoscale()
 

@@ -287,3 +287,12 @@ def test_a_wrong_label_is_found_beside_what_the_model_misses_where_neither_helps
     assert sorted(ids(gap)) == ["feedforward_band_pass", "power_scale"]
     assert "1.414 times" in gap.sentence
     assert gap.after["refit"] < 1.2 * gap.noise_floor
+
+
+def test_labels_that_stand_for_each_other_are_told_beside_an_effect_too():
+    hidden = ["shunt_capacitance:add:pcc", "power_scale:add:peak_for_rms"]
+    case = draw_hardware(1031, hidden, noise_db=50, points=2)
+    gap = answered(case, catalogue=effects("shunt_capacitance", "filter_capacitor"))
+    assert gap.verdict == "data-convention", gap.sentence
+    (label,) = (one for one in gap.effects if one.id != "shunt_capacitance")
+    assert {"base_impedance", "power_scale"} <= {label.id, *label.indistinguishable_from}

@@ -7,7 +7,8 @@ from fitted import benchmark, drawn, problem_of
 
 import ibrid
 from ibrid.fit import kernel
-from ibrid.fit.problem import Coordinates
+from ibrid.fit.least_squares import Points
+from ibrid.fit.problem import Coordinates, Misfit
 from ibrid.structure.parameters import Parameter
 
 NAMES = ibrid.textbook_names()
@@ -142,6 +143,18 @@ def test_a_batch_gives_what_its_members_give_alone():
     for index in range(len(x)):
         for part, alone in zip(whole, problem.normal_equations(x[index : index + 1], "log"), strict=True):
             np.testing.assert_array_equal(part[index], alone[0])
+
+
+def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay_as_they_are():
+    problem, _ = problem_of(ibrid.textbook("gfl_delay"), benchmark())
+    x = drawn(problem, np.random.default_rng(8), 4)
+    misfit = Misfit(problem, "nrmse")
+    free = misfit.at(x)
+    near = Points(x, free.cost * np.array([2.0, 0.5, 1.01, 0.99]))
+    held = misfit.at(x, near)
+    assert np.array_equal(np.isinf(held.cost), [False, True, False, True])
+    for part, own in zip((held.cost, *held.carried), (free.cost, *free.carried), strict=True):
+        np.testing.assert_array_equal(part[[0, 2]], own[[0, 2]])
 
 
 def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others_alone():

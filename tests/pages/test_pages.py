@@ -19,7 +19,7 @@ from sharing import shared
 from ibrid.analysis import stability
 from ibrid.analysis.grid import ratios
 from ibrid.report.bode import SHARP, line_frequency
-from ibrid.report.figure import inline_svg
+from ibrid.report.figure import inline_svg, inline_svgs
 from ibrid.report.gap_page import gap_page
 from ibrid.report.page import report_html
 from ibrid.report.stability_page import stability_page
@@ -181,6 +181,24 @@ def a_drawing() -> str:
         below.set_xlabel("frequency  (Hz)")
 
     return inline_svg(draw, name="d", label="A drawing to look at.", size=(5.0, 4.0), rows=2, zoom=True)
+
+
+def test_drawings_that_share_axes_look_as_those_with_axes_of_their_own():
+    def of(number):
+        def draw(axes):
+            above, below = axes
+            above.errorbar([5.0, 50.0, 5000.0], [1e-3, number, 100.0], yerr=[1e-4, 0.1, 10.0])
+            (above.set_yscale if number > 1 else below.set_xscale)("log")
+            below.fill_between([5.0, 5000.0], [-90.0, number], 95.0)
+            below.text(0.5, 0.5, f"number {number}", transform=below.transAxes)
+
+        return draw
+
+    drawings = {f"n{number}": (f"number {number}", of(number)) for number in (3, 1, 2)}
+    alone = [
+        inline_svg(draw, name=name, label=label, size=(5.0, 4.0), rows=2) for name, (label, draw) in drawings.items()
+    ]
+    assert inline_svgs(drawings, size=(5.0, 4.0), rows=2) == alone
 
 
 def test_a_drawing_says_where_its_axes_lie_and_what_they_show():
