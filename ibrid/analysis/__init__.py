@@ -7,16 +7,6 @@ from ibrid.analysis.prediction import Prediction, predict
 from ibrid.analysis.stability import Stability, stability
 
 __all__ = [
-    "LinearModel",
-    "Mode",
-    "Participation",
-    "PowerJacobian",
-    "Prediction",
-    "Stability",
-    "linear_model",
-    "modes",
-    "participation",
-    "power_jacobian",
-    "predict",
-    "stability",
-]
+    "LinearModel", "Mode", "Participation", "PowerJacobian", "Prediction", "Stability", "linear_model", "modes",
+    "participation", "power_jacobian", "predict", "stability",
+]  # fmt: skip

@@ -11,16 +11,9 @@ from ibrid.export.matrices import read_control_json
 from ibrid.export.nonlinear_model import nonlinear_model
 
 __all__ = [
-    "FORMATS",
-    "FORMAT_NAMES",
-    "LinearModel",
-    "NonlinearModel",
-    "admittance",
-    "export",
-    "linear_model",
-    "nonlinear_model",
+    "FORMATS", "FORMAT_NAMES", "LinearModel", "NonlinearModel", "admittance", "export", "linear_model", "nonlinear_model",
     "read_control_json",
-]
+]  # fmt: skip
 
 
 class _Callable(ModuleType):

@@ -14,24 +14,7 @@ from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.touchstone import write_touchstone
 
 __all__ = [
-    "Conventions",
-    "Inspection",
-    "OperatingPoint",
-    "PointInspection",
-    "PointNoise",
-    "PointSweep",
-    "Sweep",
-    "add_noise",
-    "check_conventions",
-    "estimate_noise",
-    "format_inspection",
-    "from_frd",
-    "from_responses",
-    "from_system",
-    "hardware_sweeps",
-    "merge",
-    "read_csv",
-    "read_sweep",
-    "write_sweep",
-    "write_touchstone",
-]
+    "Conventions", "Inspection", "OperatingPoint", "PointInspection", "PointNoise", "PointSweep", "Sweep", "add_noise",
+    "check_conventions", "estimate_noise", "format_inspection", "from_frd", "from_responses", "from_system",
+    "hardware_sweeps", "merge", "read_csv", "read_sweep", "write_sweep", "write_touchstone",
+]  # fmt: skip

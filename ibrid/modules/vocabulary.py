@@ -22,57 +22,16 @@ Vocabulary = tuple[ModuleKind, ...]
 
 #: The 23 kinds of the paper's appendix.
 PAPER_VOCABULARY: Vocabulary = (
-    LCL,
-    L_FILTER,
-    PI,
-    PI_DQ,
-    LPF1,
-    LPF1_DQ,
-    INTEGRATOR,
-    SRF_PLL,
-    ROT_V,
-    ROT_I,
-    PQ_CALC,
-    GAIN,
-    GAIN_DQ,
-    NEGATE,
-    NEGATE_DQ,
-    PACK_DQ,
-    SLICE_D,
-    SLICE_Q,
-    J_MUL,
-    CONST_ZERO,
-    PADE1,
-    PADE1_DQ,
-    NOTCH,
-)
+    LCL, L_FILTER, PI, PI_DQ, LPF1, LPF1_DQ, INTEGRATOR, SRF_PLL, ROT_V, ROT_I, PQ_CALC, GAIN, GAIN_DQ, NEGATE, NEGATE_DQ,
+    PACK_DQ, SLICE_D, SLICE_Q, J_MUL, CONST_ZERO, PADE1, PADE1_DQ, NOTCH,
+)  # fmt: skip
 
 #: The default: the paper's kinds and the extended ones.
 VOCABULARY: Vocabulary = (
-    *PAPER_VOCABULARY,
-    J_MUL_OMEGA,
-    DELAY,
-    MAGNITUDE,
-    LCL_R,
-    LCL_RC,
-    LL_FILTER,
-    SHUNT_RC,
-    DC_LINK,
-    PLL_FREQUENCY,
-    DVOC,
-    SHARE,
-    DEAD_TIME,
-    TURN,
-    ZERO_ORDER_HOLD,
-    SOGI_DQ,
-    DSOGI_DQ,
-    DDSRF_DQ,
-    RESONANT_DQ,
-    REF_PQ,
-    LCL_TRAP,
-    SOGI_FIXED,
+    *PAPER_VOCABULARY, J_MUL_OMEGA, DELAY, MAGNITUDE, LCL_R, LCL_RC, LL_FILTER, SHUNT_RC, DC_LINK, PLL_FREQUENCY, DVOC,
+    SHARE, DEAD_TIME, TURN, ZERO_ORDER_HOLD, SOGI_DQ, DSOGI_DQ, DDSRF_DQ, RESONANT_DQ, REF_PQ, LCL_TRAP, SOGI_FIXED,
     DSOGI_FIXED,
-)
+)  # fmt: skip
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}
 

@@ -21,26 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SETTINGS: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "ibrid",
-    "font.family": "sans-serif",
-    "font.size": 10,
-    "axes.edgecolor": RULE,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.8,
-    "text.color": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "grid.color": RULE,
-    "grid.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "legend.frameon": False,
-}
+    "svg.fonttype": "none", "svg.hashsalt": "ibrid", "font.family": "sans-serif", "font.size": 10, "axes.edgecolor": RULE,
+    "axes.labelcolor": INK, "axes.linewidth": 0.8, "text.color": INK, "xtick.color": MUTED, "ytick.color": MUTED,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "grid.color": RULE, "grid.linewidth": 0.6, "axes.grid": True,
+    "axes.axisbelow": True, "figure.facecolor": "none", "axes.facecolor": "none", "legend.frameon": False,
+}  # fmt: skip
 #: Deviation, in units of 1/72 inch, that a simplified line may have; less where one can look closely.
 SIMPLIFIED, SIMPLIFIED_ZOOM = 0.3, 0.02
 #: Inches left, right, below and above the axes of a figure; and between stacked axes.
