@@ -340,7 +340,8 @@ class Descending:
     def _round(self, misfit: EventMisfit, steps: int) -> None:
         scaled = misfit.scaled(self.x)
         part = STILL if self.scale > NEARLY and not misfit.led else ENOUGH
-        self.idle = self.idle + 1 if scaled.scale > part * self.scale and self.scale > 1.02 else 0
+        little = scaled.scale**2 - 1 > part**2 * (self.scale**2 - 1)  # of what noise does not leave
+        self.idle = self.idle + 1 if little and self.scale > 1.02 else 0
         if self.idle == IDLE:
             self.over = True
             return
