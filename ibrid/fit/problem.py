@@ -87,11 +87,9 @@ class Problem:
                 if point == 0 or parameter.local:
                     self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
                 self.index[point, local] = len(self.numbers) - 1
-        whole = [bool(np.array_equal(one, np.arange(self.size))) for one in self.index]  # a slice is quicker
-        self._place = [slice(None) if all_ else one for all_, one in zip(whole, self.index, strict=True)]
-        self._places = [
-            (slice(None),) * 2 if all_ else np.ix_(one, one) for all_, one in zip(whole, self.index, strict=True)
-        ]
+        every = (slice(None),) * 3  # quicker than numbers
+        whole = np.arange(self.size)
+        self._places = [every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index]
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
         self.line = [np.ascontiguousarray(point.line) for point in self.points]
         self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
@@ -144,7 +142,7 @@ class Problem:
             held = self.hold / measured_numbers(self.points) * (1.0 if objective == "sigma" else KNOWN_NOISE)
         caller = self._entries if derivatives else self._values
         for m, weights in enumerate(self.residuals(objective)):
-            index, (row, column) = self._place[m], self._places[m]
+            index, row, column = self._places[m]
             theta = np.ascontiguousarray(theta_all[:, index])
             outputs = caller(theta, self._fields[m])
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
@@ -264,9 +262,9 @@ class Misfit:
         gradient, hessian = points.carried
         return gradient, hessian
 
-    def parts(self, x: np.ndarray, most: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As `Problem.normal_equations`; the last of the parts is what is believed, where anything is."""
-        cost, gradient, hessian = self.problem.normal_equations(x, self.objective, most)
+        cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
         if self.believed is None:
             return cost, gradient, hessian
         own = tuple(self._scale * part for part in self.believed.pull(x))

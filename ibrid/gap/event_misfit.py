@@ -49,7 +49,7 @@ NUDGES, NUDGED, TRIED = (2.5e-4, 1e-3, 4e-3, 1.6e-2), 6, (1, 3)
 #: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of its own.
-FELT = 1e-2
+NEGLIGIBLE = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
 TOGETHER, KNOWN = 32, 4
 DESCENT = Descent(
@@ -100,20 +100,19 @@ class EventMisfit:
     def _with(self, **changed: Any) -> "EventMisfit":
         """The same but for this, of which nothing is known yet."""
         other = copy(self)
-        derived = ("coarse", "predicting")
-        other.__dict__ = {name: one for name, one in vars(self).items() if name not in derived}
-        other.__dict__ |= {**changed, "_known": {}, "_normals": {}}
+        for derived in ("coarse", "predicting"):
+            vars(other).pop(derived, None)
+        vars(other).update({"_known": {}, "_normals": {}} | changed)
         return other
 
-    def feels(self, x: np.ndarray, scale: float) -> bool:
+    def coarse_differs(self, x: np.ndarray, scale: float) -> bool:
         """Whether coarse steps at x (P,) make a difference, with so much of the noise left over."""
         apart = (self.coarse.played(x[None]) - self.played(x[None])) / scale
-        return not (apart**2).sum() < FELT
+        return not (apart**2).sum() < NEGLIGIBLE
 
     def scaled(self, x: np.ndarray) -> "EventMisfit":
         """The same with what is left over at x (P,) as the noise, where that is more."""
-        other = copy(self)
-        other.scale, other.weight, other._normals = 1.0, np.ones(1), {}
+        other = self._with(scale=1.0, weight=np.ones(1), _known=self._known)
         if self.led:
             residual = other.played(x[None])[0]
             size = max(float(np.median(np.abs(residual))) / MEDIAN, 1.0)
@@ -294,11 +293,11 @@ class Descending:
         """So many rounds more; by coarse steps until these make a difference."""
         misfit, before = self.misfit, (self.idle, self.over, self.damping)
         left = float(np.sqrt(max(self.cost / misfit.count, 1.0)))
-        fine = misfit.coarse is misfit or misfit.feels(self.x, left)
+        fine = misfit.coarse_differs(self.x, left)
         if not fine:
             self._rounds(misfit.coarse, rounds, steps)
-            fine = misfit.feels(self.x, self.scale)
-            self.idle, self.over, self.damping = before if fine else (self.idle, self.over, self.damping)
+            if fine := misfit.coarse_differs(self.x, self.scale):
+                self.idle, self.over, self.damping = before
         if fine:
             self._rounds(misfit, rounds, steps)
         self.cost = float(misfit.at(self.x[None]).cost[0])

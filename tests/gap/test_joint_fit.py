@@ -92,15 +92,15 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
     assert fitter.settled(jumps) is jumps
 
 
-def test_coarse_steps_lead_predictions_too_and_are_felt_where_a_fast_mode_rings():
+def test_coarse_steps_lead_predictions_too_and_differ_where_a_fast_mode_rings():
     question = asked(ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {})
     misfit = question.records(question.prior()).fitter.misfit(question.diagram, ())
     assert not misfit.coarse.led
     assert misfit.predicting.coarse.led
     assert misfit.coarse.coarse is misfit.coarse
     x = misfit.beliefs.start(VISIBLE)
-    assert misfit.feels(x, 1.0)
-    assert not misfit.feels(x, 1e4)
+    assert misfit.coarse_differs(x, 1.0)
+    assert not misfit.coarse_differs(x, 1e4)
 
 
 @shared
