@@ -19,6 +19,7 @@ from ibrid.measurement.events import EventRecord
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest
+from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
 from ibrid.playback.steps import ORDER_8, Rule, simulate
@@ -37,8 +38,6 @@ MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
 #: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
-#: Parameter sets that the compiled loops take side by side.
-WIDE = 16
 #: States at rest that are kept: limits and predictions change none.
 KEPT = 200
 #: Parameter sets; the same with their rests; and values of the orders of delays for which the laws are kept.
@@ -177,15 +176,11 @@ def run(
     `simulate`, as is the rule of the steps.
     """
     time, lanes = signals.x, x.shape[1]
-    if lanes % WIDE >= WIDE // 2:  # what does not fill WIDE runs one by one: repeating the last fills it in less time
-        x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % WIDE)), "edge") for one in (x, memory, constants))
+    x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % LANES)), "edge") for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
+    code = tape.once.run, tape.each.run, tape.rows, tape.results
     spline = np.ascontiguousarray(signals.c)
-    code = (tape.code, tape.before, *tape.inputs[:3], *tape.outputs)
-    literals, memory = tape.constants, memory.copy()
-    current, left = simulate(
-        code, tape.size, *literals, tape.inputs[3], constants, x.copy(), memory, spline, time, parts, deepest, x, rule
-    )
+    current, left, memory = simulate(code, x, memory, constants, spline, time, parts, deepest, rule)
     return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
 
 
