@@ -7,6 +7,7 @@ a loop that looks up one operation after another.
 import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import casadi as ca
 from llvmlite import binding, ir
@@ -17,12 +18,16 @@ from ibrid.errors import IbridError
 LANES = 4
 #: (operation, by its number in CasADi; place of the result; places of the operands).
 Operation = tuple[int, int, Sequence[int]]
+Code = Callable[[int, int], None]
 
 _WORD, _NUMBERS, _SIZE = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES), 8
-_CALLED = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)
 _FAST = ("contract",)
-#: What is called for each number, from C's library.
-_CALLS = ("exp", "log", "pow", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "hypot")
+_Value = Any
+#: Functions of C's library, which take one number after another.
+_CALLS = (
+    "exp", "expm1", "log", "log1p", "pow", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
+    "atanh", "hypot", "floor", "ceil", "fmod", "remainder", "copysign", "erf",
+)  # fmt: skip
 #: pi / 2 in three parts, of which multiples are exact; sine and cosine from -pi/4 to pi/4. From Cephes (S. Moshier).
 _QUARTER = 1.57079625129699707031, 7.54978941586159635336e-8, 5.39030285815811905290e-15
 _SINE = (1.58962301576546568060e-10, -2.50507477628578072866e-8, 2.75573136213857245213e-6, -1.98412698295885395996e-4,
@@ -34,58 +39,51 @@ binding.initialize_native_target()
 binding.initialize_native_asmprinter()
 
 
-class MachineCode:
-    """`run`(address, lanes) : operations on the columns of numbers (rows, lanes) there, lanes a multiple of `LANES`.
+def machine_code(
+    operations: Iterable[Operation],
+    literals: Mapping[int, float],
+    rows: Mapping[int, int],
+    written: Iterable[tuple[int, int]],
+) -> Code:
+    """code(address, lanes) : operations on the columns of numbers (rows, lanes) there, lanes a multiple of `LANES`.
 
     literals : of places. rows : of other places, where they are not results. written : (place, row) of what is written.
     """
-
-    def __init__(
-        self,
-        operations: Iterable[Operation],
-        literals: Mapping[int, float],
-        rows: Mapping[int, int],
-        written: Iterable[tuple[int, int]],
-    ) -> None:
-        module = ir.Module()
-        function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_WORD, _WORD]), "run")
-        start, loop, end = (function.append_basic_block(name) for name in ("start", "loop", "end"))
-        builder = ir.IRBuilder(start)
-        first, length = function.args[0], builder.mul(function.args[1], _WORD(_SIZE))
-        behind = builder.add(first, length)
-        builder.branch(loop)
-        builder.position_at_end(loop)
-        column = builder.phi(_WORD)
-        _Column(builder, column, length, literals, rows).run(operations, written)
-        following = builder.add(column, _WORD(_SIZE * LANES))
-        column.add_incoming(first, start)
-        column.add_incoming(following, loop)
-        builder.cbranch(builder.icmp_unsigned("<", following, behind), loop, end)
-        builder.position_at_end(end)
-        builder.ret_void()
-        machine = binding.Target.from_default_triple().create_target_machine(
-            cpu=binding.get_host_cpu_name(), features=binding.get_host_cpu_features().flatten()
-        )
-        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)  # owns the code
-        self.run = _CALLED(self._engine.get_function_address("run"))
+    module = ir.Module()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_WORD, _WORD]), "run")
+    start, loop, end = (function.append_basic_block(name) for name in ("start", "loop", "end"))
+    builder: Any = ir.IRBuilder(start)
+    first, length = function.args[0], builder.mul(function.args[1], _WORD(_SIZE))
+    behind = builder.add(first, length)
+    builder.branch(loop)
+    builder.position_at_end(loop)
+    column = builder.phi(_WORD)
+    _Column(builder, column, length, literals, rows).run(operations, written)
+    following = builder.add(column, _WORD(_SIZE * LANES))
+    column.add_incoming(first, start)
+    column.add_incoming(following, loop)
+    builder.cbranch(builder.icmp_unsigned("<", following, behind), loop, end)
+    builder.position_at_end(end)
+    builder.ret_void()
+    host, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    machine = binding.Target.from_default_triple().create_target_machine(cpu=host, features=features)
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)
+    code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address("run"))
+    vars(code)["engine"] = engine  # which owns what is called
+    return code
 
 
 class _Column:
     """The operations on `LANES` columns from an address on, rows of some length in bytes."""
 
     def __init__(
-        self,
-        builder: ir.IRBuilder,
-        column: ir.Value,
-        length: ir.Value,
-        literals: Mapping[int, float],
-        rows: Mapping[int, int],
+        self, builder: Any, column: _Value, length: _Value, literals: Mapping[int, float], rows: Mapping[int, int]
     ) -> None:
         self.builder, self.column, self.length, self.rows = b, *_ = builder, column, length, rows
         self.values = {place: _number(value) for place, value in literals.items()}
-        self.turns: dict[ir.Value, tuple[ir.Value, ir.Value]] = {}
+        self.turns: dict[_Value, tuple[_Value, _Value]] = {}
         zero, one = _number(0.0), _number(1.0)
-        self.laws: dict[int, Callable[..., ir.Value]] = {
+        self.laws: dict[int, Callable[..., _Value]] = {
             ca.OP_ASSIGN: lambda a: a,
             ca.OP_NEG: b.fneg,
             ca.OP_TWICE: lambda a: b.fadd(a, a),
@@ -103,10 +101,10 @@ class _Column:
             ca.OP_LT: partial(self._truth, "<"),
             ca.OP_LE: partial(self._truth, "<="),
             ca.OP_EQ: partial(self._truth, "=="),
-            ca.OP_NE: partial(self._truth, "!="),
+            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), one, zero),
             ca.OP_NOT: partial(self._truth, "==", zero),
-            ca.OP_AND: lambda a, c: b.select(self._holds(a), self._truth("!=", c, zero), zero),
-            ca.OP_OR: lambda a, c: b.select(self._holds(a), one, self._truth("!=", c, zero)),
+            ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), one, zero), zero),
+            ca.OP_OR: lambda a, c: b.select(self._holds(a), one, b.select(self._holds(c), one, zero)),
             ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero),
             ca.OP_FMIN: lambda a, c: b.select(b.fcmp_ordered("<", c, a), c, a),
             ca.OP_FMAX: lambda a, c: b.select(b.fcmp_ordered(">", c, a), c, a),
@@ -123,28 +121,25 @@ class _Column:
         for place, row in written:
             self.builder.store(self._value(place), self._at(row), align=_SIZE)
 
-    def _at(self, row: int) -> ir.Value:
+    def _at(self, row: int) -> _Value:
         address = self.builder.add(self.column, self.builder.mul(self.length, _WORD(row)))
         return self.builder.inttoptr(address, _NUMBERS.as_pointer())
 
-    def _value(self, place: int) -> ir.Value:
+    def _value(self, place: int) -> _Value:
         if place not in self.values:
             self.values[place] = self.builder.load(self._at(self.rows[place]), align=_SIZE)
         return self.values[place]
 
-    def _truth(self, how: str, a: ir.Value, c: ir.Value) -> ir.Value:
-        compared = (
-            self.builder.fcmp_unordered if how == "!=" else self.builder.fcmp_ordered
-        )  # of what is no number: not equal
-        return self.builder.select(compared(how, a, c), _number(1.0), _number(0.0))
+    def _truth(self, how: str, a: _Value, c: _Value) -> _Value:
+        return self.builder.select(self.builder.fcmp_ordered(how, a, c), _number(1.0), _number(0.0))
 
-    def _holds(self, a: ir.Value) -> ir.Value:
+    def _holds(self, a: _Value) -> _Value:
         return self.builder.fcmp_unordered("!=", a, _number(0.0))
 
-    def _intrinsic(self, name: str, a: ir.Value) -> ir.Value:
+    def _intrinsic(self, name: str, a: _Value) -> _Value:
         return self.builder.call(self._declared(f"llvm.{name}.v{LANES}f64", _NUMBERS, 1), [a])
 
-    def _called(self, name: str, *operands: ir.Value) -> ir.Value:
+    def _called(self, name: str, *operands: _Value) -> _Value:
         function, result = self._declared(name, ir.DoubleType(), len(operands)), _number(0.0)
         for lane in range(LANES):
             index = ir.IntType(32)(lane)
@@ -152,35 +147,31 @@ class _Column:
             result = self.builder.insert_element(result, each, index)
         return result
 
-    def _declared(self, name: str, kind: ir.Type, operands: int) -> ir.Value:
+    def _declared(self, name: str, kind: ir.Type, operands: int) -> _Value:
         module = self.builder.module
         return module.globals.get(name) or ir.Function(module, ir.FunctionType(kind, [kind] * operands), name)
 
-    def _turn(self, a: ir.Value) -> tuple[ir.Value, ir.Value]:
+    def _turn(self, a: _Value) -> tuple[_Value, _Value]:
         """Sine and cosine: of what is left of whole quarters, which say which is which and of which sign."""
         if a in self.turns:
             return self.turns[a]
-        b = self.builder
+        b, rest = self.builder, a
         quarters = self._intrinsic("rint", b.fmul(a, _number(1 / sum(_QUARTER))))
-        rest = a
         for part in _QUARTER:
             rest = b.fsub(rest, b.fmul(quarters, _number(part)))
         square = b.fmul(rest, rest)
         sine = b.fadd(rest, b.fmul(b.fmul(rest, square), self._polynomial(square, _SINE)))
         half = b.fsub(_number(1.0), b.fmul(square, _number(0.5)))
         cosine = b.fadd(half, b.fmul(b.fmul(square, square), self._polynomial(square, _COSINE)))
-        turns = self._intrinsic("floor", b.fmul(quarters, _number(0.25)))
-        quarter = b.fsub(quarters, b.fmul(turns, _number(4.0)))  # 0, 1, 2, 3
-        is_one, is_two, is_three = (b.fcmp_ordered("==", quarter, _number(one)) for one in (1.0, 2.0, 3.0))
+        quarter = b.fsub(quarters, b.fmul(self._intrinsic("floor", b.fmul(quarters, _number(0.25))), _number(4.0)))
+        is_one, is_two, is_three = (b.fcmp_ordered("==", quarter, _number(float(one))) for one in (1, 2, 3))
         odd = b.or_(is_one, is_three)
         first, second = b.select(odd, cosine, sine), b.select(odd, sine, cosine)
-        self.turns[a] = (
-            b.select(b.or_(is_two, is_three), b.fneg(first), first),
-            b.select(b.or_(is_one, is_two), b.fneg(second), second),
-        )
+        turned = b.or_(is_two, is_three), b.or_(is_one, is_two)
+        self.turns[a] = b.select(turned[0], b.fneg(first), first), b.select(turned[1], b.fneg(second), second)
         return self.turns[a]
 
-    def _polynomial(self, a: ir.Value, coefficients: tuple[float, ...]) -> ir.Value:
+    def _polynomial(self, a: _Value, coefficients: tuple[float, ...]) -> _Value:
         """Horner's."""
         value = _number(coefficients[0])
         for one in coefficients[1:]:
@@ -188,5 +179,5 @@ class _Column:
         return value
 
 
-def _number(value: float) -> ir.Value:
+def _number(value: float) -> _Value:
     return ir.Constant(_NUMBERS, [value] * LANES)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ibrid.playback.machine_code import MachineCode, Operation
+from ibrid.playback.machine_code import Code, Operation, machine_code
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +20,8 @@ class Tape:
     of the results in order.
     """
 
-    once: MachineCode
-    each: MachineCode
+    once: Code
+    each: Code
     rows: int
     results: int
 
@@ -56,8 +56,8 @@ def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: S
     calculated = {place: int(begin[-1]) + k for k, (_, place, _) in enumerate(once)}
     first = int(begin[-1]) + len(once)
     return Tape(
-        MachineCode(once, literals, rows, calculated.items()),
-        MachineCode(each, literals, rows | calculated, [(place, first + row) for place, row in written]),
+        machine_code(once, literals, rows, calculated.items()),
+        machine_code(each, literals, rows | calculated, [(place, first + row) for place, row in written]),
         first + int(ends[-1]),
         first,
     )
