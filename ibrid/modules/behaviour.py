@@ -264,7 +264,7 @@ def _in_line(kind: "ModuleKind") -> Element | None:
 def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
     a, b, c, d = numbers_of(kind, _arguments(kind))
     if not d.any():
-        held = len(a) == 3 * len(d) and (c @ b).any()  # order 3 and falling as slowly as order 1
+        held = len(a) >= 3 * len(d) and (c @ b).any()  # order 3 or more and falling as slowly as order 1
         return Element.HOLD if held else Element.LOW_PASS
     if _near(np.abs(law), 1.0):
         return Element.PADE

@@ -61,22 +61,29 @@ TURN = ModuleKind(
 
 
 def _zero_order_hold(T_s):
-    # of (1 - e^-z)/z, z = s T_s, with the Pade form of e^-z of order 3: (2 z^2 + 120)/(z^3 + 12 z^2 + 60 z + 120)
+    # of (1 - e^-z)/z, z = s T_s, with the Pade form of e^-z of order 5:
+    # 2 (z^4 + 420 z^2 + 15120)/(z^5 + 30 z^4 + 420 z^3 + 3360 z^2 + 15120 z + 30240)
     r = 1 / T_s
-    a = [[0, 0, r, 0, 0, 0], [0, 0, 0, r, 0, 0], [0, 0, 0, 0, r, 0], [0, 0, 0, 0, 0, r]]
-    a += [[-120 * r, 0, -60 * r, 0, -12 * r, 0], [0, -120 * r, 0, -60 * r, 0, -12 * r]]
-    b = [[0, 0]] * 4 + [[r, 0], [0, r]]
-    return a, b, [[120, 0, 0, 0, 2, 0], [0, 120, 0, 0, 0, 2]], [[0, 0], [0, 0]]
+    a = [[r if column == row + 2 else 0 for column in range(10)] for row in range(8)]
+    for axis in (0, 1):
+        a += [
+            [-coefficient * r if one == axis else 0 for coefficient in (30240, 15120, 3360, 420, 30) for one in (0, 1)]
+        ]
+    c = [
+        [coefficient if one == axis else 0 for coefficient in (30240, 0, 840, 0, 2) for one in (0, 1)]
+        for axis in (0, 1)
+    ]
+    return a, [[0, 0]] * 8 + [[r, 0], [0, r]], c, [[0, 0], [0, 0]]
 
 
 ZERO_ORDER_HOLD = ModuleKind(
     name="ZOH_dq",
     family="dynamic control",
-    law="out = (1 - exp(-s T_s))/(s T_s) in_ on each axis, its Pade form of order 3, right to 0.01 and 1 degree up to half of "
-    "1/T_s; a sampled controller is a Delay of its computing time, then this",
+    law="out = (1 - exp(-s T_s))/(s T_s) in_ on each axis, its Pade form of order 5, right to 0.003 up to "
+    "0.85/T_s; a sampled controller is a Delay of its computing time, then this",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
-    states=("held_d", "held_q", "rate_d", "rate_q", "bend_d", "bend_q"),
+    states=tuple(f"held_{order}_{axis}" for order in range(1, 6) for axis in "dq"),
     parameters={"T_s": Range(1e-6, 2e-3, 1e-4, "s", "sampling period", divides=True)},
     state_space=_zero_order_hold,
     dc_gain=1.0,

@@ -171,7 +171,9 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "Share": lambda: I2,
         "DeadTime": lambda: -P["D"] * np.diag([P["a"] ** 2 / hypot(i0, P["a"]) ** 3, 1 / hypot(i0, P["a"])]),
         "Turn": lambda: cos(P["phi"]) * I2 + sin(P["phi"]) * J,
-        "ZOH_dq": lambda: (2 * z**2 + 120) / (z**3 + 12 * z**2 + 60 * z + 120) * I2,
+        "ZOH_dq": lambda: (
+            2 * np.polyval([1, 0, 420, 0, 15120], z) / np.polyval([1, 30, 420, 3360, 15120, 30240], z) * I2
+        ),
         "SOGI_dq": lambda: on_vectors(sogi),
         "DSOGI_dq": lambda: on_vectors(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
         "DDSRF_dq": lambda: on_vectors(double_frame),
@@ -228,7 +230,7 @@ ORDERS = {
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
-    "ZOH_dq": 6, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
+    "ZOH_dq": 10, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {

@@ -22,23 +22,23 @@ OMEGA_60 = 2 * pi * 60
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """x' = A x + B s + E v, s_out = C x + D s + F v, i_DQ = G x + H s + K v, with s = s_out delayed by `delays` (m,) s."""
+    """x' = A x + B s + E v, s_out = C x + D s + F v, i_DQ = G x + H s + K v, with s = s_out delayed by `delays` (m,) s, and its
+    mean over `holds` (m,) s."""
 
     matrices: tuple[np.ndarray, ...]
     delays: np.ndarray
+    holds: np.ndarray
 
     def admittance(self, s: np.ndarray) -> np.ndarray:
         """(K, 2, 2) complex at s (K,), rad/s."""
         to_cut, to_out = self._open(s)
-        m = len(self.delays)
-        late = np.exp(-s[:, None] * self.delays)[:, :, None]
+        m, late = len(self.delays), self._late(s)
         cut = np.linalg.solve(np.eye(m) - late * to_cut[:, :, :m], late * to_cut[:, :, m:])
         return to_out[:, :, m:] + to_out[:, :, :m] @ cut
 
     def difference(self, s: np.ndarray) -> np.ndarray:
         """(K,) det(I - exp(-s T) P(s)), P the transfer around the cuts; zero where the closed device has a pole."""
-        m = len(self.delays)
-        late = np.exp(-s[:, None] * self.delays)[:, :, None]
+        m, late = len(self.delays), self._late(s)
         return np.linalg.det(np.eye(m) - late * self._open(s)[0][:, :, :m])
 
     @property
@@ -51,6 +51,12 @@ class Linearised:
         """(n,) rad/s, of the closed device; only without delays."""
         A, B, _, C, D, *_ = self.matrices
         return np.linalg.eigvals(A + B @ np.linalg.solve(np.eye(len(D)) - D, C))
+
+    def _late(self, s: np.ndarray) -> np.ndarray:
+        """(K, m, 1) exp(-s T) (1 - exp(-s T_h)) / (s T_h)."""
+        turned = s[:, None] * self.holds
+        held = np.where(turned == 0, 1.0, -np.expm1(-turned) / np.where(turned == 0, 1.0, turned))
+        return (np.exp(-s[:, None] * self.delays) * held)[:, :, None]
 
     def _open(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transfer from (s, v) to s_out (K, m, m + 2) and to i_DQ (K, 2, m + 2)."""
@@ -66,8 +72,9 @@ def linearise(
     rest = at_rest(device, op, power_node or power_node_of(device), omega_0)
     eq = equations(device.structure)
     found = eq.linearised(rest.x, rest.s, [op.v, 0.0], rest.r, values_of(device, omega_0))
-    delays = [device.T_d] * 2 + [device.comb_delay or 0.0] * (eq.cut - 2)
-    return Linearised(tuple(np.asarray(one.full()) for one in found), np.array(delays))
+    delays = [device.T_d] * 2 + [one for one in (device.comb_delay, device.T_current) if one is not None for _ in "dq"]
+    holds = [device.T_hold or 0.0] * 2 + [0.0] * (eq.cut - 2)
+    return Linearised(tuple(np.asarray(one.full()) for one in found), np.array(delays), np.array(holds))
 
 
 def power_node_of(device: Device) -> PowerNode:
@@ -108,6 +115,7 @@ def stable(
         linear = linearise(device, op, omega_0, power_node=power_node)
     except OperatingPointError:
         return False
-    if not linear.delays.any():
+    longest = float(max(linear.delays + linear.holds))
+    if not longest:
         return bool((np.real(linear.poles) < -margin).all())
-    return unstable_zeros(linear.difference, linear.open_poles, -margin, linear.delays.max()) == 0
+    return unstable_zeros(linear.difference, linear.open_poles, -margin, longest) == 0

@@ -24,7 +24,8 @@ _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 class Equations:
     """Functions of (x, s, v, r, n): states (n,), delayed signals (m,), v_DQ (2,), set-points (2,), numbers of the device.
 
-    states : names of x. cut : m, 2 for the command or 4 with a comb. numbers : names of n, omega_0 (rad/s) the last.
+    states : names of x. cut : m, 2 for the command, 2 each for a comb and for a current that is measured late. numbers : names
+    of n, omega_0 (rad/s) the last.
     at_rest : -> what is zero at rest beside the asked power, (n + m,), then p, q at the capacitor and at the PCC, (2,)
     each; and the Jacobians of the three by (x, s, r). linearised : -> the nine matrices of (x', s_out, i_DQ) by (x, s, v).
     moving : -> x', s_out and i_DQ themselves.
@@ -46,7 +47,8 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     """
     m, numbers, symbols = _symbols((*structure, *_THRESHOLDS) if nonlinear else structure)
     states = States()
-    cut = 4 if m.comb_gain is not None else 2
+    repeats, late = m.comb_gain is not None, m.T_current is not None
+    cut = 2 + 2 * repeats + 2 * late
     s, v_DQ, r = ca.SX.sym("s", cut), ca.SX.sym("v_DQ", 2), ca.SX.sym("r", 2)
     u = s[:2]
 
@@ -65,15 +67,15 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     plant.turn(m.omega_0 + delta_omega)
     if sequence is not None and m.k_dsogi is not None:
         sequence.hears(m, m.k_dsogi, e, delta_omega)
-    seen = Measured(e, v, i_ti, i_g, delta_omega)
+    seen = Measured(e, v, s[-2:] if late else i_ti, i_g, delta_omega)
     i_ref = current_reference(m, states, seen, u, r)
     if nonlinear:
         i_ref = limited(i_ref, m.limit)
-    command, heard = voltage_command(m, states, seen, i_ref, s[2:])
+    command, heard = voltage_command(m, states, seen, i_ref, s[2:4] if repeats else ca.SX(0, 1))
     i_own = rotation.T @ plant.i_g
     i_DQ = i_own - beside_the_inverter(m, states, v_DQ)
 
-    s_out = ca.vertcat(command, heard) if cut == 4 else command
+    s_out = ca.vertcat(command, *([heard] if repeats else []), *([i_ti] if late else []))
     rest = ca.vertcat(states.x_dot, s - s_out)
     at_capacitor = ca.vertcat(ca.dot(plant.e, plant.i_g), ca.dot(plant.e, J(plant.i_g)))
     at_pcc = ca.vertcat(ca.dot(v_DQ, i_own), ca.dot(v_DQ, J(i_own)))

@@ -1,5 +1,6 @@
 """Effects of the catalogue beyond the tables of `effects` and `hardware`: what the devices alone have, written in no program."""
 
+from functools import partial
 from math import pi
 
 from ibrid_bench.hidden.declaration import ABSENT, PRESENT, HiddenEffect, Strength, always
@@ -9,6 +10,8 @@ _DROOP = Strength((0.3, 0.6), (1.5, 3.0), (5.0, 8.0))
 _LOOPS, _LCL, _PROMPT = {"p_loop": "power", "q_loop": "power"}, {"filter": "LCL"}, {"T_d": ABSENT}
 _NO_GAINS = {"kP_p": None, "kI_p": None, "kP_q": None, "kI_q": None}
 _OPEN = {"p_loop": "reference", "q_loop": "reference", **_NO_GAINS}
+_PERIOD = Strength((3e-5, 6e-5), (1e-4, 2e-4), (3e-4, 4e-4))
+_OTHER = partial(Strength, (1.2, 1.4), (2.0, 3.0), (4.0, 6.0))
 _TRAP = {
     "L_t": Strength((0.0008, 0.001), (0.002, 0.003), (0.006, 0.008)),
     "R_t": always(0.002, 0.01),
@@ -68,6 +71,11 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "replace",
         {**_OPEN, "omega_c_magnitude": Strength((_HZ * 100, _HZ * 200), (_HZ * 20, _HZ * 60), (_HZ * 5, _HZ * 10))},
         base=_LOOPS,
+    ),
+    HiddenEffect("zero_order_hold", "command", "add", {"T_hold": _PERIOD}, base=_PROMPT),
+    HiddenEffect("measurement_delay", "current", "add", {"T_current": _PERIOD}, base=_PROMPT),
+    HiddenEffect(
+        "power_gains", "q", "add", {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")}, base={**_LOOPS, **_PROMPT}
     ),
     HiddenEffect("trap_filter", "beside", "add", _TRAP, base=_LCL),
 )

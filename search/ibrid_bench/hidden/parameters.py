@@ -64,7 +64,8 @@ class Device:
     less its low-pass at omega_c_damping where given. R_virtual, X_virtual : times i_g, subtracted from the voltage
     command or the current reference (virtual_impedance). k_reference : u_r += k i_ref. omega_c_command : low-pass on the
     whole command. sensed_voltage : that of the feedforward; sensed_current : that of the loop and the decoupling.
-    omega_c_sensor : low-pass on every voltage and current that the controller sees. T_d : delay of the whole command, s.
+    omega_c_sensor : low-pass on every voltage and current that the controller sees. T_d : delay of the whole command, s,
+    T_current : of the inverter's current as the controller sees it. T_hold : for how long the command holds a value, s.
 
     Hardware. D_dead_time, a_dead_time : the converter's voltage loses D i_ti/sqrt(|i_ti|^2 + a^2). delay_angle : rad by which
     the command arrives turned. k_sogi : the feedforward passes a SOGI of this gain, k_dsogi : the PLL sees the positive
@@ -141,6 +142,8 @@ class Device:
     sensed_voltage: SensedVoltage = "e"
     sensed_current: SensedCurrent = "i_ti"
     T_d: float = 0.0
+    T_current: float | None = None
+    T_hold: float | None = None
 
     k_resonant: float | None = None
     omega_resonant: float | None = None

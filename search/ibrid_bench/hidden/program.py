@@ -16,7 +16,7 @@ from ibrid.errors import IbridError
 
 _IN_NO_PROGRAM = (
     *("load_L", "omega_n_ff", "omega_zero", "comb_gain", "k_droop_v", "omega_c_magnitude", "omega_c_reference", "L_t"),
-    *("k_reference", "omega_c_command", "omega_c_sensor"),
+    *("k_reference", "omega_c_command", "omega_c_sensor", "T_current", "T_hold"),
 )
 
 
