@@ -257,6 +257,23 @@ def test_a_delayed_command_closes_the_loop_with_the_exact_exponential():
     assert relative(half, admittance(LCL, OP, hz / 2)) > 1e-3
 
 
+@pytest.mark.parametrize("base", [LCL, replace(LCL, comb_gain=0.3, comb_delay=2e-4)], ids=["plain", "comb"])
+def test_a_current_that_is_measured_late_closes_its_loop_with_the_exact_exponential(base):
+    late, hz = replace(base, T_current=3e-4), np.array([1.0, 2.0, 3.0]) / 3e-4
+    assert relative(admittance(late, OP, hz), admittance(base, OP, hz)) < 1e-9
+    assert relative(admittance(late, OP, hz / 2), admittance(base, OP, hz / 2)) > 1e-4
+
+
+def test_a_command_that_is_held_is_not_heard_at_multiples_of_the_sampling_frequency():
+    """The mean over whole periods of a sine is zero, whatever the controller does; far below, a hold is half a period late."""
+    held, hz = replace(LCL, T_hold=3e-4), np.array([1.0, 2.0, 3.0]) / 3e-4
+    other = replace(held, kP_current=2 * LCL.kP_current, k_ff=0.3)
+    assert relative(admittance(held, OP, hz), admittance(other, OP, hz)) < 1e-9
+    assert relative(admittance(held, OP, hz / 2), admittance(other, OP, hz / 2)) > 1e-3
+    slow = frequency_grid("5:50:5")
+    assert relative(admittance(held, OP, slow), admittance(replace(LCL, T_d=1.5e-4), OP, slow)) < 1e-3
+
+
 def test_a_measuring_frame_that_leads_turns_voltage_and_current_alike():
     Y, a = admittance(LCL, OP, FREQUENCY), 0.1
     written = Measurement(frame_angle=a).of(case_sweep(Y)).points[0].admittance

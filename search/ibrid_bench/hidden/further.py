@@ -75,7 +75,7 @@ FURTHER: tuple[HiddenEffect, ...] = (
     HiddenEffect("zero_order_hold", "command", "add", {"T_hold": _PERIOD}, base=_PROMPT),
     HiddenEffect("measurement_delay", "current", "add", {"T_current": _PERIOD}, base=_PROMPT),
     HiddenEffect(
-        "power_gains", "q", "add", {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")}, base={**_LOOPS, **_PROMPT}
+        "power_gains", "q", "replace", {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")}, base={**_LOOPS, **_PROMPT}
     ),
     HiddenEffect("trap_filter", "beside", "add", _TRAP, base=_LCL),
 )
