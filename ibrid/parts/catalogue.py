@@ -78,32 +78,12 @@ CATALOGUE: Catalogue = (
 
 #: What a search tries: sub-loops, then single blocks, then wires.
 FAMILIES: tuple[Family, ...] = (
-    *output_filter.FAMILIES,
-    *synchronisation.FAMILIES,
-    *inner_loops.FAMILIES,
-    *power_loops.FAMILIES,
-    *axis_loops.FAMILIES,
-    *droops.FAMILIES,
-    *inner_loops.LESS,
-    *at_the_pcc.FAMILIES,
-    *feedforward.FAMILIES,
-    *decoupling.FAMILIES,
-    *virtual_impedance.FAMILIES,
-    *damping.FAMILIES,
-    *command.FAMILIES,
-    *pll_filter.FAMILIES,
-    *power_filter.FAMILIES,
-    *current_measurement.FAMILIES,
-    *voltage_measurement.FAMILIES,
-    *virtual_impedance.FEEDBACK,
-    *droops.FREQUENCY,
-    *blocks.FAMILIES,
-    *wiring.FAMILIES,
-    *converter.FAMILIES,
-    *sequence.FAMILIES,
-    *references.FAMILIES,
-    *output_filter.TRAPS,
-)
+    *output_filter.FAMILIES, *synchronisation.FAMILIES, *inner_loops.FAMILIES, *power_loops.FAMILIES, *axis_loops.FAMILIES,
+    *droops.FAMILIES, *inner_loops.LESS, *at_the_pcc.FAMILIES, *feedforward.FAMILIES, *decoupling.FAMILIES,
+    *virtual_impedance.FAMILIES, *damping.FAMILIES, *command.FAMILIES, *pll_filter.FAMILIES, *power_filter.FAMILIES,
+    *current_measurement.FAMILIES, *voltage_measurement.FAMILIES, *virtual_impedance.FEEDBACK, *droops.FREQUENCY,
+    *blocks.FAMILIES, *wiring.FAMILIES, *converter.FAMILIES, *sequence.FAMILIES, *references.FAMILIES, *output_filter.TRAPS,
+)  # fmt: skip
 
 
 def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] = CATALOGUE) -> tuple[Insertion, ...]:

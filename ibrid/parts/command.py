@@ -34,18 +34,11 @@ CONTROL_DELAY = Effect(
     places="before the plant's u_r",
     signature="50 Hz to 2 kHz, most around the resonance and the current loop's bandwidth; all entries alike, the same at "
     "every operating point",
-    confused_with=(
-        "command_filter",
-        "current_filter",
-        "delay_angle",
-        "measurement_delay",
-        "measurement_filter",
-        "voltage_feedforward_filter",
-        "zero_order_hold",
-    ),
+    confused_with=("command_filter", "current_filter", "delay_angle", "measurement_delay", "measurement_filter",
+                   "voltage_feedforward_filter", "zero_order_hold"),
     told_apart_by="points above 0.3/(2 pi T_d) with 2 % noise or less: the phase of a delay goes on falling",
     moves=_control_delay,
-)
+)  # fmt: skip
 
 
 def _command_filter(view: View) -> Iterator[Move]:

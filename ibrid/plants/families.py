@@ -37,26 +37,16 @@ class InverterFamily:
     node: Callable[[Any], PowerNode] = lambda m: "capacitor" if m.filter == "LCL" else "pcc"
 
 
+def _gains(*loops: str) -> dict[str, str]:
+    return {f"{loop}.{gain}": f"{gain}_{loop}" for loop in loops for gain in ("kP", "kI")}
+
+
 _FILTER = {f"plant.{name}": name for name in ("L_F", "R_F", "C_F", "L_g", "R_g")}
-_CASCADE = {
-    **_FILTER,
-    "voltage.kP": "kP_voltage",
-    "voltage.kI": "kI_voltage",
-    "current.kP": "kP_current",
-    "current.kI": "kI_current",
-    "damping_filter.omega_c": "omega_damping",
-}
+_CASCADE = {**_FILTER, **_gains("voltage", "current"), "damping_filter.omega_c": "omega_damping"}
 _DROOP = {**_CASCADE, "p_filter.omega_c": "omega_p", "q_filter.omega_c": "omega_q"}
 _MACHINE = {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll", "q_filter.omega_c": "omega_q"}
 _OSCILLATOR = {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"}
-_HYBRID = {
-    **_FILTER,
-    "power_filter.omega_c": "omega_c_power",
-    "power.kP": "kP_power",
-    "power.kI": "kI_power",
-    "current.kP": "kP_current",
-    "current.kI": "kI_current",
-}
+_HYBRID = {**_FILTER, "power_filter.omega_c": "omega_c_power", **_gains("power", "current")}
 _SHARES = {"gfl_share.share_p": "share_p", "gfl_share.share_q": "share_q"}
 
 _GFL_FIELDS = {
@@ -64,11 +54,9 @@ _GFL_FIELDS = {
     "pll.kP_pll": "kP_pll",
     "pll.kI_pll": "kI_pll",
     "pll_filter.omega_c": "omega_c_pll",
-    "power.kP": "kP_power",
-    "power.kI": "kI_power",
+    **_gains("power"),
     "power_filter.omega_c": "omega_c_power",
-    "current.kP": "kP_current",
-    "current.kI": "kI_current",
+    **_gains("current"),
     "decoupling.L": "L_decoupling",
     "feedforward.k": "feedforward",
     "dc_link.C_dc": "C_dc",

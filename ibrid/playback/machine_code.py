@@ -20,8 +20,7 @@ LANES = 4
 Operation = tuple[int, int, Sequence[int]]
 Code = Callable[[int, int], None]
 
-_WORD, _NUMBERS, _SIZE = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES), 8
-_FAST = ("contract",)
+_WORD, _NUMBERS, _SIZE, _FAST = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES), 8, ("contract",)
 _Value = Any
 #: Functions of C's library, which take one number after another.
 _CALLS = (
@@ -84,32 +83,21 @@ class _Column:
         self.turns: dict[_Value, tuple[_Value, _Value]] = {}
         zero, one = _number(0.0), _number(1.0)
         self.laws: dict[int, Callable[..., _Value]] = {
-            ca.OP_ASSIGN: lambda a: a,
-            ca.OP_NEG: b.fneg,
-            ca.OP_TWICE: lambda a: b.fadd(a, a),
-            ca.OP_SQ: lambda a: b.fmul(a, a),
-            ca.OP_INV: lambda a: b.fdiv(one, a),
-            ca.OP_SQRT: partial(self._intrinsic, "sqrt"),
-            ca.OP_FABS: partial(self._intrinsic, "fabs"),
+            ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: b.fneg, ca.OP_SQ: lambda a: b.fmul(a, a), ca.OP_TWICE: lambda a: b.fadd(a, a),
+            ca.OP_INV: lambda a: b.fdiv(one, a), ca.OP_DIV: b.fdiv, ca.OP_ADD: partial(b.fadd, flags=_FAST),
+            ca.OP_SUB: partial(b.fsub, flags=_FAST), ca.OP_MUL: partial(b.fmul, flags=_FAST),
+            ca.OP_SQRT: partial(self._intrinsic, "sqrt"), ca.OP_FABS: partial(self._intrinsic, "fabs"),
+            ca.OP_CONSTPOW: partial(self._called, "pow"),
+            ca.OP_SIN: lambda a: self._turn(a)[0], ca.OP_COS: lambda a: self._turn(a)[1],
             ca.OP_SIGN: lambda a: b.fsub(self._truth(">", a, zero), self._truth("<", a, zero)),
-            ca.OP_SIN: lambda a: self._turn(a)[0],
-            ca.OP_COS: lambda a: self._turn(a)[1],
-            ca.OP_ADD: partial(b.fadd, flags=_FAST),
-            ca.OP_SUB: partial(b.fsub, flags=_FAST),
-            ca.OP_MUL: partial(b.fmul, flags=_FAST),
-            ca.OP_DIV: b.fdiv,
-            ca.OP_LT: partial(self._truth, "<"),
-            ca.OP_LE: partial(self._truth, "<="),
-            ca.OP_EQ: partial(self._truth, "=="),
-            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), one, zero),
-            ca.OP_NOT: partial(self._truth, "==", zero),
+            ca.OP_LT: partial(self._truth, "<"), ca.OP_LE: partial(self._truth, "<="), ca.OP_EQ: partial(self._truth, "=="),
+            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), one, zero), ca.OP_NOT: partial(self._truth, "==", zero),
             ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), one, zero), zero),
             ca.OP_OR: lambda a, c: b.select(self._holds(a), one, b.select(self._holds(c), one, zero)),
             ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero),
             ca.OP_FMIN: lambda a, c: b.select(b.fcmp_ordered("<", c, a), c, a),
             ca.OP_FMAX: lambda a, c: b.select(b.fcmp_ordered(">", c, a), c, a),
-            ca.OP_CONSTPOW: partial(self._called, "pow"),
-        } | {getattr(ca, f"OP_{name.upper()}"): partial(self._called, name) for name in _CALLS}
+        } | {getattr(ca, f"OP_{name.upper()}"): partial(self._called, name) for name in _CALLS}  # fmt: skip
 
     def run(self, operations: Iterable[Operation], written: Iterable[tuple[int, int]]) -> None:
         for operation, place, operands in operations:

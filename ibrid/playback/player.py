@@ -178,8 +178,7 @@ def run(
     time, lanes = signals.x, x.shape[1]
     x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % LANES)), "edge") for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
-    code = tape.once, tape.each, tape.rows, tape.results
-    spline = np.ascontiguousarray(signals.c)
+    code, spline = (tape.once, tape.each, tape.rows, tape.results), np.ascontiguousarray(signals.c)
     current, left, memory = simulate(code, x, memory, constants, spline, time, parts, deepest, rule)
     return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import random_diagrams
 from collecting import each_of
-from ibrid_policy.diagram_words import diagram_of, diagram_words
+from ibrid_policy.diagram_words import diagram_words
 from ibrid_policy.edit import NumberedEdit, difference, made
 from ibrid_policy.edit_words import edit_words, read_edit
 from ibrid_policy.grammar import LONGEST, Grammar
@@ -16,6 +16,7 @@ from ibrid_policy.tokens import END, TOKENS, UNKNOWN, LanguageError
 from ibrid_policy.weights_folder import shipped_folder
 from ibrid_search.edits import apply_edit, edit_between
 from random_diagrams import random_legal_diagram, renamed_and_reordered
+from read_words import diagram_of
 
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.signals import Signal
