@@ -23,7 +23,7 @@ from ibrid.structure.diagram import Diagram
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
 #: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
-ITERATIONS, SECONDS, STEPS_GAIN, WITHIN = 20, 3.0, 1e-5, 0.3
+ITERATIONS, SECONDS, STEPS_GAIN, WITHIN = 20, 30.0, 1e-5, 0.3
 
 
 @dataclass(frozen=True, eq=False)
