@@ -79,8 +79,8 @@ def _zero_order_hold(T_s):
 ZERO_ORDER_HOLD = ModuleKind(
     name="ZOH_dq",
     family="dynamic control",
-    law="out = (1 - exp(-s T_s))/(s T_s) in_ on each axis, its Pade form of order 5, right to 0.003 up to "
-    "0.85/T_s; a sampled controller is a Delay of its computing time, then this",
+    law="out = (1 - exp(-s T_s))/(s T_s) in_ on each axis, its Pade form of order 5, within 0.001 up to "
+    "0.85/T_s and 0.004 up to 1/T_s; a sampled controller is a Delay of its computing time, then this",
     inputs={"in_": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
     states=tuple(f"held_{order}_{axis}" for order in range(1, 6) for axis in "dq"),

@@ -44,9 +44,10 @@ def machine_code(
     rows: Mapping[int, int],
     written: Iterable[tuple[int, int]],
 ) -> Code:
-    """code(address, lanes) : operations on the columns of numbers (rows, lanes) there, lanes a multiple of `LANES`.
+    """code(address, lanes) : operations on the columns of float64 (rows, lanes) in C order there, lanes a multiple of `LANES`.
 
-    literals : of places. rows : of other places, where they are not results. written : (place, row) of what is written.
+    literals : place -> number. rows : place -> row from which it is read, of all others that are no results of operations before.
+    written : (place, row) of what is written, after all is read. Raises IbridError for an operation without a law here.
     """
     module = ir.Module()
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_WORD, _WORD]), "run")
@@ -78,7 +79,7 @@ class _Column:
     def __init__(
         self, builder: Any, column: _Value, length: _Value, literals: Mapping[int, float], rows: Mapping[int, int]
     ) -> None:
-        self.builder, self.column, self.length, self.rows = b, *_ = builder, column, length, rows
+        self.builder, self.column, self.length, self.rows, b = builder, column, length, rows, builder
         self.values = {place: _number(value) for place, value in literals.items()}
         self.turns: dict[_Value, tuple[_Value, _Value]] = {}
         zero, one = _number(0.0), _number(1.0)
@@ -89,14 +90,13 @@ class _Column:
             ca.OP_SQRT: partial(self._intrinsic, "sqrt"), ca.OP_FABS: partial(self._intrinsic, "fabs"),
             ca.OP_CONSTPOW: partial(self._called, "pow"),
             ca.OP_SIN: lambda a: self._turn(a)[0], ca.OP_COS: lambda a: self._turn(a)[1],
-            ca.OP_SIGN: lambda a: b.fsub(self._truth(">", a, zero), self._truth("<", a, zero)),
+            ca.OP_SIGN: lambda a: b.select(b.fcmp_unordered("==", a, zero), a, self._called("copysign", one, a)),
             ca.OP_LT: partial(self._truth, "<"), ca.OP_LE: partial(self._truth, "<="), ca.OP_EQ: partial(self._truth, "=="),
             ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), one, zero), ca.OP_NOT: partial(self._truth, "==", zero),
             ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), one, zero), zero),
             ca.OP_OR: lambda a, c: b.select(self._holds(a), one, b.select(self._holds(c), one, zero)),
             ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero),
-            ca.OP_FMIN: lambda a, c: b.select(b.fcmp_ordered("<", c, a), c, a),
-            ca.OP_FMAX: lambda a, c: b.select(b.fcmp_ordered(">", c, a), c, a),
+            ca.OP_FMIN: partial(self._intrinsic, "minnum"), ca.OP_FMAX: partial(self._intrinsic, "maxnum"),
         } | {getattr(ca, f"OP_{name.upper()}"): partial(self._called, name) for name in _CALLS}  # fmt: skip
 
     def run(self, operations: Iterable[Operation], written: Iterable[tuple[int, int]]) -> None:
@@ -124,8 +124,8 @@ class _Column:
     def _holds(self, a: _Value) -> _Value:
         return self.builder.fcmp_unordered("!=", a, _number(0.0))
 
-    def _intrinsic(self, name: str, a: _Value) -> _Value:
-        return self.builder.call(self._declared(f"llvm.{name}.v{LANES}f64", _NUMBERS, 1), [a])
+    def _intrinsic(self, name: str, *operands: _Value) -> _Value:
+        return self.builder.call(self._declared(f"llvm.{name}.v{LANES}f64", _NUMBERS, len(operands)), operands)
 
     def _called(self, name: str, *operands: _Value) -> _Value:
         function, result = self._declared(name, ir.DoubleType(), len(operands)), _number(0.0)
@@ -140,7 +140,7 @@ class _Column:
         return module.globals.get(name) or ir.Function(module, ir.FunctionType(kind, [kind] * operands), name)
 
     def _turn(self, a: _Value) -> tuple[_Value, _Value]:
-        """Sine and cosine: of what is left of whole quarters, which say which is which and of which sign."""
+        """Sine and cosine: of what is left of whole quarters, which say which is which and of which sign. Right below 1e9."""
         if a in self.turns:
             return self.turns[a]
         b, rest = self.builder, a

@@ -47,12 +47,12 @@ def _at(each, w, lanes, outside, since, t, spline, piece):
 
 
 @njit(**OPTIONS)
-def _step(each, rule, w, lanes, parts, x, k, t, h, spline, piece, before):
+def _step(each, rule, w, lanes, places, x, k, t, h, spline, piece, before):
     """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
 
-    parts : of w, as `simulate` says. before : switches at the end of the last step. True where any differs in between.
+    places : of w, as `simulate` has them. before : switches at the end of the last step. True where any differs in between.
     """
-    states, memory, rates, following, switches, outside = parts
+    states, memory, rates, following, switches, outside = places
     inner, outer, nodes = rule
     switched = False
     for stage in range(1, nodes.size):
@@ -77,10 +77,10 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
     """Terminal current (N, 2, S) at samples `time` (N,), the time (S,) at which each simulation left, NaN if it did not, and what
     is kept (k, S) at the end.
 
-    tape : once, each, rows of w, the row of the first result. The rows of w are those of the states, of what is kept, of (time
-    since, signals), of the constants; then results: rates, current, what is kept next, switches. start : (n, S). kept : (k, S).
-    constants : (q, S). spline : (4, N - 1, k), of the signals. parts : (N - 1,) steps between samples; one in which something
-    switches is divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One that left stays at its start.
+    tape : once, each, rows of w, the row of the first result. Rows of w, of S numbers, a multiple of `LANES`: states, what is
+    kept, (time since, signals), constants; results: rates, current, what is kept next, switches. start : (n, S). kept : (k, S).
+    constants : (q, S). spline : (4, N - 1, signals). parts : (N - 1,) steps between samples; one in which something switches is
+    divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One that left stays at its start.
     """
     once, each, rows, first = tape
     lanes, number, n, m = constants.shape[1], time.size, start.size, kept.size

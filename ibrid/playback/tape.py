@@ -14,9 +14,9 @@ from ibrid.playback.machine_code import Code, Operation, machine_code
 
 @dataclass(frozen=True, eq=False)
 class Tape:
-    """Operations on a column of so many `rows`: `once`, which depend on constants alone, and `each`, all the others.
+    """Operations on (rows, S) numbers, S a multiple of `LANES`: `once`, those on constants alone, and `each`, all others.
 
-    The rows of the column are the entries of the arguments in order, what is calculated once, and, from `results` on, the entries
+    The rows are the entries of the arguments in order, what is calculated once, and, from `results` on, the entries
     of the results in order.
     """
 
@@ -30,22 +30,22 @@ def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: S
     """The tape of results as functions of arguments; constant : numbers of the arguments that a simulation does not change."""
     each_once = ca.cse([ca.densify(one) for one in results])
     function = ca.Function("tape", list(arguments), each_once, {"live_variables": False})
-    begin = np.cumsum([0, *(one.numel() for one in arguments)])
-    ends = np.cumsum([0, *(one.numel() for one in results)])
+    arguments_at = np.cumsum([0, *(one.numel() for one in arguments)])
+    results_at = np.cumsum([0, *(one.numel() for one in results)])
     literals, rows, moving, written = dict[int, float](), dict[int, int](), set[int](), list[tuple[int, int]]()
     once, each = list[Operation](), list[Operation]()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         if operation == ca.OP_OUTPUT:
             (number, entry), (place,) = function.instruction_output(k), function.instruction_input(k)
-            written.append((place, int(ends[number]) + entry))
+            written.append((place, int(results_at[number]) + entry))
             continue
         place = function.instruction_output(k)[0]
         if operation == ca.OP_CONST:
             literals[place] = function.instruction_constant(k)
         elif operation == ca.OP_INPUT:
             number, entry = function.instruction_input(k)
-            rows[place] = int(begin[number]) + entry
+            rows[place] = int(arguments_at[number]) + entry
             if number not in constant:
                 moving.add(place)
         elif moving.isdisjoint(operands := function.instruction_input(k)):
@@ -53,11 +53,11 @@ def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: S
         else:
             moving.add(place)
             each.append((operation, place, operands))
-    calculated = {place: int(begin[-1]) + k for k, (_, place, _) in enumerate(once)}
-    first = int(begin[-1]) + len(once)
+    calculated = {place: int(arguments_at[-1]) + k for k, (_, place, _) in enumerate(once)}
+    first = int(arguments_at[-1]) + len(once)
     return Tape(
         machine_code(once, literals, rows, calculated.items()),
         machine_code(each, literals, rows | calculated, [(place, first + row) for place, row in written]),
-        first + int(ends[-1]),
+        first + int(results_at[-1]),
         first,
     )

@@ -248,8 +248,9 @@ def test_what_products_change_grows_with_the_square_of_the_amplitude():
 
 
 def test_a_device_with_a_delay_is_refused_by_the_simulation_in_time():
-    with pytest.raises(IbridError, match="must have no delay"):
-        injected(replace(device(), T_d=1e-4), Nonlinearity(), OP, FREQUENCY, 1e-3)
+    for late in ({"T_d": 1e-4}, {"T_hold": 1e-4}, {"T_current": 1e-4}):
+        with pytest.raises(IbridError, match="must have no delay"):
+            injected(replace(device(), **late), Nonlinearity(), OP, FREQUENCY, 1e-3)
 
 
 @each_of("seed", range(20))

@@ -37,7 +37,7 @@ class Linearised:
         return to_out[:, :, m:] + to_out[:, :, :m] @ cut
 
     def difference(self, s: np.ndarray) -> np.ndarray:
-        """(K,) det(I - exp(-s T) P(s)), P the transfer around the cuts; zero where the closed device has a pole."""
+        """(K,) det(I - L(s) P(s)), L of delays and holds, P the transfer around the cuts; zero at a pole of the closed device."""
         m, late = len(self.delays), self._late(s)
         return np.linalg.det(np.eye(m) - late * self._open(s)[0][:, :, :m])
 
@@ -109,7 +109,7 @@ def stable(
     """Whether, on a stiff grid, the operating point exists and every pole lies left of -margin rad/s.
 
     With delays the poles are counted: those of the cut device that lie to the right, and the turns of
-    det(I - exp(-s T) P(s)) around zero along the line Re s = -margin.
+    det(I - L(s) P(s)) around zero along the line Re s = -margin.
     """
     try:
         linear = linearise(device, op, omega_0, power_node=power_node)

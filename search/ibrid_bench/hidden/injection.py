@@ -43,7 +43,7 @@ def injected(
     from its operating point; SweepError where the response never becomes steady.
     """
     rest = at_rest(device, op, power_node or power_node_of(device), omega_0)
-    if device.T_d or device.comb_gain is not None:
+    if device.T_d or any(one is not None for one in (device.comb_gain, device.T_current, device.T_hold)):
         raise IbridError("a device that is simulated in time must have no delay; choose another base.")
     record = _recorder(device.structure)
     a = np.array([*rest.r, *device.numbers.values(), *nonlinearity.thresholds, omega_0])

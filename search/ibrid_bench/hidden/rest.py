@@ -81,6 +81,7 @@ def _guess(device: Device, eq: Equations, op: OperatingPoint, power_node: PowerN
         guess |= {f"{name}_y_d": abs(e), f"{name}_z_q": -abs(e)} if m.kP_pll is not None else {}
     x = np.array([guess.get(name, 0.0) for name in eq.states])
     s = np.zeros(eq.cut)
-    s[-2:] = (i_ti * turn).real, (i_ti * turn).imag
+    if m.T_current is not None:
+        s[-2:] = (i_ti * turn).real, (i_ti * turn).imag
     s[:2] = (u * turn).real, (u * turn).imag
     return np.concatenate([x, s, [op.p, op.q]])
