@@ -9,16 +9,6 @@ from ibrid.analysis.nyquist import Nyquist
 
 #: What is stable is barely so below one of these: gain margin, phase margin (degrees), damping ratio of a mode.
 GAIN, PHASE, DAMPING = 1.25, 10.0, 0.01
-_NYQUIST = (
-    "stable",
-    "certain",
-    "unstable_poles",
-    "open_loop_unstable",
-    "turns",
-    "vector_margin",
-    "vector_margin_hz",
-    "gain_margin",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +75,14 @@ class GridCase:
             "margins": self.margins,
             "modes": None if self.modes is None else [one.plain() for one in self.modes],
             "nyquist": {
-                **{name: getattr(self.nyquist, name) for name in _NYQUIST},
+                "stable": self.nyquist.stable,
+                "certain": self.nyquist.certain,
+                "unstable_poles": self.nyquist.unstable_poles,
+                "open_loop_unstable": self.nyquist.open_loop_unstable,
+                "turns": self.nyquist.turns,
+                "vector_margin": self.nyquist.vector_margin,
+                "vector_margin_hz": self.nyquist.vector_margin_hz,
+                "gain_margin": self.nyquist.gain_margin,
                 "phase_margin_deg": self.nyquist.phase_margin,
             },
         }
