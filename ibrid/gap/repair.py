@@ -27,8 +27,9 @@ REFITTED, CLOSE, SETTLED = 12, 30.0, 6
 #: The same where the model fits already: only what pays well beside it counts, and a glance from there is nearly a refit; what
 #: it finds to gain less than this stays as it is.
 FURTHER, NEARLY, IDLE = 4, 6.0, 1.0
-#: Part of the cost by which two trials must differ, or they say the same of the data.
-APART = 1e-4
+#: Part of the cost by which two trials must differ, or they say the same of the data; and by which what two models leave must
+#: differ, or they explain the same.
+APART, SPREAD = 1e-4, 0.1
 #: Of the best trials: those from which the model before is refitted (drop-back).
 LOOKED_BACK = 3
 #: Gain in cost that makes a model before worth starting over.
@@ -192,8 +193,8 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level, best = _relabelled(bench, level, LABELLED), firsts[0]
     best = min(best, level[0], key=lambda one: one.bic(bench.scale))
     while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
-        level = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])[: min(BEAM, ahead)]
-        level = _relabelled(bench, level, 1)
+        level = _spread(_next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)]))
+        level = _relabelled(bench, level[: min(BEAM, ahead)], 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
             break
         best = level[0]
@@ -257,6 +258,16 @@ def _apart(models: list[Model]) -> list[Model]:
         if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
             chosen.append(one)
     return chosen
+
+
+def _spread(models: list[Model]) -> list[Model]:
+    """Models that leave different residuals, as they come, then the others: delay, hold and late current do much the same."""
+    first: list[Model] = []
+    for one in models:
+        pairs = [(other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in first]
+        if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > SPREAD * cost for cost, both in pairs):
+            first.append(one)
+    return sorted(models, key=lambda one: all(one is not other for other in first))
 
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:

@@ -15,14 +15,14 @@ def kind_in_full(kind: ModuleKind) -> str:
     extended = (
         "extended: beyond the paper's 23 kinds, off under --vocabulary paper" if kind.extended else "of the paper"
     )
-    delay = f", a transport delay of {kind.delay} that counts as 2" if kind.delay else ""
+    counted = ", as any delay or hold counts" if kind.order != len(kind.states) else ""
     rows = [
         ("family", f"{kind.family}, {extended}"),
         ("law", kind.law),
         ("inputs", _signals(kind.inputs)),
         ("outputs", _signals(kind.outputs)),
         ("states", ", ".join(kind.states) or "none"),
-        ("order", f"{kind.order}{delay}"),
+        ("order", f"{kind.order}{counted}"),
         ("gain at 0 Hz", _steady_gain(kind)),
         ("operating point", _operating_point(kind)),
         ("reference", kind.reference),

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from ibrid.errors import ModuleError
-from ibrid.modules.behaviour import Behaviour
+from ibrid.modules.behaviour import Behaviour, Element
 from ibrid.modules.declaration import check_declaration
 from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
@@ -124,8 +124,8 @@ class ModuleKind(Behaviour):
 
     @property
     def order(self) -> int:
-        """Number of states counted in the order bound; a transport delay counts as 2."""
-        return 2 if self.delay is not None else len(self.states)
+        """Number of states counted in the order bound; a transport delay counts as 2, and so does a hold in rational form."""
+        return 2 if self.delay is not None or self.element is Element.HOLD else len(self.states)
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from collecting import each_of
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import ModuleError
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY, ModuleKind, Range, find_kind
+from ibrid.modules.behaviour import Element
 from ibrid.modules.delay import HIGHEST_PADE_ORDER, pade_order, pade_state_space
 from ibrid.modules.kind import PAPER_RANGES
 from ibrid.signals import Signal
@@ -230,7 +231,7 @@ ORDERS = {
     "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
-    "ZOH_dq": 10, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
+    "ZOH_dq": 2, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -342,10 +343,10 @@ def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
     kind = kind_named(name)
     assert kind.order == ORDERS.get(name, 0)
     assert set(kind.paper_parameters) == PAPER_NUMBERS.get(name, set())
-    assert kind.delay is not None or kind.order == len(kind.states)
+    assert kind.order == len(kind.states) or kind.element in (Element.DELAY, Element.HOLD)
 
 
-@each_of("name", [kind.name for kind in VOCABULARY if kind.order and kind.delay is None])
+@each_of("name", [kind.name for kind in VOCABULARY if kind.states])
 def test_the_order_is_the_rank_of_the_hankel_matrix(name):
     kind = kind_named(name)
     n, matrices = len(kind.states), paper_matrices(name)
