@@ -193,7 +193,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level, best = _relabelled(bench, level, LABELLED), firsts[0]
     best = min(best, level[0], key=lambda one: one.bic(bench.scale))
     while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
-        level = _spread(_next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)]))
+        level = _apart(_next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)]))
         level = _relabelled(bench, level[: min(BEAM, ahead)], 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
             break
@@ -252,22 +252,14 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
 
 
 def _apart(models: list[Model]) -> list[Model]:
-    """Models that say different things of the data, as they come."""
+    """Models that leave different residuals, as they come: of a delay, a hold and a late current, which do much the same, the
+    first is gone on from, and exchanged for another where that pays in the end."""
     chosen: list[Model] = []
     for one in models:
-        if all(abs(one.cost() - other.cost()) > APART * other.cost() for other in chosen):
+        pairs = [(other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in chosen]
+        if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > SPREAD * cost for cost, both in pairs):
             chosen.append(one)
     return chosen
-
-
-def _spread(models: list[Model]) -> list[Model]:
-    """Models that leave different residuals, as they come, then the others: delay, hold and late current do much the same."""
-    first: list[Model] = []
-    for one in models:
-        pairs = [(other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in first]
-        if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > SPREAD * cost for cost, both in pairs):
-            first.append(one)
-    return sorted(models, key=lambda one: all(one is not other for other in first))
 
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
