@@ -27,8 +27,8 @@ REFITTED, CLOSE, SETTLED = 12, 30.0, 6
 #: The same where the model fits already: only what pays well beside it counts, and a glance from there is nearly a refit; what
 #: it finds to gain less than this stays as it is.
 FURTHER, NEARLY, IDLE = 4, 6.0, 1.0
-#: Part of the cost by which two trials must differ, or they say the same of the data; and by which what two models leave must
-#: differ, or they explain the same.
+#: Part of the cost by which two trials must differ, or they say the same of the data; part by which what two models leave must
+#: differ, or the second waits until others have had their turn.
 APART, SPREAD = 1e-4, 0.1
 #: Of the best trials: those from which the model before is refitted (drop-back).
 LOOKED_BACK = 3
@@ -252,13 +252,16 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
 
 
 def _apart(models: list[Model]) -> list[Model]:
-    """Models that leave different residuals, as they come: of a delay, a hold and a late current, which do much the same, the
-    first is gone on from, and exchanged for another where that pays in the end."""
+    """Models that leave residuals far apart, as they come, then the others without twins: a delay, a hold and a late current
+    do much the same, and would fill a beam by themselves."""
     chosen: list[Model] = []
-    for one in models:
-        pairs = [(other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in chosen]
-        if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > SPREAD * cost for cost, both in pairs):
-            chosen.append(one)
+    for part in (SPREAD, APART):
+        for one in models:
+            pairs = [
+                (other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in chosen
+            ]
+            if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > part * cost for cost, both in pairs):
+                chosen.append(one)
     return chosen
 
 
