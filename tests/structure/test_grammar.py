@@ -137,7 +137,7 @@ def test_the_order_may_reach_its_bound_and_no_more(kind):
     assert violations(filters(allowed, kind)) == ()
     found = only(filters(allowed + 1, kind))
     assert found.reason == "order"
-    assert "the order is 32, above 30" in found.message
+    assert "the order is 32, above 30; remove modules with states: " in found.message
 
 
 @each_of(
