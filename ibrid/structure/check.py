@@ -104,7 +104,7 @@ def _check_whole(
     if (order := sum(orders.values())) > HIGHEST_ORDER:
         largest = sorted(orders, key=lambda name: -orders[name])
         listed = some(f"{name} {orders[name]}" for name in largest)
-        findings.add(None, "order", f"the order is {order}, above {HIGHEST_ORDER}; remove modules with states: {listed}")
+        findings.add(None, "order", f"the order is {order}, above {HIGHEST_ORDER}; leave out some of {listed}")
 
 
 def _terminal_remedy(kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind]) -> str:
