@@ -12,6 +12,7 @@ from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
+from ibrid.structure.outside import LABEL
 
 #: Edits at most.
 MOST_EDITS = 3
@@ -232,12 +233,18 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
     bench.tests += len(looks)
     models: list[Model] = []
     chosen: list[Model] = []
+    turns = dict.fromkeys((_first(before) for before, _ in looks), 0)
+    most = CARRIED // min(2, max(1, len(turns)))  # that begin alike
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
         if len(chosen) >= CARRIED or bench.watch.late():
             break
-        if any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen):
+        if (
+            any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
+            or turns[_first(before)] >= most
+        ):
             continue
         chosen.append(look)
+        turns[_first(before)] += 1
         edit = look.edits[-1]
         if isinstance(edit, Convention):
             continue
@@ -252,17 +259,25 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
 
 
 def _apart(models: list[Model]) -> list[Model]:
-    """Models that leave residuals far apart, as they come, then the others without twins: a delay, a hold and a late current
-    do much the same, and would fill a beam by themselves."""
+    """Models that leave residuals far apart and begin otherwise, as they come, then the others without twins: a delay, a hold
+    and a late current do much the same, and what goes with the best first edit would fill a beam by itself."""
     chosen: list[Model] = []
-    for part in (SPREAD, APART):
+    for part, most in ((SPREAD, BEAM // 2), (APART, BEAM + CARRIED)):
         for one in models:
             pairs = [
                 (other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in chosen
             ]
-            if all(sum((np.abs(a - b) ** 2).sum() for a, b in both) > part * cost for cost, both in pairs):
+            alike = 0 if len(one.edits) < 2 else sum(_first(other) == _first(one) for other in chosen)
+            if alike < most and all(
+                sum((np.abs(a - b) ** 2).sum() for a, b in both) > part * cost for cost, both in pairs
+            ):
                 chosen.append(one)
     return chosen
+
+
+def _first(model: Model) -> str:
+    """What a chain of edits begins with."""
+    return getattr(model.edits[0], "effect", LABEL) if model.edits else ""
 
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
