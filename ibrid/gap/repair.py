@@ -177,7 +177,8 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
             break
         best = swapped
         bench.so_far(given, best, trials)
-    bench.steps.append(_tried_together(bench, given, best))
+    costs = f"cost {given.refit.cost:.4g} -> {best.refit.cost:.4g}" + ("" if enough(bench, best) else ", not enough")
+    bench.steps.append(f"tried together: {' + '.join(map(_words, best.edits))}; {costs}")
     return _further(bench, best) if enough(bench, best) else best
 
 
@@ -238,10 +239,8 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
         if len(chosen) >= CARRIED or bench.watch.late():
             break
-        if (
-            any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
-            or turns[_first(before)] >= most
-        ):
+        twin = any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
+        if twin or turns[_first(before)] >= most:
             continue
         chosen.append(look)
         turns[_first(before)] += 1
@@ -264,15 +263,16 @@ def _apart(models: list[Model]) -> list[Model]:
     chosen: list[Model] = []
     for part, most in ((SPREAD, BEAM // 2), (APART, BEAM + CARRIED)):
         for one in models:
-            pairs = [
-                (other.refit.cost, zip(one.refit.residuals, other.refit.residuals, strict=True)) for other in chosen
-            ]
             alike = 0 if len(one.edits) < 2 else sum(_first(other) == _first(one) for other in chosen)
-            if alike < most and all(
-                sum((np.abs(a - b) ** 2).sum() for a, b in both) > part * cost for cost, both in pairs
-            ):
+            if alike < most and all(_between(one, other) > part * other.refit.cost for other in chosen):
                 chosen.append(one)
     return chosen
+
+
+def _between(one: Model, other: Model) -> float:
+    """chi2 of one model's response on data that are the other's."""
+    pairs = zip(one.refit.residuals, other.refit.residuals, strict=True)
+    return float(sum((np.abs(a - b) ** 2).sum() for a, b in pairs))
 
 
 def _first(model: Model) -> str:
@@ -350,24 +350,14 @@ def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, .
         if isinstance(edit, Convention):
             model = replace(model, convention=edit, extra=best.extra)
         else:
-            twin = next((one for one in bench.shop.insertions(model) if _same(one, edit)), None)
+            same = (edit.effect, edit.change, edit.where)
+            twins = (one for one in bench.shop.insertions(model) if (one.effect, one.change, one.where) == same)
+            twin = next(twins, None)
             if twin is None:
                 return None
             model, edit = replace(model, diagram=twin.diagram), twin
         done = (*done, edit)
     return bench.shop.refitted(replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS)
-
-
-def _tried_together(bench: Bench, given: Model, found: Model) -> str:
-    edits = " + ".join(map(_words, found.edits))
-    short = "" if enough(bench, found) else ", not enough"
-    return f"tried together: {edits}; cost {given.refit.cost:.4g} -> {found.refit.cost:.4g}{short}"
-
-
-def _same(one: Insertion | Convention, other: Insertion | Convention) -> bool:
-    if isinstance(one, Convention) or isinstance(other, Convention):
-        return one == other
-    return (one.effect, one.change, one.where) == (other.effect, other.change, other.where)
 
 
 def _words(edit: Insertion | Convention) -> str:

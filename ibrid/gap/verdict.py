@@ -185,16 +185,13 @@ def sentence_of(verdict: Verdict, findings: Findings, before: float, after: floa
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
         what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in findings.best.edits)
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
-    neither = "no effect does either (places were not compared)"
-    if findings.ports:
-        neither = "no effect or single place does either"
-    return f"The model does not explain the data (error {before:.2g}{noise}), and {neither}." + nearest
+    neither = "or single place does either" if findings.ports else "does either (places were not compared)"
+    return f"The model does not explain the data (error {before:.2g}{noise}), and no effect {neither}." + nearest
 
 
 def _or_else(names: Sequence[str]) -> str:
-    if not names:
-        return ""
-    return f" (or it is {' or '.join(one.replace('_', ' ') for one in names)}: these data cannot tell)"
+    told = " or ".join(one.replace("_", " ") for one in names)
+    return f" (or it is {told}: these data cannot tell)" if names else ""
 
 
 def words_of(edit: Insertion) -> str:

@@ -12,9 +12,7 @@ OMEGA_SHOWN = 2 * 3.141592653589793 * 60
 
 def kind_in_full(kind: ModuleKind) -> str:
     """Everything that a kind declares, with its matrices at typical values."""
-    extended = (
-        "extended: beyond the paper's 23 kinds, off under --vocabulary paper" if kind.extended else "of the paper"
-    )
+    extended = "beyond the paper's 23 kinds, off under --vocabulary paper" if kind.extended else "of the paper"
     counted = ", as any delay or hold counts" if kind.order != len(kind.states) else ""
     rows = [
         ("family", f"{kind.family}, {extended}"),
