@@ -20,8 +20,9 @@ MOST_EDITS = 3
 CARRIED, BEAM = 8, 4
 #: First edits beside which labels are doubted.
 LABELLED = 3
-#: Rounds at most in which each edit of an answer that is not enough is exchanged for another.
-SWAPS = 2
+#: Rounds at most in which each edit of an answer that is not enough is exchanged for another; of edits with more free numbers
+#: that a glance leaves worse, so many are refitted when no other exchange pays.
+SWAPS, MISSED = 2, 24
 #: Edits that are refitted, in the order of a glance, the distance in the information criterion up to which more are, and how
 #: many when one of them fits as well as the noise allows.
 REFITTED, CLOSE, SETTLED = 12, 30.0, 6
@@ -225,19 +226,23 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
         alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
         if alone is not None and not bench.watch.late():
             looks += [(alone, one) for one in _glanced(bench, alone)]
-    found = next(iter(_next(bench, looks)), None)
-    return found if found is not None and found.bic(bench.scale) < best.bic(bench.scale) - ALIKE else None
+    missed = [(alone, look) for alone, look in looks if look.free > alone.free and look.cost() > alone.cost()]
+    for pairs, many in ((looks, CARRIED), (missed, MISSED)):
+        found = next(iter(_next(bench, pairs, many)), best)
+        if found.bic(bench.scale) < best.bic(bench.scale) - ALIKE:
+            return found
+    return None
 
 
-def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
-    """Of looks, each with the model that it edits, the best refitted, without twins; those that pay, best first."""
+def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -> list[Model]:
+    """Of looks, each with the model that it edits, so many refitted, without twins; those that pay, best first."""
     bench.tests += len(looks)
     models: list[Model] = []
     chosen: list[Model] = []
     turns = dict.fromkeys((_first(before) for before, _ in looks), 0)
-    most = CARRIED // min(2, max(1, len(turns)))  # that begin alike
+    most = many // min(2, max(1, len(turns)))  # that begin alike
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
-        if len(chosen) >= CARRIED or bench.watch.late():
+        if len(chosen) >= many or bench.watch.late():
             break
         twin = any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
         if twin or turns[_first(before)] >= most:
@@ -247,7 +252,7 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]]) -> list[Model]:
         edit = look.edits[-1]
         if isinstance(edit, Convention):
             continue
-        bench.watch(len(chosen), CARRIED, f"together with {_words(edit)}")
+        bench.watch(len(chosen), many, f"together with {_words(edit)}")
         model = min(bench.shop.edited(before, edit) or look, look, key=lambda trial: trial.refit.cost)
         if significant(before, model, bench.tests, bench.scale) and bench.shop.stable(model):
             models.append(model)
@@ -340,13 +345,8 @@ def _quickly_edited(bench: Bench, model: Model, best: Model) -> list[Model]:
 
 def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
     """The repaired model without one of its edits, refitted; None where the others do not apply without it."""
-    return _replayed(bench, given, (*best.edits[:place], *best.edits[place + 1 :]), best)
-
-
-def _replayed(bench: Bench, given: Model, edits: tuple[Insertion | Convention, ...], best: Model) -> Model | None:
-    """The given model with some edits, refitted from where the best one ended; None where they do not apply to it."""
     model, done = given, ()
-    for edit in edits:
+    for edit in (*best.edits[:place], *best.edits[place + 1 :]):
         if isinstance(edit, Convention):
             model = replace(model, convention=edit, extra=best.extra)
         else:
