@@ -193,9 +193,10 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     labels = [one for one in firsts if isinstance(one.edits[-1], Convention)][:1]
     ahead = bench.shop.ahead
     level = [*dict.fromkeys([*_apart(firsts)[:ahead], *(driven if ahead > 1 else ()), *labels])]
-    level, best = _relabelled(bench, level, LABELLED), firsts[0]
-    best = min(best, level[0], key=lambda one: one.bic(bench.scale))
-    while len(best.edits) < MOST_EDITS and not enough(bench, best) and not bench.watch.late():
+    level = _relabelled(bench, level, LABELLED)
+    best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
+    while not enough(bench, best) and not bench.watch.late():
+        level = [one for one in level if len(one.edits) < MOST_EDITS]
         level = _apart(_next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)]))
         level = _relabelled(bench, level[: min(BEAM, ahead)], 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -295,9 +296,7 @@ def _further(bench: Bench, model: Model) -> Model:
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)
-        if candidate is None:
-            return model
-        if enough(bench, model) and candidate.bic(bench.scale) > model.bic(bench.scale) - ALIKE:
+        if candidate is None or (enough(bench, model) and candidate.bic(bench.scale) > model.bic(bench.scale) - ALIKE):
             return model
         model = candidate
     return model
