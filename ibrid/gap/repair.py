@@ -7,6 +7,7 @@ import numpy as np
 
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
+from ibrid.gap.port_map import PortFit
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
 from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
@@ -40,13 +41,14 @@ BETTER = 1.0
 
 @dataclass
 class Bench:
-    """What a repair has at hand. `so_far` : is told the given and the best model, and the trials, when there are new ones."""
+    """What a repair has at hand. `so_far` : is told the given and the best model, and trials. `ports` : if they were asked."""
 
     shop: Data
     watch: Watch = field(default_factory=Watch)
     steps: list[str] = field(default_factory=list)
     tests: int = 0
     scale: float = 1.0
+    ports: tuple[PortFit, ...] = ()
     so_far: Callable[[Model, Model, Sequence[Model]], None] = lambda given, best, trials: None
 
 

@@ -115,9 +115,9 @@ class Workshop(Data):
         return replace(self.noise, sweep=convention.undone(self.noise.sweep))
 
     def given(self, diagram: Diagram) -> Model | None:
-        """The given model, refitted from many starts; with whole fits where that is not enough and values are unknown."""
+        """The given model, refitted from many starts; by whole fits where these have no response, or values are unknown."""
         refitter = self.refitter(Convention())
-        refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS)
+        refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS) or refitter.whole_fit(diagram)
         if refit is None:
             return None
         for _ in range(WHOLE_FITS if len(refit.moved) < refit.free else 0):

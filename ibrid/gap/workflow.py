@@ -19,10 +19,10 @@ from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
-from ibrid.gap.repair import Bench, first_trials, repair
+from ibrid.gap.repair import Bench, first_trials, looked_back, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
-from ibrid.gap.trial import Model, Workshop
+from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
 from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.amplitudes import at_amplitudes
@@ -180,10 +180,21 @@ def _answered(ask: _Question) -> Gap:
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
     if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.late():
-        result = _findings(ask, ask.diagram, ask.workshop, noise.of_models(missed(result[0].best))) or result
+        loose = _findings(ask, ask.diagram, ask.workshop, noise.of_models(missed(result[0].best))) or result
+        result = _explained(ask, *result, loose[0].best) or loose
     found, shop = result
     suggest = () if ask.watch.late() else ask.suggest
     return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, suggest)
+
+
+def _explained(ask: _Question, found: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
+    """What was found at the noise of models, where it fits as well as the noise of the data allows after all; else None."""
+    best = shop.refitted(loose, [loose.refit.values], draws=TRIAL_DRAWS)
+    if best is None or not loose.edits or not fits(best, shop.noise, found.scale):
+        return None
+    steps = [*found.steps, "the noise of models led to what fits the noise of the data"]
+    bench, trials = Bench(shop, ask.watch, steps, found.tests, ports=found.ports), [*found.trials]
+    return _told(bench, found.given, trials, *looked_back(bench, found.given, best, trials)), shop
 
 
 # --- several amplitudes ----------------------------------------------------------------------------------------------
@@ -264,8 +275,7 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     noise = data.noise
     ask.watch.stage(0.1)
     ask.watch(0, 1, "the given model refitted")
-    given = data.given(diagram)
-    if given is None:
+    if (given := data.given(diagram)) is None:
         return None
     bench = Bench(data, ask.watch, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
@@ -274,56 +284,44 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     ask.watch.stage(0.4)
     given, trials = first_trials(bench, given)
     ask.watch.stage(0.6)
-    bench.scale, ports = scale_of(noise, [given, *trials], ()), ()
+    bench.scale = scale_of(noise, [given, *trials], ())
     if not (noise.known or any(fits(one, noise, bench.scale) for one in [given, *trials])):
-        ports = _ports(ask, data, bench, given)  # a single place may tell how large the noise is
-        bench.scale = scale_of(noise, [given, *trials], ports)
+        bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
+        bench.scale = scale_of(noise, [given, *trials], bench.ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
-    best, rivals = repair(bench, given, trials)
+    return _told(bench, given, trials, *repair(bench, given, trials))
+
+
+def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]) -> Findings:
+    """What a repair found, where it predicts what it was not fitted to."""
+    data, noise = bench.shop, bench.shop.noise
     before, after = (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
     if before is not None and after is not None and not predicts(before, after, len(noise.sweep.points)):
-        bench.steps.append(
-            "the repair predicts data that it was not fitted to worse than the given model; it is dropped"
-        )
+        bench.steps.append("the repair predicts data that it was not fitted to worse than the given model: dropped")
         best, after, rivals = given, None, []
-    if not ports:
-        ports = _ports(ask, data, bench, given, best if fits(best, noise, bench.scale) else None)
-    bench.scale = scale_of(noise, [given, best, *trials], ports)
-    return Findings(
-        noise,
-        given,
-        best,
-        tuple(map(tuple, rivals)),
-        tuple(trials),
-        ports,
-        bench.scale,
-        bench.tests,
-        tuple(bench.steps),
-        before,
-        after,
-    )
+    bench.ports = bench.ports or _ports(bench, given, best if fits(best, noise, bench.scale) else None)
+    bench.scale = scale_of(noise, [given, best, *trials], bench.ports)
+    told = (tuple(trials), bench.ports, bench.scale, bench.tests, tuple(bench.steps), before, after)
+    return Findings(noise, given, best, tuple(map(tuple, rivals)), *told)
 
 
-def _ports(
-    ask: _Question, data: Data, bench: Bench, given: Model, repaired: Model | None = None
-) -> tuple[PortFit, ...]:
+def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[PortFit, ...]:
     """The port map of a model that is not adequate."""
     if given.adequate():
         return ()
-    if repaired is None and ask.watch.late():
+    if repaired is None and bench.watch.late():
         bench.steps.append("no port map: the time was up")
         return ()
-    ask.watch.stage(0.5)
-    ask.watch(0, 1, "the port map")
-    return data.ports(given, bench.steps, repaired)
+    bench.watch.stage(0.5)
+    bench.watch(0, 1, "the port map")
+    return bench.shop.ports(given, bench.steps, repaired)
 
 
 def _so_far(ask: _Question, shop: Workshop, bench: Bench, given: Model, best: Model, trials: Sequence[Model]) -> None:
     """Pass on what would be answered now."""
 
     def answer() -> Gap:
-        steps = tuple(bench.steps)
-        found = Findings(shop.noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
+        found = Findings(shop.noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, tuple(bench.steps))
         gap = answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, ())
         return replace(gap, sentence=f"So far: {gap.sentence}", seconds=ask.watch.elapsed, complete=False)
 
