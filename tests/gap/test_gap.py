@@ -46,6 +46,38 @@ def ids(gap) -> list[str]:
     return [one.id for one in gap.effects]
 
 
+#: Three effects at once, and others of the catalogue that do better than one of them as a first edit.
+THREE = {
+    "one first edit fills the beam": (
+        311011, ["series_impedance:add:l_filter", "voltage_feedforward:add:fitted", "decoupling:add:nominal"],
+        ["filter_capacitor", "active_damping", "capacitor_damping", "power_filter"],
+    ),
+    "a label takes the place of an edit": (
+        202611281008, ["virtual_impedance:add:current_reference", "dc_link:add:fixed", "capacitor_damping:add:branch"],
+        ["power_loop_missing", "active_damping"],
+    ),
+}  # fmt: skip
+
+
+@each_of("why", THREE)
+def test_of_three_effects_all_are_named_where_others_do_better_at_first(why):
+    seed, hidden, others = THREE[why]
+    names = [one.split(":")[0] for one in hidden]
+    case = draw_case("triple", seed, effects=hidden, severity="gross", noise_db=40)
+    gap = answered(case, catalogue=effects(*names, *others))
+    assert gap.verdict == "named", gap.sentence
+    assert sorted(ids(gap)) == sorted(names)
+
+
+def test_nominal_values_at_which_the_model_has_no_operating_point_are_a_prior_and_no_end():
+    case = draw_case("effect", 3, effects=["control_delay:add"], severity="gross", noise_db=60)
+    case = replace(case, values={**case.values, "plant.L_g": 1.2})  # no such power through it
+    gap = answered(case, catalogue=effects("control_delay", "pll_prefilter"))
+    assert (gap.verdict, ids(gap)) == ("named", ["control_delay"])
+    assert "given" not in gap.before
+    assert gap.moved[0].name == "plant.L_g"
+
+
 @each_of("effect", HIDDEN)
 def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect):
     case = draw_case("effect", 3, effects=[f"{effect}:add"], severity="gross", noise_db=60)
