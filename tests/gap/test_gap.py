@@ -74,7 +74,7 @@ def test_nominal_values_at_which_the_model_has_no_operating_point_are_a_prior_an
     case = replace(case, values={**case.values, "plant.L_g": 1.2})  # no such power through it
     gap = answered(case, catalogue=effects("control_delay", "pll_prefilter"))
     assert (gap.verdict, ids(gap)) == ("named", ["control_delay"])
-    assert "given" not in gap.before
+    assert gap.before["nominal"] is None
     assert gap.moved[0].name == "plant.L_g"
 
 
