@@ -52,8 +52,8 @@ class Fitted:
 
 
 class Data(ABC):
-    """One kind of data. `noise` : what the data are weighed by. `ahead` : first edits, apart in cost, from which every second one
-    is looked at where no single one is enough."""
+    """One kind of data. `noise` : what the data are weighed by. `ahead` : first edits, apart in what they leave, from which every
+    second one is looked at where no single one is enough."""
 
     noise: Noise
     ahead = 1

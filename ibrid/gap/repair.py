@@ -194,13 +194,13 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     driven = [one for one in firsts if isinstance(one.edits[-1], Insertion) and driven_to_nothing(given, one)]
     labels = [one for one in firsts if isinstance(one.edits[-1], Convention)][:1]
     ahead = bench.shop.ahead
-    level = [*dict.fromkeys([*_apart(firsts)[:ahead], *(driven if ahead > 1 else ()), *labels])]
+    level = [*dict.fromkeys([*_apart(firsts, ahead), *(driven if ahead > 1 else ()), *labels])]
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
     while not enough(bench, best) and not bench.watch.late():
         level = [one for one in level if len(one.edits) < MOST_EDITS]
-        level = _apart(_next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)]))
-        level = _relabelled(bench, level[: min(BEAM, ahead)], 1)
+        found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
+        level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
             break
         best = level[0]
@@ -265,22 +265,22 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -
     return sorted(models, key=lambda one: one.bic(bench.scale))
 
 
-def _apart(models: list[Model]) -> list[Model]:
-    """Models that leave residuals far apart and begin otherwise, as they come, then the others without twins: a delay, a hold
-    and a late current do much the same, and what goes with the best first edit would fill a beam by itself."""
+def _apart(models: list[Model], many: int) -> list[Model]:
+    """So many models that leave residuals far apart and begin otherwise, as they come, then the others without twins: a delay,
+    a hold and a late current do much the same, and what goes with the best first edit would fill a beam by itself."""
     chosen: list[Model] = []
-    for part, most in ((SPREAD, BEAM // 2), (APART, BEAM + CARRIED)):
-        for one in models:
-            alike = 0 if len(one.edits) < 2 else sum(_first(other) == _first(one) for other in chosen)
-            if alike < most and all(_between(one, other) > part * other.refit.cost for other in chosen):
-                chosen.append(one)
+    for part, most in ((SPREAD, BEAM // 2), (APART, many)):
+        for model in models:
+            alike = 0 if len(model.edits) < 2 else sum(_first(other) == _first(model) for other in chosen)
+            room = len(chosen) < many and alike < most
+            if room and all(_between(model, other) > part * other.refit.cost for other in chosen):
+                chosen.append(model)
     return chosen
 
 
 def _between(one: Model, other: Model) -> float:
     """chi2 of one model's response on data that are the other's."""
-    pairs = zip(one.refit.residuals, other.refit.residuals, strict=True)
-    return float(sum((np.abs(a - b) ** 2).sum() for a, b in pairs))
+    return sum((np.abs(a - b) ** 2).sum() for a, b in zip(one.refit.residuals, other.refit.residuals, strict=True))
 
 
 def _first(model: Model) -> str:

@@ -187,14 +187,14 @@ def _answered(ask: _Question) -> Gap:
     return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, suggest)
 
 
-def _explained(ask: _Question, found: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
+def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
     """What was found at the noise of models, where it fits as well as the noise of the data allows after all; else None."""
-    best = shop.refitted(loose, [loose.refit.values], draws=TRIAL_DRAWS)
-    if best is None or not loose.edits or not fits(best, shop.noise, found.scale):
+    best = shop.refitted(loose, [loose.refit.values], draws=TRIAL_DRAWS) if loose.edits else None
+    if best is None or not fits(best, shop.noise, told.scale):
         return None
-    steps = [*found.steps, "the noise of models led to what fits the noise of the data"]
-    bench, trials = Bench(shop, ask.watch, steps, found.tests, ports=found.ports), [*found.trials]
-    return _told(bench, found.given, trials, *looked_back(bench, found.given, best, trials)), shop
+    steps = [*told.steps, "the noise of models led to what fits the noise of the data"]
+    bench, trials = Bench(shop, ask.watch, steps, told.tests, ports=told.ports), [*told.trials]
+    return _told(bench, told.given, trials, *looked_back(bench, told.given, best, trials)), shop
 
 
 # --- several amplitudes ----------------------------------------------------------------------------------------------

@@ -82,20 +82,20 @@ class _Column:
         self.builder, self.column, self.length, self.rows, b = builder, column, length, rows, builder
         self.values = {place: _number(value) for place, value in literals.items()}
         self.turns: dict[_Value, tuple[_Value, _Value]] = {}
-        zero, one = _number(0.0), _number(1.0)
+        zero, unit = _number(0.0), _number(1.0)
         self.laws: dict[int, Callable[..., _Value]] = {
             ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: b.fneg, ca.OP_SQ: lambda a: b.fmul(a, a), ca.OP_TWICE: lambda a: b.fadd(a, a),
-            ca.OP_INV: lambda a: b.fdiv(one, a), ca.OP_DIV: b.fdiv, ca.OP_ADD: partial(b.fadd, flags=_FAST),
+            ca.OP_INV: lambda a: b.fdiv(unit, a), ca.OP_DIV: b.fdiv, ca.OP_ADD: partial(b.fadd, flags=_FAST),
             ca.OP_SUB: partial(b.fsub, flags=_FAST), ca.OP_MUL: partial(b.fmul, flags=_FAST),
             ca.OP_SQRT: partial(self._intrinsic, "sqrt"), ca.OP_FABS: partial(self._intrinsic, "fabs"),
             ca.OP_CONSTPOW: partial(self._called, "pow"),
             ca.OP_SIN: lambda a: self._turn(a)[0], ca.OP_COS: lambda a: self._turn(a)[1],
-            ca.OP_SIGN: lambda a: b.select(b.fcmp_unordered("==", a, zero), a, self._called("copysign", one, a)),
+            ca.OP_SIGN: lambda a: b.select(b.fcmp_unordered("==", a, zero), a, self._called("copysign", unit, a)),
             ca.OP_LT: partial(self._truth, "<"), ca.OP_LE: partial(self._truth, "<="), ca.OP_EQ: partial(self._truth, "=="),
-            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), one, zero), ca.OP_NOT: partial(self._truth, "==", zero),
-            ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), one, zero), zero),
-            ca.OP_OR: lambda a, c: b.select(self._holds(a), one, b.select(self._holds(c), one, zero)),
-            ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero),
+            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), unit, zero),
+            ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), unit, zero), zero),
+            ca.OP_OR: lambda a, c: b.select(self._holds(a), unit, b.select(self._holds(c), unit, zero)),
+            ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero), ca.OP_NOT: partial(self._truth, "==", zero),
             ca.OP_FMIN: partial(self._intrinsic, "minnum"), ca.OP_FMAX: partial(self._intrinsic, "maxnum"),
         } | {getattr(ca, f"OP_{name.upper()}"): partial(self._called, name) for name in _CALLS}  # fmt: skip
 

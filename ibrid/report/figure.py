@@ -65,20 +65,20 @@ def inline_svgs(
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    found: list[Markup] = []
+    pictures: list[Markup] = []
     with rc_context({**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}):
         figure = Figure(figsize=size)
         axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left))
         for name, (label, draw) in drawings.items():
-            if found:
+            if pictures:
                 _empty(figure)
             draw(list(axes[:, 0]))
             plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
             buffer = io.StringIO()
             figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
             attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
-            found.append(_for_page(buffer.getvalue(), name, attributes))
-    return found
+            pictures.append(_for_page(buffer.getvalue(), name, attributes))
+    return pictures
 
 
 def _empty(figure: "Figure") -> None:
