@@ -279,7 +279,7 @@ def _apart(models: list[Model], many: int) -> list[Model]:
 
 
 def _between(one: Model, other: Model) -> float:
-    """chi2 of one model's response on data that are the other's."""
+    """chi2 of the difference of what two models leave, each on the data as it reads them."""
     return sum((np.abs(a - b) ** 2).sum() for a, b in zip(one.refit.residuals, other.refit.residuals, strict=True))
 
 

@@ -193,7 +193,7 @@ def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> 
     if best is None or not fits(best, shop.noise, told.scale):
         return None
     steps = [*told.steps, "the noise of models led to what fits the noise of the data"]
-    bench, trials = Bench(shop, ask.watch, steps, told.tests, ports=told.ports), [*told.trials]
+    bench, trials = Bench(shop, ask.watch, steps, told.tests), [*told.trials]
     return _told(bench, told.given, trials, *looked_back(bench, told.given, best, trials)), shop
 
 

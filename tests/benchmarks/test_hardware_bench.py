@@ -59,8 +59,7 @@ def test_what_else_is_hidden_answers_as_the_catalogue_says():
             for one in edits
             if one.change == effect.change
         ]
-        close = (
-            1e-4 if effect.id == "zero_order_hold" else 1e-9
-        )  # the catalogue's hold is rational: 1e-3 at the top of the band
+        # the catalogue's hold is rational, 1e-3 at the top of the band
+        close = 1e-4 if effect.id == "zero_order_hold" else 1e-9
         wrong += [(effect.key, errors)] if not min(errors, default=np.inf) < close else []
     assert not wrong
