@@ -82,7 +82,7 @@ def test_a_limit_does_what_its_law_says(id: str, mode: str, windup: bool, parame
     (found,) = player.play(record, [values])
     without = play(model_of_program(textbook("gfl_pll_filter_exact"), VALUES), Events((record,)))
     error = nrmse(found.current, record)
-    # the independent device follows jumps within its steps of 1e-5 s, and a ramp with a lag of 5e-6 s
+    # the independent device hears of a voltage that is back, and of what a ramp has left, where a step of 2.5e-6 s ends
     assert error is not None
     assert error < 1e-4
     assert (without.nrmse or 0.0) > 30 * error, "the record must reach the limit"
