@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ibrid.assembly.interconnection import state_names
 from ibrid.assembly.signals_at_rest import Pair
 from ibrid.modules.delay import pade_state_space
@@ -17,7 +15,7 @@ from ibrid.modules.large_signal import Motion, asked, motion
 class Module:
     """One module of a diagram, ready to move.
 
-    `arguments` : parameters and what the law takes from the operating point, in numbers. `pade_order` : of a delay.
+    `arguments` : parameters and what the law takes from the operating point. `pade_order` : of a delay.
     """
 
     name: str
@@ -42,17 +40,11 @@ class Module:
         return motion(self.kind, x, inputs, arguments, self.matrices(arguments))
 
     @property
-    def integrates(self) -> bool:
-        """True for a linear module that rests at some values of its inputs alone: A is singular."""
-        if not self.states or self.kind.large_signal is not None:
-            return False
-        a = np.array(self.linear_matrices[0], dtype=float)
-        return int(np.linalg.matrix_rank(a)) < len(a)
-
-    @property
-    def linear_matrices(self) -> Matrices:
-        """Of a linear module, in numbers."""
-        return self.matrices(self.arguments) or self.kind.state_space(**self.arguments)
+    def matrices_at_rest(self) -> tuple[Any, Any]:
+        """(A, B) of a linear module; of a delay those of a second, which rest at the same states."""
+        if self.pade_order is not None:
+            return pade_state_space(1.0, self.pade_order)[:2]
+        return self.kind.state_space(**self.arguments)[:2]
 
 
 def module_at(

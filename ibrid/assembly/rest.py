@@ -10,12 +10,15 @@ larger by the ratio of the frequencies, and a frequency that multiplies in a law
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import atan2
+from math import isfinite
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ibrid.assembly.equilibrium import device_points, equilibria
 from ibrid.assembly.module_motion import Module, by_port, module_at
+from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.operating_point import Parameters, add, plant_equilibrium
 from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, matrices_of, sources_of, to_frame
 from ibrid.assembly.terminals import Inner, Point, behind_terminals
@@ -36,7 +39,7 @@ DEVIATION = "delta_omega"
 
 @dataclass(frozen=True)
 class Rest:
-    """The operating point of a whole diagram, absolute, per unit and rad.
+    """The operating point of a whole diagram, absolute, per unit and rad; numbers, or symbols where it was asked for in symbols.
 
     `states` : instance -> values. `outputs` : channel -> value, the terminal voltage among them. `references` : input
     channel -> constant that adds to its sources. `inner` : the device's own point behind its port, whose numbers at the
@@ -44,27 +47,28 @@ class Rest:
     """
 
     modules: tuple[Module, ...]
-    states: Mapping[str, tuple[float, ...]]
-    outputs: Mapping[Channel, float]
-    references: Mapping[Channel, float]
+    states: Mapping[str, tuple[Any, ...]]
+    outputs: Mapping[Channel, Any]
+    references: Mapping[Channel, Any]
     inner: Inner | None = None
-    port: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    deviation: float = 0.0
+    port: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    deviation: Any = 0.0
 
 
 def rest(
     wiring: Wiring,
     table: ParameterTable,
-    values: Mapping[str, float],
-    point: tuple[float, float, float],
+    values: Mapping[str, Any],
+    point: Point,
     *,
     power_node: str,
     omega_0: float,
     pade_orders: Mapping[str, int],
-    deviation: float = 0.0,
+    deviation: Any = 0.0,
 ) -> Rest:
     """The operating point (p, q, v) of a wired diagram at parameter values; of two devices behind one PCC p and q are of both.
 
+    values, point, deviation : numbers or symbols; of symbols nothing is asked, so that where there is no rest it is not a number.
     deviation : of the frequency at rest from the nominal one, rad/s; the signals are those of the frame that turns with it.
 
     Raises ModuleError for a kind without a large-signal law, DiagramError where the operating point of a module does not
@@ -72,7 +76,7 @@ def rest(
     """
     for kind in wiring.kinds.values():
         require_large_signal(kind)
-    numbers = parameters_at(wiring, table, {name: float(value) for name, value in values.items()})
+    numbers = parameters_at(wiring, table, values)
     there = _turning(wiring, numbers, 1 + deviation / omega_0)
     settled = []
     inner = behind_terminals(wiring, there, point, power_node)
@@ -88,11 +92,9 @@ def rest(
     return replace(_together(wiring, settled), inner=inner, port=port, deviation=deviation)
 
 
-def _turning(
-    wiring: Wiring, numbers: Mapping[str, Mapping[str, float]], ratio: float
-) -> Mapping[str, Mapping[str, float]]:
+def _turning(wiring: Wiring, numbers: Mapping[str, Mapping[str, Any]], ratio: Any) -> Mapping[str, Mapping[str, Any]]:
     """The numbers with reactances and susceptances at a frequency so many times the nominal one."""
-    if ratio == 1.0:
+    if not isinstance(ratio, ca.SX) and ratio == 1.0:
         return numbers
     grows = {name for name, kind in wiring.kinds.items() if _multiplied(kind)}
     return {
@@ -128,20 +130,20 @@ class _Settled:
         frame: Frame,
         ports: Mapping[str, Mapping[str, Pair]],
         plant: Mapping[str, Pair],
-        v: float,
-        deviation: float,
+        v: Any,
+        deviation: Any,
     ) -> None:
         self.wiring, self.frame, self.ports, self.plant, self.deviation = wiring, frame, ports, plant, deviation
-        self.states: dict[str, tuple[float, ...]] = {}
-        self.inputs: dict[Channel, float] = {}
-        self.outputs: dict[Channel, float] = {(TERMINAL_VOLTAGE, 0): v, (TERMINAL_VOLTAGE, 1): 0.0}
+        self.states: dict[str, tuple[Any, ...]] = {}
+        self.inputs: dict[Channel, Any] = {}
+        self.outputs: dict[Channel, Any] = {(TERMINAL_VOLTAGE, 0): v, (TERMINAL_VOLTAGE, 1): 0.0}
 
     def settle(self, modules: tuple[Module, ...]) -> Rest:
         waiting = []
         for module in modules:
             if module.kind.large_signal is not None:
                 self._place(module, self._at_operating_point(module))
-            elif module.integrates:
+            elif module.kind.integrates:
                 self._place(module, [0.0] * len(channels_of(module.name, module.kind.inputs)))
             else:
                 waiting.append(module)
@@ -152,16 +154,16 @@ class _Settled:
                 zero = [0.0] * len(channels_of(module.name, module.kind.inputs))
                 self._place(module, zero if arriving is None else arriving)
             waiting = [one for one in waiting if one.name not in self.states]
-        if not np.isfinite([*self.inputs.values(), *self.outputs.values()]).all():
+        if not all(isinstance(one, ca.SX) or isfinite(one) for one in (*self.inputs.values(), *self.outputs.values())):
             raise IbridError("the model has no real operating point here; ask for less power")
         missing = {
             channel: wanted - sum(self.outputs[source] for source in sources_of(self.wiring, channel))
             for channel, wanted in self.inputs.items()
         }
-        references = {channel: value for channel, value in missing.items() if abs(value) > ROUNDING}
+        references = {channel: value for channel, value in missing.items() if _counts(value)}
         return Rest(modules, self.states, self.outputs, references)
 
-    def _place(self, module: Module, inputs: list[float]) -> None:
+    def _place(self, module: Module, inputs: list[Any]) -> None:
         """Give a module its inputs; its states and outputs follow."""
         name, kind = module.name, module.kind
         channels = channels_of(name, kind.inputs)
@@ -169,37 +171,35 @@ class _Settled:
         x = self._states_at_rest(module, inputs)
         _, outputs = module.motion(x, by_port(kind, inputs))
         self.states[name] = x
-        self.outputs |= {
-            channel: float(value) for channel, value in zip(channels_of(name, kind.outputs), outputs, strict=True)
-        }
+        self.outputs |= dict(zip(channels_of(name, kind.outputs), map(_plain, outputs), strict=True))
 
-    def _states_at_rest(self, module: Module, inputs: list[float]) -> tuple[float, ...]:
+    def _states_at_rest(self, module: Module, inputs: list[Any]) -> tuple[Any, ...]:
         kind = module.kind
         if kind.large_signal is not None:
             if kind.large_signal.at_rest is None:
                 return ()
             known = {**module.arguments, **{f"{port}{EQUILIBRIUM}": z for port, z in self.ports[module.name].items()}}
-            return tuple(float(one) for one in kind.large_signal.at_rest(**asked(kind.large_signal.at_rest, known)))
-        if not module.states or not any(inputs):
+            return tuple(_plain(one) for one in kind.large_signal.at_rest(**asked(kind.large_signal.at_rest, known)))
+        if not module.states or all(is_zero(one) for one in inputs):
             return (0.0,) * len(module.states)
-        a, b = (np.array(part, dtype=float) for part in module.linear_matrices[:2])
-        return tuple(np.linalg.solve(a, -b @ inputs).tolist())
+        a, b = (ca.vertcat(*(ca.horzcat(*row) for row in part)) for part in module.matrices_at_rest)
+        return tuple(ca.solve(a, -b @ ca.vertcat(*inputs)).elements())
 
-    def _at_operating_point(self, module: Module) -> list[float]:
+    def _at_operating_point(self, module: Module) -> list[Any]:
         """Inputs of a module whose law depends on them: from the plant, else zero; the angle is that of the frame."""
-        inputs: list[float] = []
+        inputs: list[Any] = []
         for port, signal in module.kind.inputs.items():
             if module.kind.large_signal is not None and port == module.kind.large_signal.angle:
-                inputs.append(atan2(self.frame[1], self.frame[0]))
+                inputs.append(ca.atan2(self.frame[1], self.frame[0]))
             elif module.kind.family == PLANT and port in self.plant:
-                inputs += [float(one) for one in to_frame(self.frame, self.plant[port])]
+                inputs += [_plain(one) for one in to_frame(self.frame, self.plant[port])]
             elif port == DEVIATION and _multiplied(module.kind):
                 inputs.append(self.deviation)
             else:
-                inputs += [float(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
+                inputs += [_plain(one) for one in self.ports[module.name].get(port, (0.0, 0.0))[: signal.width]]
         return inputs
 
-    def _arriving(self, module: Module) -> list[float] | None:
+    def _arriving(self, module: Module) -> list[Any] | None:
         """What the sources of its inputs add up to; None where some are not known yet."""
         sums = []
         for channel in channels_of(module.name, module.kind.inputs):
@@ -208,6 +208,15 @@ class _Settled:
                 return None
             sums.append(sum(self.outputs[source] for source in sources))
         return sums
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, ca.SX) else float(value)
+
+
+def _counts(value: Any) -> bool:
+    """False for a sum that is zero but for rounding."""
+    return not is_zero(value) if isinstance(value, ca.SX) else abs(value) > ROUNDING
 
 
 def terminal_point(

@@ -127,7 +127,7 @@ def limit_named(id: str, mode: str = "", windup: bool = False) -> Limit:
     return next(one for one in LIMITS if one.id == id and mode in ("", one.mode) and one.windup == windup)
 
 
-def memory_at_rest(limits: Sequence[Limit], r_d: float, e: float, clock: float) -> list[float]:
+def memory_at_rest(limits: Sequence[Limit], r_d: Any, e: Any, clock: Any) -> list[Any]:
     """What limits keep between steps, of a device at rest. clock : s, time since the event begins."""
     kept = {"reference_ramp": [r_d], "momentary_cessation": [NEVER, e]}
     until = [clock, e, 0.0, -NEVER]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import factorial, hypot
+from math import factorial
 from typing import Any
 
 import casadi as ca
@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_continuous_are
 
 from ibrid.assembly.averaged import equations
+from ibrid.assembly.numbers import Scalar, square_root
 from ibrid.assembly.rest import Rest, rest
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
-from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest
 from ibrid.playback.machine_code import LANES
@@ -25,7 +25,7 @@ from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, 
 from ibrid.playback.steps import ORDER_8, Rule, simulate
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import Parameter, parameter_table
+from ibrid.structure.parameters import Parameter, parameter_table, parameters_at
 from ibrid.structure.wiring import wire
 
 #: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows; of a prediction,
@@ -38,11 +38,8 @@ MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
 #: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
-#: States at rest that are kept: limits and predictions change none.
-KEPT = 200
-#: Parameter sets; the same with their rests; and values of the orders of delays for which the laws are kept.
+#: Parameter sets, and values of the orders of delays for which the laws are kept.
 Sets = Sequence[Mapping[str, float]]
-_Lanes = Sequence[tuple[Rest, Mapping[str, float]]]
 _Orders = tuple[tuple[str, int], ...]
 
 
@@ -70,7 +67,6 @@ class Player:
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
         self._laws: dict[tuple[_Orders, bool], _Laws] = {}
-        self._rests: dict[tuple[OperatingPoint, float, _Orders, tuple[float, ...]], Rest] = {}
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -94,23 +90,9 @@ class Player:
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
         orders = self._orders(values[0], LED_PHASE if led else PHASE)
-        rests: list[Rest | None] = []
-        for one in values:
-            try:
-                rests.append(self._rest(one, record, orders))
-            except IbridError as refused:
-                rests.append(None)
-                if len(rests) == len(values) and all(one is None for one in rests):
-                    raise refused
-        laws = self._laws_at(orders, next(one for one in rests if one is not None), led)
-        kept = [(k, one) for k, one in enumerate(rests) if one is not None]
-        current, left, memory = laws.run(record, [(at, values[k]) for k, at in kept], step, rule, sharp)
-        nothing = np.full((len(record.time), 2), np.nan)
-        played = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
-        for lane, (k, _) in enumerate(kept):
-            gone = None if np.isnan(left[lane]) else float(left[lane])
-            played[k] = Played(current[:, :, lane], gone, memory[:, lane])
-        return played
+        if (orders, led) not in self._laws:
+            self._laws[orders, led] = _Laws(self, orders, led)
+        return self._laws[orders, led].run(record, values, step, rule, sharp)
 
     def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
@@ -119,29 +101,13 @@ class Player:
             if kind.delay is not None
         )
 
-    def _rest(self, values: Mapping[str, float], record: EventRecord, orders: _Orders) -> Rest:
-        op = record.rest
-        own = {one.name: values[one.name] for one in self.table.free}
-        key = op, record.offset_hz, orders, tuple(own.values())
-        if key not in self._rests:
-            if len(self._rests) >= KEPT:
-                self._rests.clear()
-            self._rests[key] = rest(
-                self.wiring,
-                self.table,
-                own,
-                op.pqv,
-                power_node="pcc",
-                omega_0=self.omega_0,
-                pade_orders=dict(orders),
-                deviation=2 * np.pi * record.offset_hz,
-            )
-        return self._rests[key]
-
-    def _laws_at(self, orders: _Orders, at: Rest, led: bool) -> "_Laws":
-        if (orders, led) not in self._laws:
-            self._laws[orders, led] = _Laws(self, at, led)
-        return self._laws[orders, led]
+    def rest_in_symbols(self, theta: ca.SX, point: ca.SX, deviation: ca.SX, orders: _Orders) -> Rest:
+        """theta : of `parameters`. point : (p, q, v). deviation : of the frequency at rest, rad/s."""
+        values = {one.name: Scalar(theta[k]) for k, one in enumerate(self.table.free)}
+        return rest(
+            self.wiring, self.table, values, (Scalar(point[0]), Scalar(point[1]), Scalar(point[2])), power_node="pcc",
+            omega_0=self.omega_0, pade_orders=dict(orders), deviation=deviation,
+        )  # fmt: skip
 
 
 def rational_order(delay: float, phase: float = PHASE) -> int:
@@ -201,10 +167,12 @@ def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 class _Laws:
     """The joined laws as a tape; all numbers of the modules are its constants."""
 
-    def __init__(self, player: Player, at: Rest, led: bool) -> None:
-        self.player, self.names, self.led = player, [module.name for module in at.modules], led
-        self.references = list(at.references)
-        symbols, self._pairs = {}, {}
+    def __init__(self, player: Player, orders: _Orders, led: bool) -> None:
+        self.player, self.led = player, led
+        theta, point = ca.SX.sym("theta", len(player.parameters)), ca.SX.sym("point", 3)
+        deviation, clock = ca.SX.sym("deviation"), ca.SX.sym("clock")
+        at = player.rest_in_symbols(theta, point, deviation, orders)
+        symbols = {}
         constants: list[ca.SX] = []
         for module in at.modules:
             own = {}
@@ -215,7 +183,7 @@ class _Laws:
                 own[name] = (symbol[0], symbol[1]) if width == 2 else symbol
             symbols[module.name] = own
         x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
-        v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(self.references))
+        v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))
         since = ca.SX.sym("since")
         numbers = {f"{one.id}.{name}": ca.SX.sym(name) for one in player.limits for name in one.parameters}
         lacking_r, lacking_u, e_rest = ca.SX.sym("lacking_r", 2), ca.SX.sym("lacking_u", 2), ca.SX.sym("e_rest")
@@ -224,7 +192,7 @@ class _Laws:
         if player.limits and player.places is not None:
             shaping = Limited(player.limits, player.places, numbers, lacking_r, lacking_u, e_rest, memory, since)
         joined = equations(
-            player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(self.references)}, symbols, shaping
+            player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(at.references)}, symbols, shaping
         )
         states, further, self._through = ca.vertcat(*x.values()), ca.SX(0, 1), None
         results = [joined.rates, joined.current]
@@ -247,67 +215,78 @@ class _Laws:
             results[0] = results[0] + gain @ (measured - results[1])
             constant, outside = ca.vertcat(constant, ca.vec(gain)), ca.vertcat(outside, measured)
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
+        begin = self._at_rest(at, theta[len(player.table.free) :].elements(), point[2], clock)
+        self._begin = ca.Function("begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin])
 
-    def run(
-        self, record: EventRecord, lanes: _Lanes, step: float, rule: Rule, sharp: bool
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Current (N, 2, S), the time (S,) at which each left, and the memory (k, S) at the end."""
-        numbers = [self._numbers(at, values, record) for at, values in lanes]
-        x, memory, constants = (
-            np.ascontiguousarray(np.array(one, dtype=float).T) for one in zip(*numbers, strict=True)
-        )
+    def run(self, record: EventRecord, values: Sets, step: float, rule: Rule, sharp: bool) -> list[Played]:
+        """As `Player.play`."""
+        deviation = 2 * np.pi * record.offset_hz
+        names, clock = [one.name for one in self.player.parameters], float(record.time[0]) - record.rest_end
+        begun = [self._begin([one[name] for name in names], record.rest.pqv, deviation, clock) for one in values]
+        x, memory, constants = (np.hstack([np.array(one) for one in part]) for part in zip(*begun, strict=True))
+        kept = np.flatnonzero(np.isfinite(np.vstack([x, constants])).all(axis=0)).tolist()
+        if not len(kept):
+            raise IbridError("the model has no real operating point here; ask for less power")
+        x, memory, constants = (np.ascontiguousarray(one[:, kept]) for one in (x, memory, constants))
         linear = self._linear(x[:, 0], [0.0, record.rest.v, 0.0], memory[:, 0], constants[:, 0])
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
-        signals, drawn = record.voltage, self._drawn(record, [at for at, _ in lanes])
+        signals, drawn = record.voltage, self._drawn(record, [values[k] for k in kept], deviation)
         if self.led:
             gain = correction(a, b, c)
             a = a - gain @ c
-            constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(lanes), axis=1)])
+            constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
             signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
-        return current - drawn, left, memory
+        nothing = np.full((len(record.time), 2), np.nan)
+        played = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
+        for lane, (k, delivered) in enumerate(zip(kept, np.moveaxis(current - drawn, 2, 0), strict=True)):
+            gone = None if np.isnan(left[lane]) else float(left[lane])
+            played[k] = Played(delivered, gone, memory[:, lane])
+        return played
 
-    def _drawn(self, record: EventRecord, rests: Sequence[Rest]) -> np.ndarray:
+    def _drawn(self, record: EventRecord, values: Sets, deviation: float) -> np.ndarray:
         """(N, 2, S) what shunts at the PCC take; (N, 2, 1) zeros without any."""
-        outside = self.player.wiring.outside
-        if not outside.elements:
+        wiring, omega_0 = self.player.wiring, self.player.omega_0
+        if not wiring.outside.elements:
             return np.zeros((len(record.time), 2, 1))
-        return np.stack([drawn_at_pcc(outside, at, record.voltage, self.player.omega_0) for at in rests], axis=2)
+        numbers = [parameters_at(wiring, self.player.table, one) for one in values]
+        drawn = [drawn_at_pcc(wiring.outside, one, record.voltage, omega_0, omega_0 + deviation) for one in numbers]
+        return np.stack(drawn, axis=2)
 
-    def _numbers(self, at: Rest, values: Mapping[str, float], record: EventRecord) -> tuple[list, list, list]:
-        """States, memory and constants at rest."""
-        constants: list[float] = []
+    def _at_rest(self, at: Rest, numbers: Sequence[Any], v: ca.SX, clock: ca.SX) -> tuple[list, list, list]:
+        """States, memory and constants; numbers : of the limits. clock : time since the event begins, s."""
+        constants: list[Any] = []
         for module in at.modules:
             for value in module.arguments.values():
-                constants += [float(one) for one in value] if isinstance(value, tuple) else [float(value)]
-        constants += [float(at.references.get(one, 0.0)) for one in self.references]
-        constants += [float(values[f"{one.id}.{name}"]) for one in self.player.limits for name in one.parameters]
-        lacking_r, lacking_u, e, r = self._at_rest(at)
+                constants += value if isinstance(value, tuple) else [value]
+        constants += [*at.references.values(), *numbers]
+        lacking_r, lacking_u, e, r = self._absolute(at)
         constants += [*lacking_r, *lacking_u, e]
-        memory = memory_at_rest(self.player.limits, r[0], e, float(record.time[0]) - record.rest_end)
-        states = [value for name in self.names for value in at.states[name]]
+        memory = memory_at_rest(self.player.limits, r[0], e, clock)
+        states = [value for module in at.modules for value in at.states[module.name]]
         if self._through is not None:
-            more = port_at_rest(self.player.wiring.outside, self._through.own, at, record.rest.v, self.player.omega_0)
+            outside = self.player.wiring.outside
+            more = port_at_rest(outside, self._through.own, at, v, self.player.omega_0)
             states, constants = states + more[0], constants + more[1]
         return states, memory, constants
 
-    def _at_rest(self, at: Rest) -> tuple[list[float], list[float], float, list[float]]:
+    def _absolute(self, at: Rest) -> tuple[list, list, Any, list]:
         """What the sums of r and of u lack to be absolute, |e| and r at rest."""
         places: Places | None = self.player.places
         if places is None:
             return [0.0, 0.0], [0.0, 0.0], 1.0, [0.0, 0.0]
 
-        def arrives(port: str, axis: int) -> float:
+        def arrives(port: str, axis: int) -> Any:
             sources = sources_of(self.player.wiring, (port, axis))
             return sum(at.outputs[one] for one in sources) + at.references.get((port, axis), 0.0)
 
-        e = hypot(*(at.outputs[places.voltage, axis] for axis in (0, 1)))
+        e_d, e_q = (at.outputs[places.voltage, axis] for axis in (0, 1))
         plant = f"{self.player.wiring.plant}.u_r"
         lacking_u = [arrives(plant, axis) - arrives(places.command, axis) for axis in (0, 1)]
         if places.reference is None:
-            return [0.0, 0.0], lacking_u, e, [0.0, 0.0]
+            return [0.0, 0.0], lacking_u, square_root(e_d * e_d + e_q * e_q), [0.0, 0.0]
         lacking_r = [-arrives(places.reference, axis) for axis in (0, 1)]
         r = [-at.outputs[places.measured, axis] for axis in (0, 1)]
-        return lacking_r, lacking_u, e, r
+        return lacking_r, lacking_u, square_root(e_d * e_d + e_q * e_q), r
