@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
-from math import isfinite, log
+from math import inf, isfinite, log
 
 from ibrid.errors import IbridError
 from ibrid.gap.missing_transfer import measured
@@ -120,7 +120,9 @@ class Rankings:
     def loss(self, parent: Evaluated, without: Diagram) -> float:
         """What a removal loses by looks: in free numbers, less those saved, where a sweep tells its noise; else in ln(error)."""
         looker, values, study = self.looker, self._values(parent), self.study
-        less, floor = looker.ranked(itself_of(without, study), values)[0], looker.criterion.floor
+        less, floor = next(iter(looker.ranked(itself_of(without, study), values)), None), looker.criterion.floor
+        if less is None:  # without it no record has an answer
+            return inf
         counted = floor.known and study.events is None
         own = looker.ranked(itself_of(parent.diagram, study), values)[0] if counted else None
         if own is not None and isfinite(own.error):

@@ -185,6 +185,16 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
     assert all(-1.0 < loss < AFFORDABLE for loss in losses)
 
 
+def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeypatch):
+    study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
+    rankings = rankings_of(study)
+    monkeypatch.setattr(
+        rankings.looker, "ranked", lambda edits, values: []
+    )  # as a race of records in which none arrives
+    (view,) = views_of(given.diagram, study.kinds)
+    assert {rankings.loss(given, view.after(move)) for move in removal_moves(view)} == {np.inf}
+
+
 def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [given.record.parameters[name] for name in study.fitted.names]
