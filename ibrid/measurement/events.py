@@ -115,6 +115,11 @@ class Events:
         return tuple(record.name for record in self.records)
 
     @property
+    def mildest(self) -> str:
+        """The record whose voltage departs least from its rest."""
+        return min(self.records, key=lambda one: float(np.hypot(*(one.v - [one.rest.v, 0.0]).T).max())).name
+
+    @property
     def rests(self) -> Sweep:
         """The rest of each record as an operating point at which nothing was swept."""
         points = tuple(PointSweep(one.rest, np.ones(1), np.eye(2, dtype=complex)[None]) for one in self.records)

@@ -77,7 +77,7 @@ class Ranked:
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside a sweep."""
+    `events` : records beside a sweep. `mildest` : the only one of several records that was fitted, "" where all were."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -85,6 +85,7 @@ class Start:
     family: str
     next: tuple[str, ...] = ()
     events: Events | None = None
+    mildest: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -109,11 +110,14 @@ class Start:
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         alone, held = isinstance(self.data, Events), self.best.held_out or {}
-        sure += (
-            " A limit that acts in a record is asked for by ibrid gap." if alone and self.best.grade not in FITS else ""
-        )
+        if self.mildest:
+            sure = f"Of the mildest record alone, {self.mildest}: t{sure[1:]} In the others a limit may act: ask ibrid gap."
+        elif alone and self.best.grade not in FITS:
+            sure += " A limit that acts in a record is asked for by ibrid gap."
         points = "; ".join(f"{error:.2g} {'in' if alone else 'at'} {op}" for op, error in held.items())
         sure += f" Error {'in a record' if alone else 'at a point'} that the fit never saw: {points}." if held else ""
+        if self.mildest:
+            return sure
         records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
         if self.records is not None and not records:
             return sure + " No diagram that was fitted has a rest in every record of events."
@@ -160,30 +164,28 @@ def start(
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
         )
-    fitted: list[Ranked] = []
-    for number, look in enumerate(looks[: FITTED if study.events is None else RACED]):
-        if number >= FITTED and any(ranked.grade in FITS for ranked in fitted):
-            break
-        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
-        fitted.append(_fitted(look, study))
+    fitted, mildest = _few_fitted(looks, study, looker.criterion, tell), ""
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
-    fitted.sort(key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, looker.criterion)))
-    if fitted[0].grade not in FITS and study.events is None:
+    if fitted[0].grade not in FITS and study.events is not None:
+        fitted, mildest = _of_mildest(fitted, study, study.events, tell)
+    elif fitted[0].grade not in FITS:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
         fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
-    tell(f"predicting what is held out with {fitted[0].diagram}", 0.92)
-    first = replace(fitted[0], held_out=_held_out(fitted[0], study))
+    first = fitted[0]
+    if not mildest:
+        tell(f"predicting what is held out with {first.diagram}", 0.92)
+        first = replace(first, held_out=_held_out(first, study))
     others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
     failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events)
+    return Start(data, inspection, (first, *others), family, events=events, mildest=mildest)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -220,6 +222,32 @@ def family_words(sort: str) -> str:
     follows, _, loop = sort.partition(", ")
     names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
     return " and ".join(names) + (f", with a {loop}" if loop else "")
+
+
+def _few_fitted(looks: Sequence[RankedEdit], study: Study, measure: Criterion, tell: Tell) -> list[Ranked]:
+    """The first few, the best first; of records more while none of them fits."""
+    fitted: list[Ranked] = []
+    for number, look in enumerate(looks[: FITTED if study.events is None else RACED]):
+        if number >= FITTED and any(ranked.grade in FITS for ranked in fitted):
+            break
+        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
+        fitted.append(_fitted(look, study))
+    return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
+
+
+def _of_mildest(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
+    """Where no diagram fits all records, the one that fits the mildest alone before them, with the name of that record."""
+    others = [name for name in events.names if name != events.mildest]
+    if not others:
+        return failed, ""
+    tell(f"no diagram fits all records: the mildest alone, {events.mildest}", 0.86)
+    mild = Study.of(study, holdout_op=others)
+    looker = rankings_of(mild.blind).looker
+    best = _few_fitted(looker.textbooks(), mild, looker.criterion, tell)[:1]
+    if not best or best[0].record is None or best[0].grade not in FITS:
+        return failed, ""
+    first = replace(best[0], held_out=dict(best[0].record.holdout))
+    return [first, *(one for one in failed if one.diagram != first.diagram)], events.mildest
 
 
 def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
@@ -279,7 +307,7 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
     if answer.best.record is None:
         chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])
-    elif answer.best.grade in FITS:
+    elif answer.best.grade in FITS and not answer.mildest:
         chosen = (stability, export, search if two else gap)
     else:
         first = (gap, search) if alone else (search, gap)  # in records a limit is likelier than another make

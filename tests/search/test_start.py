@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from browser import asked
 from foreign_files import MAKES
-from ibrid_search.start import Ranked, Start, write_start
+from ibrid_bench.events.cases import draw
+from ibrid_search.start import Ranked, Start, start, write_start
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 
@@ -150,6 +151,21 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
         assert words[0] == "gap" or cli.main(words) == 0, line
     assert cli.main(["start", str(file), "--events", str(file), "--out", str(folder)]) == 2
     assert "give a sweep as DATA or leave one out" in capsys.readouterr().err
+
+
+def test_where_a_limit_bends_records_the_mildest_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("ibrid_search.start.RACED", 1)
+    monkeypatch.setattr("ibrid_search.event_looks.SHIPPED", 6)
+    case = draw("current_limit", 5, 60.0, swept=False)
+    answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
+    assert answer.mildest == case.events.names[1]
+    assert answer.best.diagram in {"gfl", case.textbook}  # the filter before the PLL hardly shows in one small event
+    assert answer.best.grade == "explains"
+    assert answer.best.held_out is not None
+    assert set(answer.best.held_out) == {case.events.names[0], case.events.names[2]}
+    assert min(answer.best.held_out.values()) > 0.1
+    assert answer.sentence.startswith(f"Of the mildest record alone, {case.events.names[1]}: the shipped diagram")
+    assert answer.next[0].startswith(f"ibrid gap {tmp_path / 'model.json'} records.csv")
 
 
 def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
