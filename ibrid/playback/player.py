@@ -101,14 +101,6 @@ class Player:
             if kind.delay is not None
         )
 
-    def rest_in_symbols(self, theta: ca.SX, point: ca.SX, deviation: ca.SX, orders: _Orders) -> Rest:
-        """theta : of `parameters`. point : (p, q, v). deviation : of the frequency at rest, rad/s."""
-        values = {one.name: Scalar(theta[k]) for k, one in enumerate(self.table.free)}
-        return rest(
-            self.wiring, self.table, values, (Scalar(point[0]), Scalar(point[1]), Scalar(point[2])), power_node="pcc",
-            omega_0=self.omega_0, pade_orders=dict(orders), deviation=deviation,
-        )  # fmt: skip
-
 
 def rational_order(delay: float, phase: float = PHASE) -> int:
     """Smallest order of a Pade form whose phase error at `HIGHEST` is below `phase`.
@@ -171,9 +163,11 @@ class _Laws:
         self.player, self.led = player, led
         theta, point = ca.SX.sym("theta", len(player.parameters)), ca.SX.sym("point", 3)
         deviation, clock = ca.SX.sym("deviation"), ca.SX.sym("clock")
-        at = player.rest_in_symbols(theta, point, deviation, orders)
-        symbols = {}
-        constants: list[ca.SX] = []
+        values = {one.name: Scalar(theta[k]) for k, one in enumerate(player.table.free)}
+        physics: Any = {"power_node": "pcc", "omega_0": player.omega_0, "pade_orders": dict(orders)}
+        pqv = (Scalar(point[0]), Scalar(point[1]), Scalar(point[2]))
+        at = rest(player.wiring, player.table, values, pqv, deviation=deviation, **physics)
+        symbols, constants = {}, list[ca.SX]()
         for module in at.modules:
             own = {}
             for name, value in module.arguments.items():
@@ -183,8 +177,7 @@ class _Laws:
                 own[name] = (symbol[0], symbol[1]) if width == 2 else symbol
             symbols[module.name] = own
         x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
-        v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))
-        since = ca.SX.sym("since")
+        v, r, since = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references)), ca.SX.sym("since")
         numbers = {f"{one.id}.{name}": ca.SX.sym(name) for one in player.limits for name in one.parameters}
         lacking_r, lacking_u, e_rest = ca.SX.sym("lacking_r", 2), ca.SX.sym("lacking_u", 2), ca.SX.sym("e_rest")
         memory = ca.SX.sym("memory", len(memory_at_rest(player.limits, 0.0, 1.0, 0.0)))
@@ -195,11 +188,8 @@ class _Laws:
             player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(at.references)}, symbols, shaping
         )
         states, further, self._through = ca.vertcat(*x.values()), ca.SX(0, 1), None
-        results = [joined.rates, joined.current]
-        results += [
-            joined.resolved(shaping.next if shaping else []),
-            joined.resolved(shaping.switches if shaping else []),
-        ]
+        kept = (shaping.next, shaping.switches) if shaping else ([], [])
+        results = [joined.rates, joined.current, *map(joined.resolved, kept)]
         if joined.loops:
             results = [ca.substitute(one, joined.unknown, solved(joined.residual, joined.unknown)) for one in results]
         if player.wiring.outside.elements:
@@ -257,10 +247,8 @@ class _Laws:
 
     def _at_rest(self, at: Rest, numbers: Sequence[Any], v: ca.SX, clock: ca.SX) -> tuple[list, list, list]:
         """States, memory and constants; numbers : of the limits. clock : time since the event begins, s."""
-        constants: list[Any] = []
-        for module in at.modules:
-            for value in module.arguments.values():
-                constants += value if isinstance(value, tuple) else [value]
+        arguments = [value for module in at.modules for value in module.arguments.values()]
+        constants = [part for one in arguments for part in (one if isinstance(one, tuple) else [one])]
         constants += [*at.references.values(), *numbers]
         lacking_r, lacking_u, e, r = self._absolute(at)
         constants += [*lacking_r, *lacking_u, e]
