@@ -122,9 +122,9 @@ class Records(Data):
         """The model with every limit that it lacks, or without one that it has, fitted together."""
         if model.refit not in self._races:
             places = self._limit_places(model)
-            origins = [model.refit.values]
-            if not model.adequate():
-                origins = [self._small(model), model.refit.values, self._led(model)]
+            small = None if model.adequate() else self._by_sweep(model.diagram)
+            first: Values = {} if small is None or small.p_value() < ADEQUATE else small.values
+            origins = [model.refit.values] if model.adequate() else [first, model.refit.values, self._led(model)]
             fits = race(
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
                 led=not model.adequate(),
@@ -134,14 +134,6 @@ class Records(Data):
                 for place, fit in zip(places, fits, strict=True)
             }
         return self._races[model.refit]
-
-    def _small(self, model: Model) -> Values:
-        """Values that explain the sweep, or the mildest of several records, which no limit may bend; else the nominal ones."""
-        events, small = self.noise.events, self._by_sweep(model.diagram)
-        if self.fitter.refitter is None and len(events.records) > 1:
-            mild = self.fitter.of(without(self.noise, events.mildest, hold=True))
-            small = mild.fit(model.diagram, self.beside(model), [{}, model.refit.values])
-        return {} if small is None or small.p_value() < ADEQUATE else small.values
 
     def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
