@@ -82,7 +82,8 @@ def _checked(path: str, name: str, value: Any) -> Any:
     """A list of numbers for p, q, v; a positive number for the others, a whole one up to 200 for count."""
     if name in ("p", "q", "v"):
         numbers = value if isinstance(value, list) else [value]
-        if 0 < len(numbers) <= 20 and all(_number(one) and (name != "v" or one > 0) for one in numbers):
+        plain = all(isinstance(one, int | float) and not isinstance(one, bool) and abs(one) <= 10 for one in numbers)
+        if plain and 0 < len(numbers) <= 20 and (name != "v" or min(numbers) > 0):
             return tuple(float(one) for one in numbers)
         raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
     if name in ("events", "parameters"):
@@ -100,7 +101,3 @@ def _checked(path: str, name: str, value: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9:
         return float(value)
     raise IbridError(f"{path}: {name} must be a positive number, found {str(value)[:60]}")
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 10

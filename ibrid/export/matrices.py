@@ -29,10 +29,6 @@ def _stacked(models: Sequence[LinearModel], part: Callable[[LinearModel], Any]) 
     return found[0] if len(found) == 1 else np.stack(found, axis=-1)
 
 
-def _listed(numbers: np.ndarray) -> Any:
-    return numbers.tolist() if np.isfinite(numbers).all() else None
-
-
 def _same_states(models: Sequence[LinearModel]) -> LinearModel:
     first = models[0]
     for one in models[1:]:
@@ -48,6 +44,7 @@ def control_json(*models: LinearModel) -> bytes:
     def told(part: Callable[[LinearModel], Any]) -> Any:
         return [part(point) for point in models] if many else part(model)
 
+    numbers = {name: _stacked(models, lambda point, name=name: getattr(point, name)) for name in _NUMBERS}
     data = {
         "schema": SCHEMA,
         "name": model.name,
@@ -61,7 +58,7 @@ def control_json(*models: LinearModel) -> bytes:
         "states": model.states,
         "inputs": model.inputs,
         "outputs": model.outputs,
-        **{name: _listed(_stacked(models, lambda point, name=name: getattr(point, name))) for name in _NUMBERS},
+        **{name: one.tolist() if np.isfinite(one).all() else None for name, one in numbers.items()},
         "parameters": {name: told(lambda point, name=name: point.parameters[name]) for name in model.parameters},
         "pade_orders": model.pade_orders,
     }

@@ -288,10 +288,8 @@ def _of_columns(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
         elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
             for k, column in enumerate(value.T if shape[0] == length else value, 1):
                 columns[f"{name}:{k}"] = column
-    columns = {name.rsplit(".", 1)[-1] if _alone(name, columns) else name: _plain(v) for name, v in columns.items()}
+    short = {name: name.rsplit(".", 1)[-1] for name in columns}
+    ends = Counter(short.values())
+    columns = {short[name] if ends[short[name]] == 1 else name: _plain(v) for name, v in columns.items()}
     single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
     return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single))
-
-
-def _alone(name: str, columns: dict[str, Any]) -> bool:
-    return sum(other.rsplit(".", 1)[-1] == name.rsplit(".", 1)[-1] for other in columns) == 1

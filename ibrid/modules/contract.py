@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.errors import ModuleError
 from ibrid.modules.behaviour import numbers_of
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.large_signal import LargeSignal, asked
 
 #: Two orders of the same operations differ by a few roundings.
 ROUNDING = 1e-15
@@ -65,7 +65,7 @@ def _draw_within(box: Range, rng: np.random.Generator) -> float:
 
 
 def _symbolic(kind: ModuleKind) -> ca.Function:
-    """All arguments, pairs laid flat, -> all entries of A, B, C, D."""
+    """All arguments, pairs laid flat, -> all entries of A, B, C, D, and the states at rest."""
     symbols: dict[str, Any] = {}
     flat = []
     for name, value in _draw(kind, np.random.default_rng(0)).items():
@@ -74,24 +74,32 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
         flat += some
     try:
         entries = [entry for rows in kind.state_space(**symbols) for row in rows for entry in row]
+        entries += _at_rest(kind, symbols)
         return ca.Function("entries", flat, [ca.vertcat(*[ca.SX(entry) for entry in entries])])
     except (TypeError, RuntimeError, NotImplementedError) as error:
         reason = str(error).strip().splitlines()[-1]
         raise ModuleError(
-            f"{kind.name}: state_space must work with CasADi symbols as with numbers, so with + - * / alone; "
+            f"{kind.name}: state_space and at_rest must work with CasADi symbols as with numbers, so with + - * / alone; "
             f"found {type(error).__name__}: {reason}"
         ) from error
 
 
+def _at_rest(kind: ModuleKind, arguments: Mapping[str, Any]) -> list[Any]:
+    """Where a large-signal law says that states rest; nothing without."""
+    at_rest = kind.large_signal and kind.large_signal.at_rest
+    return [*at_rest(**asked(at_rest, arguments))] if at_rest else []
+
+
 def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
     flat = [one for value in arguments.values() for one in (value if isinstance(value, tuple) else (value,))]
-    numbers = np.concatenate([part.ravel() for part in numbers_of(kind, arguments)])
+    numbers = np.concatenate([*(part.ravel() for part in numbers_of(kind, arguments)), _at_rest(kind, arguments)])
     by_symbols = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
     wrong = ~(np.abs(by_symbols - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
     if wrong.any():
         raise ModuleError(
-            f"{kind.name}: the matrices must be the same for symbols and numbers; an entry is {by_symbols[wrong][0]:.17g} with "
-            f"symbols and {numbers[wrong][0]:.17g} with numbers, is there a comparison or a conversion in state_space?"
+            f"{kind.name}: matrices and states at rest must be the same for symbols and numbers; an entry is "
+            f"{by_symbols[wrong][0]:.17g} with symbols and {numbers[wrong][0]:.17g} with numbers, is there a comparison or a "
+            "conversion in state_space or at_rest?"
         )
 
 

@@ -27,7 +27,8 @@ class LargeSignal:
     law : returns (dx/dt, outputs), flat, from `x`, a tuple of the states, and by argument name: the input ports (a pair
         for dq_vec, else a scalar), the parameters, `omega_0`, and `PORT_eq` for constants of the operating point. With
         + - * / and `cosine`, `sine`, `square_root`, so that numbers, CasADi symbols and text all work.
-    at_rest : returns the states at the operating point, from the same parameters and `PORT_eq`; None: without states.
+    at_rest : returns the states at the operating point, from the same parameters and `PORT_eq`, as the law from numbers and
+        CasADi symbols; None: without states.
     angle : input that at rest is the angle of the controller frame. Inputs that are neither this nor among the
         operating points of the state space, such as a frequency deviation, are zero at rest.
     """

@@ -1,7 +1,6 @@
 """What delays or smooths the whole voltage command on its way to the converter."""
 
 from collections.abc import Iterator
-from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Strength, cutoff
@@ -25,6 +24,10 @@ def _lagged(view: View, kind: str, stem: str, elements: tuple[Element, ...], say
     return in_line(present, f"{{}}, which {says} {command}", places)
 
 
+def _control_delay(view: View) -> Iterator[Move]:
+    return _lagged(view, "Delay", "delay", DELAYS, "delays", T_d=DELAY_TIME)
+
+
 CONTROL_DELAY = Effect(
     id="control_delay",
     law="u_r = exp(-s T_d) (the whole command, feedforward included)",
@@ -34,7 +37,7 @@ CONTROL_DELAY = Effect(
     confused_with=("command_filter", "current_filter", "delay_angle", "measurement_delay", "measurement_filter",
                    "voltage_feedforward_filter", "zero_order_hold"),
     told_apart_by="points above 0.3/(2 pi T_d) with 2 % noise or less: the phase of a delay goes on falling",
-    moves=partial(_lagged, kind="Delay", stem="delay", elements=DELAYS, says="delays", T_d=DELAY_TIME),
+    moves=_control_delay,
 )  # fmt: skip
 
 

@@ -1,7 +1,6 @@
 """The measured current: its filter, its delay, which current it is, and where it is taken."""
 
 from collections.abc import Iterable, Iterator
-from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.command import DELAYS
@@ -30,6 +29,10 @@ def _shaped(view: View, kind: str, stem: str, elements: tuple[Element, ...], say
     return in_line(present, f"{{}}{says} {current}", places)
 
 
+def _measurement_delay(view: View) -> Iterator[Move]:
+    return _shaped(view, "Delay", "current_delay", DELAYS, ", which delays", T_d=DELAY_TIME)
+
+
 MEASUREMENT_DELAY = Effect(
     id="measurement_delay",
     law="the controller gets exp(-s T_d) i, while voltages and powers come prompt",
@@ -37,7 +40,7 @@ MEASUREMENT_DELAY = Effect(
     signature="100 Hz to 2 kHz; all entries alike, the same at every operating point; the feedforward stays prompt",
     confused_with=("control_delay", "current_filter"),
     told_apart_by="the top of the band, where the feedforward is delayed by a control delay and not by this one",
-    moves=partial(_shaped, kind="Delay", stem="current_delay", elements=DELAYS, says=", which delays", T_d=DELAY_TIME),
+    moves=_measurement_delay,
 )
 
 

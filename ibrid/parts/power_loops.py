@@ -46,6 +46,14 @@ def _power_loop(view: View, power: str) -> Iterator[Move]:
             yield Move.at(change, where, lambda draft: _loop(draft, view, power, twin))
 
 
+def _active_power_loop(view: View) -> Iterator[Move]:
+    return _power_loop(view, "p")
+
+
+def _reactive_power_loop(view: View) -> Iterator[Move]:
+    return _power_loop(view, "q")
+
+
 POWER_LOOP_MISSING = Effect(
     id="power_loop_missing",
     law="i_ref_d = (k_P + k_I/s)(p* - p)",
@@ -53,7 +61,7 @@ POWER_LOOP_MISSING = Effect(
     signature="below 50 Hz; dd, and the value towards 0 Hz: constant power turns the sign of the conductance",
     confused_with=("dc_link", "power_reference", "reactive_loop_missing"),
     told_apart_by="the admittance below 5 Hz at two powers: with loops of p and q it tends to [[p, -q], [-q, -p]]/v^2",
-    moves=partial(_power_loop, power="p"),
+    moves=_active_power_loop,
 )
 
 REACTIVE_LOOP_MISSING = Effect(
@@ -63,7 +71,7 @@ REACTIVE_LOOP_MISSING = Effect(
     signature="below 50 Hz; qd, and the value towards 0 Hz",
     confused_with=("ac_voltage_loop", "power_loop_missing", "power_reference", "voltage_droop"),
     told_apart_by="the admittance below 5 Hz at two reactive powers",
-    moves=partial(_power_loop, power="q"),
+    moves=_reactive_power_loop,
 )
 
 

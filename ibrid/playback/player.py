@@ -242,7 +242,7 @@ class _Laws:
         if not wiring.outside.elements:
             return np.zeros((len(record.time), 2, 1))
         numbers = [parameters_at(wiring, self.player.table, one) for one in values]
-        drawn = [drawn_at_pcc(wiring.outside, one, record.voltage, omega_0, omega_0 + deviation) for one in numbers]
+        drawn = [drawn_at_pcc(one, wiring.outside, record.voltage, omega_0, omega_0 + deviation) for one in numbers]
         return np.stack(drawn, axis=2)
 
     def _at_rest(self, at: Rest, numbers: Sequence[Any], v: ca.SX, clock: ca.SX) -> tuple[list, list, list]:
@@ -255,8 +255,7 @@ class _Laws:
         memory = memory_at_rest(self.player.limits, r[0], e, clock)
         states = [value for module in at.modules for value in at.states[module.name]]
         if self._through is not None:
-            outside = self.player.wiring.outside
-            more = port_at_rest(outside, self._through.own, at, v, self.player.omega_0)
+            more = port_at_rest(self._through, self.player.wiring.outside, at, v, self.player.omega_0)
             states, constants = states + more[0], constants + more[1]
         return states, memory, constants
 

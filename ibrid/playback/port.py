@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import to_frame
-from ibrid.assembly.terminals import inwards, resistance_of
+from ibrid.assembly.terminals import Parameters, inwards, resistance_of
 from ibrid.errors import IbridError
 from ibrid.structure.outside import ELEMENTS, PORT, Outside
 
@@ -86,14 +86,11 @@ def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX,
     return Through(laws, at_pcc, ca.vertcat(*states[1:]), tuple(own), ca.vertcat(*constants))
 
 
-def port_at_rest(
-    outside: Outside, own: Sequence[tuple[int, str]], at: Rest, v: Any, omega_0: float
-) -> tuple[list, list]:
+def port_at_rest(through: Through, outside: Outside, at: Rest, v: Any, omega_0: float) -> tuple[list, list]:
     """The states and the constants; v : magnitude of the voltage at the PCC."""
     if at.inner is None or at.inner.current is None:
         raise IbridError("the rest of a diagram without a port was asked for behind one")
-    ratio = 1 + at.deviation / omega_0
-    z, i, rests = (v, 0.0), at.inner.current, {}
+    ratio, z, i, rests = 1 + at.deviation / omega_0, (v, 0.0), at.inner.current, {}
     for k, element in enumerate(outside.elements, start=1):
         values = _numbers(at.port, k)
         there = {name: value * (ratio if name in "LC" else 1.0) for name, value in values.items()}
@@ -102,17 +99,15 @@ def port_at_rest(
             x = there["R"] * there["C"]
             rests[k] = (z[0] + x * z[1]) / (1 + x * x), (z[1] - x * z[0]) / (1 + x * x)
         z, i = inwards(element.kind, there, z, i)
-    states = [part for k, _ in own for part in to_frame(at.inner.turn, rests[k])]
+    states = [part for k, _ in through.own for part in to_frame(at.inner.turn, rests[k])]
     constants = [*at.inner.turn, at.deviation]
     for k, _, names in reversed(elements_of(outside)[1]):
         constants += [_numbers(at.port, k)[name] for name in names]
     return states, constants
 
 
-def drawn_at_pcc(
-    outside: Outside, numbers: Mapping[str, Mapping[str, float]], voltage: CubicSpline, omega_0: float, omega: float
-) -> np.ndarray:
-    """(N, 2) current into the shunts at the PCC at the samples; numbers : element -> name -> value. omega : of the frame, rad/s.
+def drawn_at_pcc(port: Parameters, outside: Outside, voltage: CubicSpline, omega_0: float, omega: float) -> np.ndarray:
+    """(N, 2) current into the shunts at the PCC at the samples; port : element -> name -> value. omega : of the frame, rad/s.
 
     v_c' = a v - (a + j omega) v_c with a = omega_0 / (R C) has, while v is a cubic, the solution p + (v_c - p) exp(-(a +
     j omega) t) with the cubic p = a sum (-1)^k v^(k) / (a + j omega)^(k + 1): exact whatever R is.
@@ -121,7 +116,7 @@ def drawn_at_pcc(
     v, slope, curve = (voltage(voltage.x, order) @ [1, 1j] for order in range(3))
     third = 6 * voltage.c[0] @ [1, 1j]
     for k, _, _ in elements_of(outside)[0]:
-        values = _numbers(numbers, k)
+        values = _numbers(port, k)
         a = omega_0 / (values["R"] * values["C"])
         rate = a + 1j * omega
         smooth = a * (v / rate - slope / rate**2 + curve / rate**3)
@@ -143,7 +138,7 @@ def solved(residual: ca.SX, unknown: ca.SX, start: Any = None) -> ca.SX:
     return root
 
 
-def _numbers(port: Mapping[str, Mapping[str, Any]], k: int) -> Mapping[str, Any]:
+def _numbers(port: Parameters, k: int) -> Mapping[str, Any]:
     values = dict(port[f"{PORT}.{k}"])
     return values | ({"R": resistance_of(values)} if "C" in values else {})
 

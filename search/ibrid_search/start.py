@@ -116,10 +116,9 @@ class Start:
             sure += " A limit that acts in a record is asked for by ibrid gap."
         points = "; ".join(f"{error:.2g} {'in' if alone else 'at'} {op}" for op, error in held.items())
         sure += f" Error {'in a record' if alone else 'at a point'} that the fit never saw: {points}." if held else ""
-        if self.mildest:
-            return sure
-        records = "; ".join(f"{error:.2g} in {name}" for name, error in self.best.by_record.items())
-        if self.records is not None and not records:
+        by_record = {} if self.mildest else self.best.by_record
+        records = "; ".join(f"{error:.2g} in {name}" for name, error in by_record.items())
+        if self.records is not None and not (records or self.mildest):
             return sure + " No diagram that was fitted has a rest in every record of events."
         fitted = "Error of the records" if alone else "Error of the records of events, fitted with the sweep"
         return sure + (f" {fitted}: {records}." if records else "")

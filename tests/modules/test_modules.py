@@ -4,7 +4,7 @@ import dataclasses
 import pickle
 from collections.abc import Callable
 from dataclasses import replace
-from math import cos, hypot, pi, sin
+from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from ibrid.modules import PAPER_VOCABULARY, VOCABULARY, ModuleKind, Range, find_
 from ibrid.modules.behaviour import Element
 from ibrid.modules.delay import HIGHEST_PADE_ORDER, pade_order, pade_state_space
 from ibrid.modules.kind import PAPER_RANGES
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 from ibrid.structure import Diagram, wire
 from ibrid.structure.parameters import parameter_table
@@ -580,6 +581,14 @@ def test_a_range_that_contradicts_itself_is_refused_with_the_numbers(low, high, 
 def test_a_kind_that_breaks_the_contract_is_told_how(change, sentence):
     with pytest.raises((ModuleError, AssertionError), match=sentence):
         check_kind(replace(MINE, dc_gain=None, **change))
+
+
+def test_states_at_rest_that_take_no_symbols_are_refused():
+    oscillator = kind_named("dVOC")
+    assert oscillator.large_signal is not None
+    law = LargeSignal(oscillator.large_signal.law, lambda v_eq: (sqrt(v_eq[0] ** 2 + v_eq[1] ** 2),))
+    with pytest.raises(AssertionError, match="an entry is nan with symbols"):
+        check_kind(replace(oscillator, name="Mine", large_signal=law))
 
 
 def test_a_kind_is_a_frozen_value():
