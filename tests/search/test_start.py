@@ -166,6 +166,9 @@ def test_where_a_limit_bends_records_the_mildest_alone_is_explained_and_the_gap_
     assert min(answer.best.held_out.values()) > 0.1
     assert answer.sentence.startswith(f"Of the mildest record alone, {case.events.names[1]}: the shipped diagram")
     assert answer.next[0].startswith(f"ibrid gap {tmp_path / 'model.json'} records.csv")
+    page = (tmp_path / "report.html").read_text()
+    assert f"NRMSE, {case.events.names[1]}" in page
+    assert all(f"held out: {name}" in page for name in answer.best.held_out)
 
 
 def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
