@@ -115,9 +115,10 @@ class Events:
         return tuple(record.name for record in self.records)
 
     @property
-    def mildest(self) -> str:
-        """The record whose voltage departs least from its rest."""
-        return min(self.records, key=lambda one: float(np.hypot(*(one.v - [one.rest.v, 0.0]).T).max())).name
+    def mildest(self) -> tuple[str, ...]:
+        """The names of the records, that whose voltage departs least from its rest first."""
+        departs = {one.name: float(np.hypot(*(one.v - [one.rest.v, 0.0]).T).max()) for one in self.records}
+        return tuple(sorted(departs, key=lambda name: departs[name]))
 
     @property
     def rests(self) -> Sweep:

@@ -38,6 +38,8 @@ from ibrid_search.rankings import rankings_of
 #: Diagrams that are fitted after the looks, and to records, whose race is short, while none fits; seconds of each fit at most,
 #: and waves of starts.
 FITTED, RACED, SECONDS, RESTARTS = 3, 6, 12.0, 1
+#: Of records that no diagram fits together, so many are explained alone, the mildest first, until one is.
+MILD = 2
 GRADES = tuple(map(str, Grade))
 FITS = GRADES[:2]
 _WORDS = {
@@ -77,7 +79,7 @@ class Ranked:
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside a sweep. `mildest` : the only one of several records that was fitted, "" where all were."""
+    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -85,7 +87,7 @@ class Start:
     family: str
     next: tuple[str, ...] = ()
     events: Events | None = None
-    mildest: str = ""
+    alone: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -109,18 +111,18 @@ class Start:
         noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
-        alone, held = isinstance(self.data, Events), self.best.held_out or {}
-        if self.mildest:
-            sure = f"Of the mildest record alone, {self.mildest}: t{sure[1:]} In the others a limit may act: ask ibrid gap."
-        elif alone and self.best.grade not in FITS:
+        unswept, held = isinstance(self.data, Events), self.best.held_out or {}
+        if self.alone:
+            sure = f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may act: ask ibrid gap."
+        elif unswept and self.best.grade not in FITS:
             sure += " A limit that acts in a record is asked for by ibrid gap."
-        points = "; ".join(f"{error:.2g} {'in' if alone else 'at'} {op}" for op, error in held.items())
-        sure += f" Error {'in a record' if alone else 'at a point'} that the fit never saw: {points}." if held else ""
-        by_record = {} if self.mildest else self.best.by_record
+        points = "; ".join(f"{error:.2g} {'in' if unswept else 'at'} {op}" for op, error in held.items())
+        sure += f" Error {'in a record' if unswept else 'at a point'} that the fit never saw: {points}." if held else ""
+        by_record = {} if self.alone else self.best.by_record
         records = "; ".join(f"{error:.2g} in {name}" for name, error in by_record.items())
-        if self.records is not None and not (records or self.mildest):
+        if self.records is not None and not (records or self.alone):
             return sure + " No diagram that was fitted has a rest in every record of events."
-        fitted = "Error of the records" if alone else "Error of the records of events, fitted with the sweep"
+        fitted = "Error of the records" if unswept else "Error of the records of events, fitted with the sweep"
         return sure + (f" {fitted}: {records}." if records else "")
 
     def to_json(self) -> dict[str, Any]:
@@ -163,10 +165,10 @@ def start(
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
         )
-    fitted, mildest = _few_fitted(looks, study, looker.criterion, tell), ""
+    fitted, alone = _few_fitted(looks, study, FITTED if study.events is None else RACED, tell), ""
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
-        fitted, mildest = _of_mildest(fitted, study, study.events, tell)
+        fitted, alone = _of_one_record(fitted, study, study.events, tell)
     elif fitted[0].grade not in FITS:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
@@ -175,7 +177,7 @@ def start(
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
         fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
     first = fitted[0]
-    if not mildest:
+    if not alone:
         tell(f"predicting what is held out with {first.diagram}", 0.92)
         first = replace(first, held_out=_held_out(first, study))
     others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
@@ -184,7 +186,7 @@ def start(
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events, mildest=mildest)
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -223,10 +225,10 @@ def family_words(sort: str) -> str:
     return " and ".join(names) + (f", with a {loop}" if loop else "")
 
 
-def _few_fitted(looks: Sequence[RankedEdit], study: Study, measure: Criterion, tell: Tell) -> list[Ranked]:
-    """The first few, the best first; of records more while none of them fits."""
-    fitted: list[Ranked] = []
-    for number, look in enumerate(looks[: FITTED if study.events is None else RACED]):
+def _few_fitted(looks: Sequence[RankedEdit], study: Study, most: int, tell: Tell) -> list[Ranked]:
+    """The first few, up to `most` while none of them fits; the best first."""
+    fitted, measure = list[Ranked](), rankings_of(study.blind).looker.criterion
+    for number, look in enumerate(looks[:most]):
         if number >= FITTED and any(ranked.grade in FITS for ranked in fitted):
             break
         tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
@@ -234,19 +236,16 @@ def _few_fitted(looks: Sequence[RankedEdit], study: Study, measure: Criterion, t
     return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
 
 
-def _of_mildest(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
-    """Where no diagram fits all records, the one that fits the mildest alone before them, with the name of that record."""
-    others = [name for name in events.names if name != events.mildest]
-    if not others:
-        return failed, ""
-    tell(f"no diagram fits all records: the mildest alone, {events.mildest}", 0.86)
-    mild = Study.of(study, holdout_op=others)
-    looker = rankings_of(mild.blind).looker
-    best = _few_fitted(looker.textbooks(), mild, looker.criterion, tell)[:1]
-    if not best or best[0].record is None or best[0].grade not in FITS:
-        return failed, ""
-    first = replace(best[0], held_out=dict(best[0].record.holdout))
-    return [first, *(one for one in failed if one.diagram != first.diagram)], events.mildest
+def _of_one_record(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
+    """Where no diagram fits all records, the one that fits a mild record alone before them, with the name of that record."""
+    for name in events.mildest[: min(MILD, len(events.records) - 1)]:
+        tell(f"no diagram fits all records: {name} alone", 0.86)
+        mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
+        best = next(iter(_few_fitted(rankings_of(mild.blind).looker.textbooks(), mild, FITTED, tell)), None)
+        if best is not None and best.record is not None and best.grade in FITS:
+            first = replace(best, held_out=dict(best.record.holdout))
+            return [first, *(one for one in failed if one.diagram != first.diagram)], name
+    return failed, ""
 
 
 def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
@@ -306,7 +305,7 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
     if answer.best.record is None:
         chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])
-    elif answer.best.grade in FITS and not answer.mildest:
+    elif answer.best.grade in FITS and not answer.alone:
         chosen = (stability, export, search if two else gap)
     else:
         first = (gap, search) if alone else (search, gap)  # in records a limit is likelier than another make

@@ -153,18 +153,18 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
     assert "give a sweep as DATA or leave one out" in capsys.readouterr().err
 
 
-def test_where_a_limit_bends_records_the_mildest_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
+def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
     monkeypatch.setattr("ibrid_search.start.RACED", 1)
     monkeypatch.setattr("ibrid_search.event_looks.SHIPPED", 6)
     case = draw("current_limit", 5, 60.0, swept=False)
     answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
-    assert answer.mildest == case.events.names[1]
+    assert answer.alone == case.events.names[1]
     assert answer.best.diagram in {"gfl", case.textbook}  # the filter before the PLL hardly shows in one small event
     assert answer.best.grade == "explains"
     assert answer.best.held_out is not None
     assert set(answer.best.held_out) == {case.events.names[0], case.events.names[2]}
     assert min(answer.best.held_out.values()) > 0.1
-    assert answer.sentence.startswith(f"Of the mildest record alone, {case.events.names[1]}: the shipped diagram")
+    assert answer.sentence.startswith(f"Of the mild record {case.events.names[1]} alone: the shipped diagram")
     assert answer.next[0].startswith(f"ibrid gap {tmp_path / 'model.json'} records.csv")
     page = (tmp_path / "report.html").read_text()
     assert f"NRMSE, {case.events.names[1]}" in page
