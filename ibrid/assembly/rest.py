@@ -33,6 +33,7 @@ from ibrid.structure.wiring import PLANT, Wiring
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
 ROUNDING = 1e-12
+NO_REST = "the model has no real operating point here; ask for less power"
 #: Input that takes the deviation of the frequency from the nominal one, rad/s.
 DEVIATION = "delta_omega"
 
@@ -94,7 +95,7 @@ def rest(
 
 def _turning(wiring: Wiring, numbers: Mapping[str, Mapping[str, Any]], ratio: Any) -> Mapping[str, Mapping[str, Any]]:
     """The numbers with reactances and susceptances at a frequency so many times the nominal one."""
-    if not isinstance(ratio, ca.SX) and ratio == 1.0:
+    if is_zero(ratio - 1.0):
         return numbers
     grows = {name for name, kind in wiring.kinds.items() if _multiplied(kind)}
     return {
@@ -155,7 +156,7 @@ class _Settled:
                 self._place(module, zero if arriving is None else arriving)
             waiting = [one for one in waiting if one.name not in self.states]
         if not all(isinstance(one, ca.SX) or isfinite(one) for one in (*self.inputs.values(), *self.outputs.values())):
-            raise IbridError("the model has no real operating point here; ask for less power")
+            raise IbridError(NO_REST)
         missing = {
             channel: wanted - sum(self.outputs[source] for source in sources_of(self.wiring, channel))
             for channel, wanted in self.inputs.items()

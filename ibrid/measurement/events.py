@@ -115,10 +115,10 @@ class Events:
         return tuple(record.name for record in self.records)
 
     @property
-    def mildest(self) -> tuple[str, ...]:
+    def mildest_first(self) -> tuple[str, ...]:
         """The names of the records, that whose voltage departs least from its rest first."""
-        departs = {one.name: float(np.hypot(*(one.v - [one.rest.v, 0.0]).T).max()) for one in self.records}
-        return tuple(sorted(departs, key=lambda name: departs[name]))
+        departure = {one.name: np.hypot(*(one.v - [one.rest.v, 0.0]).T).max() for one in self.records}
+        return tuple(sorted(self.names, key=departure.__getitem__))
 
     @property
     def rests(self) -> Sweep:

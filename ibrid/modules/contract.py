@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.errors import ModuleError
 from ibrid.modules.behaviour import numbers_of
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, asked
+from ibrid.modules.large_signal import LargeSignal
 
 #: Two orders of the same operations differ by a few roundings.
 ROUNDING = 1e-15
@@ -79,15 +79,15 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
     except (TypeError, RuntimeError, NotImplementedError) as error:
         reason = str(error).strip().splitlines()[-1]
         raise ModuleError(
-            f"{kind.name}: state_space and at_rest must work with CasADi symbols as with numbers, so with + - * / alone; "
-            f"found {type(error).__name__}: {reason}"
+            f"{kind.name}: state_space and at_rest must work with CasADi symbols as with numbers, with + - * / and, at rest, "
+            f"square_root; found {type(error).__name__}: {reason}"
         ) from error
 
 
 def _at_rest(kind: ModuleKind, arguments: Mapping[str, Any]) -> list[Any]:
     """Where a large-signal law says that states rest; nothing without."""
     at_rest = kind.large_signal and kind.large_signal.at_rest
-    return [*at_rest(**asked(at_rest, arguments))] if at_rest else []
+    return [*at_rest(**_asked(kind, at_rest, arguments))] if at_rest else []
 
 
 def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
@@ -167,7 +167,6 @@ def check_linearisation(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
 
 def _derivatives(kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, Any]) -> list[np.ndarray]:
     """A, B, C, D of the law, by CasADi."""
-    at_rest = [] if large.at_rest is None else [*large.at_rest(**_asked(kind, large.at_rest, arguments))]
     x = ca.SX.sym("x", len(kind.states))
     inputs, resting = {}, []
     for port, signal in kind.inputs.items():
@@ -183,9 +182,8 @@ def _derivatives(kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, A
     rates, outputs = large.law(tuple(x[k] for k in range(len(kind.states))), **inputs, **constants)
     parts = [ca.vertcat(*map(ca.SX, one)) if len(one) else ca.SX(0, 1) for one in (rates, outputs)]
     jacobians = [ca.densify(ca.jacobian(part, by)) for part in parts for by in (x, u)]
-    return [
-        np.array(one) for one in ca.Function("derivatives", [x, u], jacobians).call([ca.DM(at_rest), ca.DM(resting)])
-    ]
+    point = [ca.DM(_at_rest(kind, arguments)), ca.DM(resting)]
+    return [np.array(one) for one in ca.Function("derivatives", [x, u], jacobians).call(point)]
 
 
 def _asked(kind: ModuleKind, function: Any, arguments: Mapping[str, Any]) -> dict[str, Any]:

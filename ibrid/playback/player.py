@@ -13,7 +13,7 @@ from scipy.linalg import solve_continuous_are
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.numbers import Scalar, square_root
-from ibrid.assembly.rest import Rest, rest
+from ibrid.assembly.rest import NO_REST, Rest, rest
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
@@ -216,7 +216,7 @@ class _Laws:
         x, memory, constants = (np.hstack([np.array(one) for one in part]) for part in zip(*begun, strict=True))
         kept = np.flatnonzero(np.isfinite(np.vstack([x, constants])).all(axis=0)).tolist()
         if not len(kept):
-            raise IbridError("the model has no real operating point here; ask for less power")
+            raise IbridError(NO_REST)
         x, memory, constants = (np.ascontiguousarray(one[:, kept]) for one in (x, memory, constants))
         linear = self._linear(x[:, 0], [0.0, record.rest.v, 0.0], memory[:, 0], constants[:, 0])
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)

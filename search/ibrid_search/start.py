@@ -238,10 +238,11 @@ def _few_fitted(looks: Sequence[RankedEdit], study: Study, most: int, tell: Tell
 
 def _of_one_record(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
     """Where no diagram fits all records, the one that fits a mild record alone before them, with the name of that record."""
-    for name in events.mildest[: min(MILD, len(events.records) - 1)]:
+    for name in events.mildest_first[: min(MILD, len(events.records) - 1)]:
         tell(f"no diagram fits all records: {name} alone", 0.86)
         mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
-        best = next(iter(_few_fitted(rankings_of(mild.blind).looker.textbooks(), mild, FITTED, tell)), None)
+        looks = rankings_of(mild.blind).looker.textbooks()
+        best = next(iter(_few_fitted(looks, mild, FITTED, lambda words, share: tell(words, 0.86))), None)
         if best is not None and best.record is not None and best.grade in FITS:
             first = replace(best, held_out=dict(best.record.holdout))
             return [first, *(one for one in failed if one.diagram != first.diagram)], name
@@ -298,8 +299,8 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
-    alone = isinstance(answer.data, Events)
-    gap = ["ibrid", "gap", record if alone else model, data, *behind, "--out", str(folder / "gap")]
+    unswept = isinstance(answer.data, Events)
+    gap = ["ibrid", "gap", record if unswept else model, data, *behind, "--out", str(folder / "gap")]
     stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
     op = answer.data.names[0]
     export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
@@ -308,6 +309,6 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     elif answer.best.grade in FITS and not answer.alone:
         chosen = (stability, export, search if two else gap)
     else:
-        first = (gap, search) if alone else (search, gap)  # in records a limit is likelier than another make
+        first = (gap, search) if unswept else (search, gap)  # in records a limit is likelier than another make
         chosen = (*first, stability)
     return tuple(map(shlex.join, chosen))

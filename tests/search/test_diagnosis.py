@@ -188,9 +188,8 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
 def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeypatch):
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     rankings = rankings_of(study)
-    monkeypatch.setattr(
-        rankings.looker, "ranked", lambda edits, values: []
-    )  # as a race of records in which none arrives
+    # as a race of records in which none arrives
+    monkeypatch.setattr(rankings.looker, "ranked", lambda edits, values: [])
     (view,) = views_of(given.diagram, study.kinds)
     assert {rankings.loss(given, view.after(move)) for move in removal_moves(view)} == {np.inf}
 

@@ -73,7 +73,6 @@ def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarra
              if not device.numbers[number]]  # fmt: skip
     keep = [k for k, name in enumerate(STATES) if name not in lacks]
     x, step = np.array(x), 1e-6
-
     law = _law(Device(device.numbers), wanted)
 
     def rates(x: np.ndarray, v: np.ndarray) -> np.ndarray:
