@@ -5,9 +5,8 @@ best. What it asks, a kind of data answers:
 
 - a small-signal sweep, `trial.Workshop`: edits are those of the catalogue and the ways to read the data otherwise;
 - sweeps at several injection amplitudes, `amplitudes.Amplitudes`: edits are nonlinearities at ports of the linear model;
-- records of events, to come: voltage and current in time. A fit is of the parameters that sweep and records tell together,
-  its chi2 the sum over both; edits are those of the catalogue and the effects of large signals, which a simulation of the
-  edited program plays back; what is left lies at a record, window and component; no port map.
+- records of events, `records.Records`, alone or beside a sweep: the chi2 is the sum over both, edits are limits beside the
+  program, and those of the catalogue; no port map.
 """
 
 from abc import ABC, abstractmethod

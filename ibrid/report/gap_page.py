@@ -81,12 +81,11 @@ def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
     """Each record with its errors before and after, and its figure."""
     if gap.events is None:
         return []
-    limit = next((one.parameters["current_limit.i_max"][0] for one in gap.effects if one.id == "current_limit"), None)
-    rows = []
+    rows, values = [], gap.events.after.model.values
     pairs = zip(gap.events.before.records, gap.events.after.records, strict=True)
     for number, (before, after) in enumerate(list(pairs)[:POINTS]):
         lines = {"refitted": before.current} | ({"repaired": after.current} if repaired(gap) else {})
-        svg = record_svg(f"record-{number}", after, lines, limit)
+        svg = record_svg(f"record-{number}", after, lines, values)
         rows.append((before.record.name, before.nrmse, after.nrmse if repaired(gap) else None, svg))
     return rows
 

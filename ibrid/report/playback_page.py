@@ -10,13 +10,22 @@ from ibrid.measurement.event_windows import WINDOWS
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.playback.compare import Playback, PlayedRecord, model_of_record, play
 from ibrid.report.figure import inline_svg
-from ibrid.report.style import MUTED, Axes, series
+from ibrid.report.style import INK, MUTED, Axes, series
 from ibrid.report.template import page
 
 #: Records that get figures.
 DRAWN = 8
 #: Windows that are shaded: while the voltage is away.
 SHADED = ("first cycle", "during")
+#: Part of what a curve spans by which a level may lie beyond it to be drawn.
+NEAR = 0.2
+#: Numbers of limits that are levels of curves: the curves, and the levels.
+LEVELS = {
+    "current_limit.i_max": (("i_d", "i_q"), lambda i_max: (-i_max, i_max)),
+    "pll_freeze.v_freeze": (("|v|",), lambda v: (v,)),
+    "momentary_cessation.v_block": (("|v|",), lambda v: (v,)),
+    "voltage_support.dead": (("|v|",), lambda dead: (1 - dead, 1 + dead)),
+}
 
 
 def playback_page(playback: Playback, title: str) -> str:
@@ -28,7 +37,7 @@ def played_facts(playback: Playback) -> dict[str, Any]:
     """Errors by record and window, and the figures, for any page."""
     rows = [(one, [one.by_window.get(name) for name in WINDOWS]) for one in playback.records]
     figures = [
-        (one.record.name, record_svg(f"record-{k}", one, {"model": one.current}))
+        (one.record.name, record_svg(f"record-{k}", one, {"model": one.current}, playback.model.values))
         for k, one in enumerate(playback.records[:DRAWN])
     ]
     return {"rows": rows, "windows": WINDOWS, "figures": figures}
@@ -41,11 +50,11 @@ def facts_of_record(record: Record | None, events: Events | None) -> dict[str, A
     return played_facts(play(model_of_record(record), events))
 
 
-def record_svg(name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], limit: float | None = None) -> Any:
-    """Five curves of a record over time. lines : what each current (N, 2) is called. limit : magnitude of a current limit."""
+def record_svg(name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], values: Mapping[str, float]) -> Any:
+    """Five curves of a record over time. lines : what each current (N, 2) is called. values : of the model, limits among them."""
     record = played.record
     return inline_svg(
-        lambda axes: _draw(axes, record, played.windows, lines, limit),
+        lambda axes: _draw(axes, record, played.windows, lines, values),
         name=name,
         label=f"Record {record.name}: |v|, i_d, i_q, p and q over time, measured and {', '.join(lines)}; errors in the table.",
         size=(7.4, 8.2),
@@ -59,7 +68,7 @@ def _draw(
     record: EventRecord,
     windows: Mapping[str, tuple[float, float]],
     lines: Mapping[str, np.ndarray],
-    limit: float | None,
+    values: Mapping[str, float],
 ) -> None:
     measured = _quantities(record, record.i)
     for number, plane in enumerate(axes):
@@ -78,12 +87,22 @@ def _draw(
                     linewidth=1.0,
                     label=label,
                 )
-        if limit is not None and number in (1, 2):
-            for side in (-limit, limit):
-                plane.axhline(side, color=MUTED, linewidth=0.8, linestyle=":")
+        _draw_levels(plane, measured[number][0], values)
         plane.set_ylabel(measured[number][0])
     axes[1].legend(loc="best")
     axes[-1].set_xlabel("time  (s)")
+
+
+def _draw_levels(plane: Axes, curve: str, values: Mapping[str, float]) -> None:
+    """Lines where limits begin to act, of those that the curve comes near to."""
+    low, high = plane.get_ylim()
+    near = NEAR * (high - low)
+    for name, (curves, levels) in LEVELS.items():
+        for level in levels(values[name]) if name in values and curve in curves else ():
+            if low - near < level < high + near:
+                plane.axhline(level, color=INK, linewidth=0.8, linestyle=":")
+                words = name.split(".")[1]
+                plane.text(0.005, level, words, transform=plane.get_yaxis_transform(), va="bottom", size=8)
 
 
 def _quantities(record: EventRecord, i: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:

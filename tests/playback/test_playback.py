@@ -19,6 +19,7 @@ from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.limits import LIMITS, UNTIL, limit_named, returned_at
 from ibrid.playback.player import Player, rational_order
 from ibrid.playback.recording import event_of, record_events
+from ibrid.report.playback_page import playback_page
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
@@ -197,6 +198,18 @@ def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
     limited = json.loads((out / "playback.json").read_text())
     assert limited["nrmse"] > 0.1
     assert limited["limits"] == [{"id": "current_limit", "mode": "d", "windup": False}]
+    assert ">i_max<" in (out / "report.html").read_text()
+
+
+def test_a_page_draws_the_level_at_which_a_limit_acts_where_the_record_comes_near_it():
+    model = model_of_program(textbook("gfl_pll_filter_exact"), VALUES | {"pll_freeze.v_freeze": 0.8})
+    time = np.arange(1000) / 5000
+    drawn = []
+    for depth in (0.5, 0.95):
+        v = np.where((time > 0.04) & (time < 0.1), depth, 1.0)[:, None] * [1.0, 0.0]
+        events = Events((record_of(np.full((1000, 2), [0.8, -0.1]), time, v),))
+        drawn.append(">v_freeze<" in playback_page(play(model, events), "it"))
+    assert drawn == [True, False]
 
 
 def test_predict_writes_the_current_that_a_record_answers(tmp_path):

@@ -14,6 +14,8 @@ from pathlib import Path
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.search.page import page
 from ibrid_bench.search.scoring import Search, perform
+from ibrid_bench.search.side_by_side import BESIDE, side_by_side
+from ibrid_bench.search.side_by_side import PROPOSERS as ALL_PROPOSERS
 from ibrid_bench.search.speed_table import speed_lines
 from ibrid_bench.search.tables import heading, seed_line, summary
 from ibrid_bench.search.trials import BUDGETS, NOISY_BUDGET, PROPOSERS, TABLES, Trial, trials
@@ -47,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="NAME",
-        help=f"a table ({', '.join((*TABLES, SPEED))}) or an inverter",
+        help=f"a table ({', '.join((*TABLES, BESIDE, SPEED))}) or an inverter",
     )
     parser.add_argument("--data", action="append", default=[], metavar="NOISE", help='"clean", "50 dB" and so on (all)')
     parser.add_argument("--proposer", action="append", default=[], metavar="NAME", help="instead of rules and random")
@@ -60,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _benchmark(options: argparse.Namespace, search: Search) -> int:
-    tables = [name for name in options.only if name != SPEED]
+    tables = [name for name in options.only if name not in (BESIDE, SPEED)]
     wanted: list[Trial] = []
     if tables or not options.only:
         seeds, proposers = range(options.first, options.first + (options.seeds or 10)), options.proposer or PROPOSERS
@@ -73,6 +75,10 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
     if not options.only or SPEED in options.only:
         quick = {"evaluations": QUICK["budget"], "answers": 32} if options.quick else {}
         for line in speed_lines(ledger, search, options.out, **quick):
+            print(line, flush=True)
+    if BESIDE in options.only:
+        seeds = range(options.first, options.first + (options.seeds or 1))
+        for line in side_by_side(ledger, search, options.out, options.proposer or ALL_PROPOSERS, seeds):
             print(line, flush=True)
     failed: list[Trial] = []
     if wanted:
