@@ -22,6 +22,9 @@ from ibrid.structure.diagram import Diagram
 
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
 FOLLOWED, WORTH = 3, 30.0
+#: Ends of growing records, s after their events begin, before the whole of them: far from the right values a simulation leaves,
+#: or falls out of step, later than that.
+GROWING = (0.003, 0.01, 0.03, 0.1)
 #: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
 ITERATIONS, SECONDS, STEPS_GAIN, WITHIN = 20, 30.0, 1e-5, 0.3
 
@@ -88,11 +91,18 @@ class EventFitter:
         return self._misfits[key][1]
 
     def fit(
-        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values], *, led: bool = True
+        self,
+        diagram: Diagram,
+        limits: Sequence[Limit],
+        starts: Sequence[Values],
+        *,
+        led: bool = True,
+        growing: bool = False,
     ) -> EventFit | None:
         """The best start descended, by predictions first; None where none has an answer or the diagram no matrices.
 
-        led : False from values that are nearly right.
+        led : False from values that are nearly right. growing : on the first milliseconds first, and on and on: no simulation
+        leaves where nothing has happened yet, and where nothing is missing that leads further than predictions.
         """
         try:
             misfit = self.misfit(diagram, limits)
@@ -100,7 +110,7 @@ class EventFitter:
         except IbridError:
             return None
         if followed is misfit:
-            descent = _descended(misfit, starts, led=led)
+            descent = _descended(misfit, _grown(misfit, starts) if growing else starts, led=led)
         else:
             whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
             moments = [moved for values in whole for moved in by_moments(values, self.noise.events)]
@@ -165,6 +175,15 @@ def _descended(misfit: EventMisfit, starts: Sequence[Values], *, led: bool) -> D
     plain = misfit.best(np.array(ends), len(ends)) if ends else []
     worth = [one for one in plain if one.cost <= WORTH * plain[0].cost]  # all of them before any is descended
     return min((one.go(*PLAIN) for one in worth), key=lambda one: one.cost, default=None)
+
+
+def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
+    """Where the records lead the best start as they grow; the starts where none has an answer."""
+    longest = max(float(one.time[-1]) - one.rest_end for one in misfit.noise.events.records)
+    for seconds in (one for one in GROWING if one < longest):
+        descent = _descended(misfit.until(seconds), starts, led=False)
+        starts = [descent.values] if descent else starts
+    return starts
 
 
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:

@@ -97,6 +97,10 @@ class EventMisfit:
         """The same by steps of order five, in half the time."""
         return self if self.rule is ORDER_5 else self._with(rule=ORDER_5)
 
+    def until(self, seconds: float) -> "EventMisfit":
+        """The same of records that end so long after their events begin."""
+        return self._with(noise=self.noise.until(seconds))
+
     def _with(self, **changed: Any) -> "EventMisfit":
         """The same but for this, of which nothing is known yet."""
         other = copy(self)

@@ -1,6 +1,6 @@
 """What noise records of events are judged by: the stated one, or that of the current at rest before the event."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,12 @@ class EventNoise(Noise):
     def times(self, factor: float) -> "EventNoise":
         """The same: a record tells its noise."""
         return self
+
+    def until(self, seconds: float) -> "EventNoise":
+        """Of the same records, which end so long after their events begin."""
+        records = tuple(one.until(one.rest_end + seconds) for one in self.events.records)
+        sigma = {one.name: self.sigma[one.name][: len(one.time)] for one in records}
+        return replace(self, events=replace(self.events, records=records), sigma=sigma)
 
 
 def event_noise(events: Events, sweep: Sweep) -> EventNoise:

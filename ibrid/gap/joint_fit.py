@@ -146,12 +146,13 @@ def _fitted(
     least: float = np.inf,
     *,
     led: bool = False,
+    growing: bool = False,
     rounds: int = ROUNDS,
 ) -> list[EventFit]:
-    """From every start, on and on while it gains and is below the `least` cost; led : by predictions before, far from the end."""
+    """From every start, on and on while it gains and is below the `least` cost; led, growing : as of `EventFitter.fit`."""
     fits = []
     for start in starts:
-        fit = data.fitter.fit(question.diagram, question.limits, [start], led=led)
+        fit = data.fitter.fit(question.diagram, question.limits, [start], led=led, growing=growing)
         for _ in range(rounds):
             if fit is None or fit.cost > least or fit.p_value() > ADEQUATE:
                 break
@@ -176,13 +177,14 @@ def _explaining(
     fits = _fitted([one.values for one in first], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
         return fits
-    starts = [(nominal, True)] * bool(question.values) + [(start, led) for led in (False, True) for start in small]
+    known = [nominal] * bool(question.values)
+    starts = [(start, led) for led in (False, True) for start in (*known, *small)]
     for place, (start, led) in enumerate(starts[: effort.restarts + 1], 1):
         tell(f"descent {place}", min(0.1 + 0.7 * (time.perf_counter() - began) / effort.seconds, 0.8))
         if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
             break
         least = min((fit.cost for fit in fits), default=np.inf)
-        fits += _fitted([start], question, data, least, led=led, rounds=rounds)
+        fits += _fitted([start], question, data, least, led=led, growing=not led, rounds=rounds)
     return fits
 
 

@@ -105,6 +105,16 @@ class Records(Data):
         fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
+    def put_back(self, model: Model) -> Model:
+        """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
+        see, such as a scale of filter and controller, a descent from elsewhere stops anywhere."""
+        prior, values = self.fitter.prior, model.refit.values
+        return (
+            self.again(model, [{name: value for name, value in values.items() if name not in prior}])
+            if prior
+            else model
+        )
+
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
         that the model leaves: what else is missing shows beside that limit."""

@@ -71,6 +71,12 @@ class EventRecord:
         """(2,) current at rest."""
         return np.array([self.rest.p, -self.rest.q]) / self.rest.v
 
+    def until(self, time: float) -> "EventRecord":
+        """The same up to a time, s; at least four samples."""
+        count = max(int((self.time <= time).sum()), 4)
+        cut = {name: getattr(self, name)[:count] for name in ("time", "v", "i")}
+        return replace(self, **cut, sigma=None if self.sigma is None else self.sigma[:count])
+
     @cached_property
     def voltage(self) -> CubicSpline:
         """v between the samples: the cubic spline through them, t -> (..., 2)."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ibrid_bench.ledger import NAME, Ledger
-from ibrid_bench.search import speed_table
+from ibrid_bench.search import side_by_side, speed_table
 from ibrid_bench.search.__main__ import main
 from ibrid_bench.search.inverters import hardware, inverter
 from ibrid_bench.search.page import page
@@ -16,6 +16,7 @@ from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, finding, first_
 from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
 from ibrid_bench.search.tables import findings, heading, seed_line, summary
 from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
+from ibrid_search.progress import Snapshot
 from ibrid_search.settings import SearchSettings
 
 import ibrid
@@ -377,3 +378,29 @@ def test_a_step_of_the_policy_is_timed_in_a_search(tmp_path):
 
 def test_programs_become_records_at_a_rate():
     assert fits_a_second(local, [NAIVE, NAIVE]) > 0
+
+
+def test_a_course_keeps_the_best_error_within_each_limit_and_ends_beyond_all_of_them(monkeypatch):
+    spent = iter([0.0, 14.0, 16.0, 40.0, 61.0])
+    monkeypatch.setattr(side_by_side.time, "process_time", lambda: next(spent))
+
+    def search(sweep, folder, *, progress, **options):
+        for evaluations, best in ((1, 0.9), (31, 0.5), (99, 0.2), (101, 0.1)):
+            progress.update(Snapshot(evaluations=evaluations, best=best))
+        raise AssertionError("it was to end")
+
+    row = side_by_side.course(trial(noise_db=50.0), FOLDER, search)
+    assert row["after"] == {
+        "evaluations": {"10": 0.9, "30": 0.9, "100": 0.2},
+        "seconds": {"15": 0.9, "30": 0.5, "60": 0.2},
+    }
+    assert row["truth_nrmse"] == pytest.approx(10 ** (-50 / 20), rel=0.2)
+
+
+def test_the_table_of_courses_counts_what_reached_the_noise_and_shows_the_median_of_the_rest():
+    after = {"evaluations": {"10": None, "30": 0.02, "100": 0.0109}, "seconds": {"15": 0.5, "30": 0.012, "60": 0.012}}
+    rows = [{"proposer": "rules", "truth_nrmse": 0.01, "table": "beside", "after": after}]
+    ((name, number, *cells),) = side_by_side.lines(rows)
+    assert (name, number) == ("rules", "1")
+    assert cells == ["0, 0, 1", "-, 2, 1.09", "0, 0, 0", "50, 1.2, 1.2"]
+    assert "| rules | 1 | 0, 0, 1 | -, 2, 1.09 |" in page({"beside-it": rows[0]})

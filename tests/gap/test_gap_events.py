@@ -58,6 +58,13 @@ def test_a_limit_that_a_record_reaches_is_named_with_its_value(answered):
     assert gap["after"]["refit"] < 2 * gap["noise_floor"] < gap["before"]["refit"]
 
 
+def test_a_scale_of_filter_and_controller_that_the_record_hardly_sees_stays_where_it_was_believed(answered):
+    _, folder = answered
+    fitted = next(iter(json.loads((folder / "out" / "model.json").read_text())["parameters"].values()))
+    scale = {name: fitted[name] / VALUES[name] for name in ("plant.L_F", "current.kP", "decoupling.L")}
+    assert scale == pytest.approx(dict.fromkeys(scale, 1.0), rel=0.2)
+
+
 def test_the_misfit_lies_where_the_limit_acts(answered):
     gap, _ = answered
     worst = gap["located"][0]

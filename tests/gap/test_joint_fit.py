@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -144,6 +145,19 @@ def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_val
     found = next(iter(record.parameters.values()))
     for part in ("plant.L_g", "q_droop.k", "virtual_reactance.L"):
         assert abs(found[part] / plant.diagram_values[part] - 1.0) < 0.1, part
+
+
+def test_a_deep_dip_alone_is_explained_though_simulations_of_typical_values_leave_it():
+    """The first milliseconds lead to the next ones, and so on; a DC link at half of its voltage forgives nothing."""
+    events = record_events(
+        plant_named("gfl_dc_link"), [OperatingPoint("it", 1.0, 0.3)], [event_of("dip:0.5")], length=0.3
+    )
+    (measured,), rng = events.records, np.random.default_rng(1)
+    sigma = 1e-3 * float(np.sqrt(np.mean((measured.i - measured.i_rest) ** 2)))
+    noisy = replace(measured, i=measured.i + sigma * rng.standard_normal(measured.i.shape))
+    record = evaluate_events(ibrid.textbook("gfl_dc_link"), replace(events, records=(noisy,)))
+    assert record.nrmse == pytest.approx(1e-3, rel=0.1)
+    assert record.grade == "explains"
 
 
 def test_a_fit_does_not_end_where_another_structure_leads():
