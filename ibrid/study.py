@@ -102,8 +102,9 @@ class Study:
             raise IbridError(
                 "a port joins the operating point, which the paper's equilibrium fits; use the exact equilibrium"
             )
-        if self.events is not None and self.port.inside:  # p and q of a record are those of the PCC
-            object.__setattr__(self, "port", replace(self.port, inside=False))
+        if self.events is not None:
+            self.events.require_moving(held)
+            object.__setattr__(self, "port", replace(self.port, inside=False))  # p and q at rest are those of the PCC
         if len(set(held)) >= len(self.sweep.points):
             raise IbridError("every operating point is held out; leave at least one to fit")
         object.__setattr__(self, "sweep", with_sigma(self.sweep))

@@ -61,6 +61,8 @@ def run_playback(arguments: Namespace) -> int:
     if model.assumed:
         complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
     playback = play(model, events)
+    for words in [words for one in playback.records for words in one.acting]:
+        complain(words)
     page = playback_page(playback, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
     write_json(places[f"the {JSON} of --out"], playback.plain())

@@ -94,6 +94,7 @@ def asked(
     names = tuple(name for name in held if name in events.names)
     if names and len(names) == len(events.names):
         raise IbridError("every record is held out; leave at least one to fit")
+    events.require_moving(names)
     points = tuple(name for name in held if name not in names)
     if sweep is None and points:
         raise IbridError(f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}")

@@ -4,6 +4,7 @@ Everything is per unit on the inverter's base, amplitude-invariant, current out 
 v and i are those of the PCC, and so is the operating point at rest.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
@@ -15,6 +16,9 @@ from scipy.interpolate import CubicSpline
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, shown
+
+#: A current that departs from its rest by less, rms, per unit, stays there.
+STILL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,16 @@ class EventRecord:
         count = max(int((self.time <= time).sum()), 4)
         cut = {name: getattr(self, name)[:count] for name in ("time", "v", "i")}
         return replace(self, **cut, sigma=None if self.sigma is None else self.sigma[:count])
+
+    @cached_property
+    def still(self) -> str:
+        """Where the current stays at rest, a sentence that says so; else empty."""
+        if np.sqrt(np.mean((self.i - self.i_rest) ** 2)) > STILL:
+            return ""
+        return (
+            f"nothing happens in record {self.name}: its current stays at rest, so that there is nothing to compare; "
+            "leave it out, or check the channels of the current"
+        )
 
     @cached_property
     def voltage(self) -> CubicSpline:
@@ -142,6 +156,11 @@ class Events:
     def only(self, *names: str) -> "Events":
         """The events with these records alone, in the given order."""
         return replace(self, records=tuple(self[name] for name in names))
+
+    def require_moving(self, held: Collection[str] = ()) -> None:
+        """SweepError where the current of a record stays at rest, but for those held out."""
+        if still := next((one.still for one in self.records if one.still and one.name not in held), ""):
+            raise SweepError(still)
 
     def __repr__(self) -> str:
         samples = sum(len(record.time) for record in self.records)

@@ -1,6 +1,6 @@
 """Playback: what a model answers to records of events, and how far that is from what was measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Any
@@ -12,7 +12,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.event_windows import windows_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
-from ibrid.playback.limits import LIMITS, Limit, applicable, limit_named
+from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, applicable, limit_named
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
@@ -44,15 +44,17 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     """A program at values, name -> number or {"value": number}; what they lack is typical.
 
     A name of a limit, such as "current_limit.i_max", puts that limit beside the program; "current_limit.mode" (magnitude, d
-    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names, and for a limit
-    that the diagram has no place for.
+    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names, for values that
+    cannot be, and for a limit that the diagram has no place for.
     """
     limits, rest = limits_told(values)
     for limit in limits:
         if not applicable(limit, places_of(diagram, kinds)):
             raise IbridError(f"{limit.id} needs a current controller or PLL, which the program lacks; leave it out")
     table = parameter_table(wire(diagram, kinds), "exact")
-    known = [*table.names, *(f"{one.id}.{name}" for one in limits for name in one.parameters)]
+    boxes = {one.name: one for one in table.free}
+    ranges = {f"{one.id}.{name}": box for one in limits for name, box in one.parameters.items()}
+    known = [*boxes, *ranges]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
     given: dict[str, Any] = {
         members.get(name, name): one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()
@@ -63,9 +65,11 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
             raise IbridError(f"the values name {name!r}, which the program lacks; {near(name, known)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
             raise IbridError(f"the value of {name} must be a number, found {value!r}")
-    typical = {one.name: one.typical for one in table.free}
-    typical |= {f"{one.id}.{name}": box.typical for one in limits for name, box in one.parameters.items()}
-    found = {name: float(given.get(name, typical[name])) for name in known}
+        if name in ranges and not ranges[name].low <= value <= ranges[name].high:
+            raise IbridError(f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found {value:g}")
+        if name in boxes and (value < 0 <= boxes[name].low or value == 0 < boxes[name].low):
+            raise IbridError(f"{name} must be {'above zero' if boxes[name].low else 'zero or more'}, found {value:g}")
+    found = {name: float(given.get(name, box.typical)) for name, box in {**boxes, **ranges}.items()}
     assumed = (name for name in known if name not in given and not name.startswith(f"{PORT}."))
     return EventModel(diagram, found, limits, kinds, tuple(assumed))
 
@@ -114,8 +118,9 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
 class PlayedRecord:
     """A record and the model's answer. `current` : (N, 2), NaN from `left` (s) on, None where the simulation stayed.
 
-    `nrmse` : |i_model - i| / |i - i_rest| over all samples, None where it left; `by_window` : rms of the difference there over
-    that of i - i_rest in the whole record. `windows` : name -> (from, to), s."""
+    `nrmse` : |i_model - i| / |i - i_rest| over all samples, None where it left or nothing happens; `by_window` : rms of the
+    difference there over that of i - i_rest in the whole record. `windows` : name -> (from, to), s. `acting` : limits that act
+    at rest, a sentence each."""
 
     record: EventRecord
     current: np.ndarray
@@ -123,6 +128,14 @@ class PlayedRecord:
     nrmse: float | None
     by_window: Mapping[str, float]
     windows: Mapping[str, tuple[float, float]]
+    acting: tuple[str, ...] = ()
+
+    @property
+    def remark(self) -> str:
+        """Why it has no error, a sentence; empty where it has one."""
+        if self.left is None:
+            return self.record.still
+        return f"{self.record.name}: the simulation left at {self.left:.4g} s, beyond 100 per unit of current"
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +148,10 @@ class Playback:
 
     @property
     def nrmse(self) -> float | None:
-        """Mean over the records; None where a simulation left."""
-        errors = [one.nrmse for one in self.records]
-        return None if None in errors else float(np.mean([one for one in errors if one is not None]))
+        """Mean over the records in which something happens; None where there is none or a simulation left."""
+        errors = [one.nrmse for one in self.records if one.nrmse is not None]
+        left = any(one.left is not None for one in self.records)
+        return None if left or not errors else float(np.mean(errors))
 
     @property
     def by_window(self) -> dict[str, float]:
@@ -202,14 +216,24 @@ def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0
         nrmse(played.current, record),
         _by_window(played.current, record, windows),
         windows,
+        tuple(_acting(values, played.sizes, record.name)),
     )
+
+
+def _acting(values: Mapping[str, float], sizes: np.ndarray, name: str) -> Iterator[str]:
+    for limit, (place, sign) in BOUNDS.items():
+        if limit in values and sign * (sizes[place] - values[limit]) > 1e-9:  # rounding
+            yield (
+                f"{limit} = {values[limit]:g} acts at rest already in record {name}, where the {SIZES[place]} is "
+                f"{sizes[place]:.4g}; the model does not stay at the record's p, q and v"
+            )
 
 
 def nrmse(current: np.ndarray, record: EventRecord) -> float | None:
     """|i_model - i| / |i - i_rest|; None where the model left, or nothing happens in the record."""
     whole = float(np.linalg.norm(record.i - record.i_rest))
     error = float(np.linalg.norm(current - record.i))
-    return error / whole if np.isfinite(error) and whole > 0 else None
+    return error / whole if np.isfinite(error) and not record.still else None
 
 
 def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]) -> dict[str, float]:
@@ -217,6 +241,6 @@ def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, S
     for name, (begin, end) in windows.items():
         inside = (record.time >= begin) & (record.time <= end)
         error = float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
-        if np.isfinite(error) and whole > 0:
+        if np.isfinite(error) and not record.still:
             errors[name] = error / whole
     return errors

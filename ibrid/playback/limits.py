@@ -111,6 +111,14 @@ UNTIL = Limit(
     jumps=("v_block",),
     each=("until",),
 )
+#: What a model at rest has; numbers of limits, which of it they bound, and whether from above (1) or from below (-1).
+SIZES = ("reference of the current", "voltage command", "voltage behind the grid-side filter")
+BOUNDS = {
+    "current_limit.i_max": (0, 1),
+    "command_limit.u_max": (1, 1),
+    "pll_freeze.v_freeze": (2, -1),
+    "momentary_cessation.v_block": (2, -1),
+}
 #: In which they act on one another.
 ORDER = ("voltage_support", "reference_ramp", "momentary_cessation", "current_limit", "command_limit", "pll_freeze")
 

@@ -46,11 +46,12 @@ _Orders = tuple[tuple[str, int], ...]
 @dataclass(frozen=True, eq=False)
 class Played:
     """`current` : (N, 2) terminal current, d and q, NaN from where the simulation left. `left` : s, None if it did not.
-    `memory` : what the limits keep, at the end."""
+    `memory` : what the limits keep, at the end. `sizes` : (3,) of `SIZES`, at rest."""
 
     current: np.ndarray
     left: float | None
     memory: np.ndarray
+    sizes: np.ndarray
 
 
 class Player:
@@ -213,7 +214,7 @@ class _Laws:
         deviation = 2 * np.pi * record.offset_hz
         names, clock = [one.name for one in self.player.parameters], float(record.time[0]) - record.rest_end
         begun = [self._begin([one[name] for name in names], record.rest.pqv, deviation, clock) for one in values]
-        x, memory, constants = (np.hstack([np.array(one) for one in part]) for part in zip(*begun, strict=True))
+        x, memory, constants, sizes = (np.hstack([np.array(one) for one in part]) for part in zip(*begun, strict=True))
         kept = np.flatnonzero(np.isfinite(np.vstack([x, constants])).all(axis=0)).tolist()
         if not len(kept):
             raise IbridError(NO_REST)
@@ -229,11 +230,11 @@ class _Laws:
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
-        nothing = np.full((len(record.time), 2), np.nan)
-        played = [Played(nothing, float(record.time[0]), np.full(len(memory), np.nan))] * len(values)
+        unknown, lost = np.full((len(record.time), 2), np.nan), np.full(len(memory), np.nan)
+        played = [Played(unknown, float(record.time[0]), lost, np.full(3, np.nan))] * len(values)
         for lane, (k, delivered) in enumerate(zip(kept, np.moveaxis(current - drawn, 2, 0), strict=True)):
             gone = None if np.isnan(left[lane]) else float(left[lane])
-            played[k] = Played(delivered, gone, memory[:, lane])
+            played[k] = Played(delivered, gone, memory[:, lane], sizes[:, k])
         return played
 
     def _drawn(self, record: EventRecord, values: Sets, deviation: float) -> np.ndarray:
@@ -245,35 +246,35 @@ class _Laws:
         drawn = [drawn_at_pcc(one, wiring.outside, record.voltage, omega_0, omega_0 + deviation) for one in numbers]
         return np.stack(drawn, axis=2)
 
-    def _at_rest(self, at: Rest, numbers: Sequence[Any], v: ca.SX, clock: ca.SX) -> tuple[list, list, list]:
-        """States, memory and constants; numbers : of the limits. clock : time since the event begins, s."""
+    def _at_rest(self, at: Rest, numbers: Sequence[Any], v: ca.SX, clock: ca.SX) -> tuple[list, ...]:
+        """States, memory, constants and `SIZES`; numbers : of the limits. clock : time since the event begins, s."""
         arguments = [value for module in at.modules for value in module.arguments.values()]
         constants = [part for one in arguments for part in (one if isinstance(one, tuple) else [one])]
         constants += [*at.references.values(), *numbers]
-        lacking_r, lacking_u, e, r = self._absolute(at)
-        constants += [*lacking_r, *lacking_u, e]
-        memory = memory_at_rest(self.player.limits, r[0], e, clock)
+        lacking_r, lacking_u, r, sizes = self._absolute(at)
+        constants += [*lacking_r, *lacking_u, sizes[2]]
+        memory = memory_at_rest(self.player.limits, r[0], sizes[2], clock)
         states = [value for module in at.modules for value in at.states[module.name]]
         if self._through is not None:
             more = port_at_rest(self._through, self.player.wiring.outside, at, v, self.player.omega_0)
             states, constants = states + more[0], constants + more[1]
-        return states, memory, constants
+        return states, memory, constants, sizes
 
-    def _absolute(self, at: Rest) -> tuple[list, list, Any, list]:
-        """What the sums of r and of u lack to be absolute, |e| and r at rest."""
+    def _absolute(self, at: Rest) -> tuple[list, ...]:
+        """What the sums of r and of u lack to be absolute, r, and |r|, |u| and |e|, at rest."""
         places: Places | None = self.player.places
         if places is None:
-            return [0.0, 0.0], [0.0, 0.0], 1.0, [0.0, 0.0]
+            return [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 1.0]
 
         def arrives(port: str, axis: int) -> Any:
             sources = sources_of(self.player.wiring, (port, axis))
             return sum(at.outputs[one] for one in sources) + at.references.get((port, axis), 0.0)
 
-        e_d, e_q = (at.outputs[places.voltage, axis] for axis in (0, 1))
-        plant = f"{self.player.wiring.plant}.u_r"
-        lacking_u = [arrives(plant, axis) - arrives(places.command, axis) for axis in (0, 1)]
-        if places.reference is None:
-            return [0.0, 0.0], lacking_u, square_root(e_d * e_d + e_q * e_q), [0.0, 0.0]
-        lacking_r = [-arrives(places.reference, axis) for axis in (0, 1)]
-        r = [-at.outputs[places.measured, axis] for axis in (0, 1)]
-        return lacking_r, lacking_u, square_root(e_d * e_d + e_q * e_q), r
+        e = [at.outputs[places.voltage, axis] for axis in (0, 1)]
+        u = [arrives(f"{self.player.wiring.plant}.u_r", axis) for axis in (0, 1)]
+        lacking_u = [u[axis] - arrives(places.command, axis) for axis in (0, 1)]
+        lacking_r, r = [0.0, 0.0], [0.0, 0.0]
+        if places.reference is not None:
+            lacking_r = [-arrives(places.reference, axis) for axis in (0, 1)]
+            r = [-at.outputs[places.measured, axis] for axis in (0, 1)]
+        return lacking_r, lacking_u, r, [square_root(d * d + q * q) for d, q in (r, u, e)]

@@ -7,17 +7,14 @@ from ibrid.report.text import table
 
 
 def playback_text(playback: Playback) -> str:
-    """A table, and what left."""
+    """A table, and why a record has no error."""
     rows = [
         [
             one.record.name,
-            "left" if one.nrmse is None else number(one.nrmse, 3),
+            "left" if one.left is not None else "-" if one.nrmse is None else number(one.nrmse, 3),
             *(number(one.by_window[name], 3) if name in one.by_window else "-" for name in WINDOWS),
         ]
         for one in playback.records
     ]
     lines = table(["record", "NRMSE", *WINDOWS], rows)
-    for one in playback.records:
-        if one.left is not None:
-            lines.append(f"{one.record.name}: the simulation left at {one.left:.4g} s, beyond 100 per unit of current")
-    return "\n".join(lines)
+    return "\n".join([*lines, *(one.remark for one in playback.records if one.remark)])

@@ -1,6 +1,7 @@
 """Playback: our own nonlinear inverters are answered to rounding, limits by an integration that knows the laws alone."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from ibrid.playback.limits import LIMITS, UNTIL, limit_named, returned_at
 from ibrid.playback.player import Player, rational_order
 from ibrid.playback.recording import event_of, record_events
 from ibrid.report.playback_page import playback_page
+from ibrid.report.playback_text import playback_text
 from ibrid.structure.library import textbook
 from ibrid.structure.program import parse_program
 
@@ -149,6 +151,27 @@ def test_a_simulation_that_diverges_says_when_it_left():
     json.dumps(found.plain(), allow_nan=False)
 
 
+@pytest.mark.parametrize("current", [0.0, 0.8])
+def test_a_record_in_which_nothing_happens_is_played_without_an_error_and_not_fitted(current: float, tmp_path, capsys):
+    time = np.arange(1500) / 5000
+    v = np.where((time > 0.05) & (time < 0.15), 0.6, 1.0)[:, None] * [1.0, 0.0]
+    events = Events((record_of(np.full((1500, 2), [current, 0.0]), time, v),))
+    found = play(model_of_program(textbook("gfl_pll_filter_exact"), VALUES), events)
+    assert found.nrmse is None
+    assert found.records[0].left is None
+    for shown in (playback_text(found), playback_page(found, "it")):
+        assert "othing happens in record it" in shown
+        assert "left at 0" not in shown
+    file = str(tmp_path / "it.csv")
+    write_events(events, file)
+    for words in (["evaluate", "gfl", file], ["gap", "gfl", file, "--out", str(tmp_path / "gap")]):
+        assert main(words) == 2
+        assert "nothing happens in record it" in capsys.readouterr().err
+    moving = record_events(plant_named("paper_like"), [POINT], [event_of("phase:5")], length=0.3).records
+    both = play(found.model, replace(events, records=(*moving, *events.records)))
+    assert both.nrmse == both.records[0].nrmse is not None
+
+
 def test_the_order_of_a_delay_keeps_its_phase_below_a_millionth():
     for delay in (1e-6, 1e-4, 5e-4):
         order, s = rational_order(delay), 1j * 2 * np.pi * 2000 * delay
@@ -239,6 +262,43 @@ def test_a_badly_written_event_is_answered_with_the_form(words, told, tmp_path, 
     complaint = capsys.readouterr().err
     assert told in complaint
     assert complaint.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "size"),
+    [("current_limit.i_max", 0.5, 0), ("command_limit.u_max", 0.9, 1), ("pll_freeze.v_freeze", 1.1, 2),
+     ("momentary_cessation.v_block", 1.1, 2)],
+)  # fmt: skip
+def test_a_limit_that_acts_at_rest_is_said_just_where_the_model_leaves_its_rest(name: str, level: float, size: int):
+    events = record_events(plant_named("paper_like"), [POINT], [event_of("step:0.01")], length=0.2)
+    values = VALUES | {"pll_filter.omega_c": 2 * np.pi * 500, "current.kI": 0.04 * 120 * np.pi}
+    if name == "momentary_cessation.v_block":
+        values |= {"momentary_cessation.t_hold": 0.01}
+    (far,) = play(model_of_program(textbook("gfl_pll_filter_exact"), values | {name: level}), events).records
+    (sentence,) = far.acting
+    at_rest = float(sentence.split(" is ")[1].split(";")[0])
+    assert name in sentence
+    for factor in (0.99, 1.01):
+        model = model_of_program(textbook("gfl_pll_filter_exact"), values | {name: factor * at_rest})
+        playback = play(model, events)
+        (found,) = playback.records
+        acts = (factor < 1) is (size < 2)
+        stays = np.abs(found.current - found.record.i_rest)[found.record.time < 0.09].max() < 1e-6
+        assert bool(found.acting) is acts
+        assert stays is not acts or name == "pll_freeze.v_freeze", "a frozen PLL rests as well"
+        assert ("at rest already" in playback_page(playback, "it")) is acts
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"current_limit.i_max": -1.1}, {"momentary_cessation.v_block": -1.0}, {"momentary_cessation.t_hold": -1.0},
+     {"reference_ramp.ramp": 0}, {"plant.L_F": -0.15}, {"current_limit.i_max": 50.0}, {"plant.C_F": 0}],
+)  # fmt: skip
+def test_values_that_cannot_be_are_refused_and_those_beyond_a_box_are_played(values: dict):
+    (name,) = values
+    with pytest.raises(IbridError, match=f"{name} must"):
+        model_of_program(textbook("gfl_pll_filter_exact"), VALUES | values)
+    assert model_of_program(textbook("gfl_pll_filter_exact"), VALUES | {"plant.L_F": 3.0}).values["plant.L_F"] == 3.0
 
 
 def test_values_that_the_program_lacks_are_named(tmp_path):
