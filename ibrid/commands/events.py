@@ -59,7 +59,9 @@ def run_playback(arguments: Namespace) -> int:
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
     model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
     if model.assumed:
-        complain(f"no value for {', '.join(model.assumed)}: typical ones are played; give --values")
+        complain(
+            f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a file of --values"
+        )
     playback = play(model, events)
     for words in [words for one in playback.records for words in one.acting]:
         complain(words)

@@ -66,8 +66,10 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
     """Records, or lists by name with single numbers beside them, as a table with names, as text."""
     held = json.loads(content)
     columns = held if isinstance(held, dict) else {name: [row[name] for row in held] for name in held[0]}
-    length = max(len(one) for one in columns.values() if isinstance(one, list))
-    rows = zip(*(one if isinstance(one, list) else [one] * length for one in columns.values()), strict=True)
+    lengths = {len(one) for one in columns.values() if isinstance(one, list)}
+    if len(lengths) != 1:
+        raise ValueError(f"{len(lengths)} lengths of lists, must be one")
+    rows = zip(*(one if isinstance(one, list) else [one] * max(lengths) for one in columns.values()), strict=True)
     return {"table": _as_text([list(columns), *rows])}
 
 

@@ -94,7 +94,7 @@ def read_keys(
             )
         else:
             notes.append(text.strip())
-    return keys, tuple(notes)
+    return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
 
 
 def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = ()) -> Header:

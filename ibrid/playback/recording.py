@@ -1,5 +1,6 @@
 """Records of our own inverters: events on the voltage of the grid, answered by the nonlinear reference models."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, radians
@@ -71,18 +72,20 @@ class Event:
 def event_of(text: str) -> Event:
     """An event from "dip:0.6,at=0.1,for=0.15"; also rise=s and, of a frequency, ramp=Hz/s. IbridError for another form."""
     head, *rest = text.split(",")
-    kind, mark, value = (part.strip() for part in head.partition(":"))
-    if kind not in KINDS or not mark:
+    kind, _, value = (part.strip() for part in head.partition(":"))
+    if kind not in KINDS:
         raise IbridError(f"{_FORM}, with {', '.join(KINDS)}; found {text!r}, {near(kind, KINDS)}")
-    fields = {"value": _number(value, text), "lasts": KINDS[kind][1]}
+    fields = {"value": _number(kind, value, text), "lasts": KINDS[kind][1]}
     names = {"at": "at", "for": "lasts", "rise": "rise"} | ({"ramp": "ramp"} if kind == "frequency" else {})
     for part in rest:
-        name, mark, value = (piece.strip() for piece in part.partition("="))
-        if not mark or name not in names:
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if name not in names:
             raise IbridError(f"{_FORM}, with {', '.join(names)}; found {part.strip()!r}, {near(name, names)}")
-        fields[names[name]] = _number(value, text)
+        fields[names[name]] = _number(name, value, text)
         if fields[names[name]] <= 0:
-            raise IbridError(f"{name} of an event must be positive, s; found {value} in {text!r}")
+            raise IbridError(
+                f"{name} of an event must be positive, {'Hz/s' if name == 'ramp' else 's'}; found {value} in {text!r}"
+            )
     if kind in ("dip", "swell") and fields["value"] < 0:
         raise IbridError(f"{kind} takes {KINDS[kind][0]}, zero or more; found {text!r}")
     return Event(kind, **fields)
@@ -107,7 +110,11 @@ def record_events(
     Raises OperatingPointError where the inverter has no rest, IbridError for an event outside the record and for an inverter
     that does not ride through without a fault of the simulation.
     """
-    rng, records = np.random.default_rng(seed), []
+    if rate <= plant.f0_hz:
+        raise IbridError(
+            f"a rate of {rate:g} samples per s shows no rest; take more than {plant.f0_hz:g}, such as {RATE:g}"
+        )
+    rng, records, names = np.random.default_rng(seed), [], Counter[str]()
     for op in operating_points:
         for event in events:
             whole = length or max(LENGTH, event.over + AFTER)
@@ -118,6 +125,8 @@ def record_events(
                 )
             time = np.arange(round(whole * rate) + 1) / rate
             name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
+            names[name] += 1
+            name += f" {names[name]}" if names[name] > 1 else ""
             record = _answer(plant, op, time, event.voltage(time, op.v), name)
             records.append(_seen(record, angle, noise_db, rng))
     return Events(
@@ -168,11 +177,11 @@ def _edge(s: np.ndarray) -> np.ndarray:
     return (1 - np.cos(np.pi * np.clip(s, 0.0, 1.0))) / 2
 
 
-def _number(text: str, whole: str) -> float:
+def _number(name: str, text: str, whole: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):
-        raise IbridError(f"{_FORM}; {text!r} in {whole!r} is not a number")
+        raise IbridError(f"{_FORM}; a number must follow {name}, found {text!r} in {whole!r}")
     return value

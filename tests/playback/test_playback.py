@@ -222,6 +222,7 @@ def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
     assert limited["nrmse"] > 0.1
     assert limited["limits"] == [{"id": "current_limit", "mode": "d", "windup": False}]
     assert ">i_max<" in (out / "report.html").read_text()
+    assert "dotted where a limit begins to act" in (out / "report.html").read_text()
 
 
 def test_a_page_draws_the_level_at_which_a_limit_acts_where_the_record_comes_near_it():
@@ -245,16 +246,44 @@ def test_predict_writes_the_current_that_a_record_answers(tmp_path):
     answer = read_events(tmp_path / "answer.csv")
     error = np.linalg.norm(answer.records[0].i - measured.records[0].i)
     assert error < 1e-4 * np.linalg.norm(measured.records[0].i - measured.records[0].i_rest)
+    assert (
+        main(["predict", record, "--events", str(tmp_path / "answer.csv"), "--out", str(tmp_path / "again.csv")]) == 0
+    )
+    assert "note - note" not in (tmp_path / "again.csv").read_text()
+
+
+def test_events_of_the_same_depth_become_records_of_different_names():
+    events = [event_of(text) for text in ("dip:0.6", "dip:0.6,for=0.1", "dip:0.5")]
+    assert record_events(plant_named("paper_like"), [POINT], events).names == ("dip:0.6", "dip:0.6 2", "dip:0.5")
+
+
+def test_the_slowest_recorder_that_is_taken_writes_a_file_that_is_read(tmp_path):
+    slow = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6")], rate=61)
+    write_events(slow, tmp_path / "slow.csv")
+    assert read_events(tmp_path / "slow.csv").names == ("dip:0.6",)
+
+
+def test_a_json_that_holds_no_records_of_events_is_one_sentence(tmp_path, capsys):
+    for content, told in (
+        ({"schema": "ibrid.record/1"}, "a record of a fit"),
+        ({"t": [0, 1], "va": [1]}, "must be one"),
+    ):
+        (tmp_path / "it.json").write_text(json.dumps(content))
+        assert main(["playback", "gfl", str(tmp_path / "it.json"), "--out", str(tmp_path / "out")]) == 2
+        assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (["--event", "dive:0.6"], "dip"),
-        (["--event", "dip"], "dip:0.6,at=0.1,for=0.15"),
+        (["--event", "dip"], "a number must follow dip, found ''"),
+        (["--event", "dip:0.6,at"], "a number must follow at, found ''"),
+        (["--event", "frequency:1,ramp=-1"], "positive, Hz/s"),
+        (["--event", "dip:0.6", "--rate", "20"], "take more than 60"),
         (["--event", "dip:0.6,til=3"], "at, for, rise"),
         (["--event", "dip:0.6,at=0.01"], "two cycles"),
-        (["--event", "dip:much"], "not a number"),
+        (["--event", "dip:much"], "a number must follow dip, found 'much'"),
     ],
 )
 def test_a_badly_written_event_is_answered_with_the_form(words, told, tmp_path, capsys):
