@@ -29,16 +29,9 @@ def run_record(arguments: Namespace) -> int:
 
     plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
     points = [operating_point(text) for text in arguments.op] if arguments.op else plant.operating_points
-    events = record_events(
-        plant,
-        points,
-        [event_of(text) for text in arguments.event],
-        rate=arguments.rate,
-        length=arguments.length,
-        angle=radians(arguments.angle),
-        noise_db=arguments.noise_db,
-        seed=arguments.seed,
-    )
+    happening = [event_of(text) for text in arguments.event]
+    told = {name: getattr(arguments, name) for name in ("rate", "length", "noise_db", "seed")}
+    events = record_events(plant, points, happening, angle=radians(arguments.angle), **told)
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_events(events, arguments.out, header=header)
@@ -79,10 +72,9 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
     from ibrid.playback.compare import model_of_program, model_of_record
 
     if inputs.is_record(text):
-        if values is not None:
-            raise IbridError("--values belongs to a program; a record brings its own")
-        if port:
-            raise IbridError("--port belongs to a program; a record brings its own")
+        if values is not None or port:
+            option = "--port" if values is None else "--values"
+            raise IbridError(f"{option} belongs to a program; a record brings its own")
         return model_of_record(inputs.record(text, kinds))
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.structure.check import require_legal

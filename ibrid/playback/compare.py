@@ -56,9 +56,8 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     ranges = {f"{one.id}.{name}": box for one in limits for name, box in one.parameters.items()}
     known = [*boxes, *ranges]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
-    given: dict[str, Any] = {
-        members.get(name, name): one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()
-    }
+    told = {name: one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()}
+    given: dict[str, Any] = {members.get(name, name): one for name, one in told.items()}
     fixed = {f"{module}.{key}" for (module, key), bound in table.bound.items() if not isinstance(bound, str)}
     for name, value in given.items():
         if name not in known and name not in fixed:
@@ -94,11 +93,8 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
     """The limits that values by name mean, and the values without the words about their form."""
     ids = dict.fromkeys(one.id for one in LIMITS)
     told = [id for id in ids if any(name.split(".")[0] == id for name in values)]
-    words = {
-        name: value
-        for name, value in values.items()
-        if name.endswith((".mode", ".windup")) and name.split(".")[0] in told
-    }
+    own = {name: value for name, value in values.items() if name.split(".")[0] in told}
+    words = {name: value for name, value in own.items() if name.endswith((".mode", ".windup"))}
     limits = []
     for id in told:
         mode, windup = words.get(f"{id}.mode", ""), words.get(f"{id}.windup", False)
@@ -108,8 +104,8 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
             raise IbridError(f"{id} has the modes {modes} and windup true or false; found {mode!r} and {windup!r}")
         limits.append(limit_named(id, mode, bool(windup)))
     known = [f"{one.id}.{name}" for one in limits for name in one.parameters]
-    for name in values:
-        if name.split(".")[0] in told and name not in (*known, *words):
+    for name in own:
+        if name not in (*known, *words):
             raise IbridError(f"the values name {name!r}, which no limit has; {near(name, known)}")
     return tuple(limits), {name: value for name, value in values.items() if name not in words}
 
@@ -156,11 +152,9 @@ class Playback:
     @property
     def by_window(self) -> dict[str, float]:
         """Mean over the records that have the window."""
-        names = dict.fromkeys(name for one in self.records for name in one.by_window)
-        return {
-            name: float(np.mean([one.by_window[name] for one in self.records if name in one.by_window]))
-            for name in names
-        }
+        each = [one.by_window for one in self.records]
+        names = dict.fromkeys(name for one in each for name in one)
+        return {name: float(np.mean([one[name] for one in each if name in one])) for name in names}
 
     def plain(self) -> dict[str, Any]:
         """For playback.json."""
@@ -188,9 +182,8 @@ class Playback:
 def play(model: EventModel, events: Events) -> Playback:
     """Play every record. Raises OperatingPointError where the model has no rest at a record's p, q, v."""
     player = model.player(events.f0_hz)
-    return Playback(
-        model, tuple(_played(player, model.values, one, events.f0_hz) for one in events.records), events.source
-    )
+    records = tuple(_played(player, model.values, one, events.f0_hz) for one in events.records)
+    return Playback(model, records, events.source)
 
 
 def answered(events: Events, playback: Playback) -> Events:
@@ -201,30 +194,24 @@ def answered(events: Events, playback: Playback) -> Events:
         stayed = np.isfinite(current).all(axis=1)
         if stayed.sum() < 4:
             raise IbridError(f"the simulation of {record.name} leaves at once; the model does not hold at its rest")
-        cut = replace(record, time=record.time[stayed], v=record.v[stayed], i=current[stayed], sigma=None)
-        records.append(cut)
+        records.append(replace(record, time=record.time[stayed], v=record.v[stayed], i=current[stayed], sigma=None))
     return replace(events, records=tuple(records))
 
 
 def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0_hz: float) -> PlayedRecord:
     (played,) = player.play(record, [values])
     windows = windows_of(record, f0_hz)
-    return PlayedRecord(
-        record,
-        played.current,
-        played.left,
-        nrmse(played.current, record),
-        _by_window(played.current, record, windows),
-        windows,
-        tuple(_acting(values, played.sizes, record.name)),
-    )
+    by_window, error = _by_window(played.current, record, windows), nrmse(played.current, record)
+    acting = tuple(_acting(player.limits, values, played.sizes, record.name))
+    return PlayedRecord(record, played.current, played.left, error, by_window, windows, acting)
 
 
-def _acting(values: Mapping[str, float], sizes: np.ndarray, name: str) -> Iterator[str]:
-    for limit, (place, sign) in BOUNDS.items():
-        if limit in values and sign * (sizes[place] - values[limit]) > 1e-9:  # rounding
+def _acting(limits: Sequence[Limit], values: Mapping[str, float], sizes: np.ndarray, record: str) -> Iterator[str]:
+    for limit, name in ((one, name) for one in limits for name in one.parameters if name in BOUNDS):
+        level, (place, sign) = values[f"{limit.id}.{name}"], BOUNDS[name]
+        if sign * (sizes[place] - level) > 1e-9:  # rounding
             yield (
-                f"{limit} = {values[limit]:g} acts at rest already in record {name}, where the {SIZES[place]} is "
+                f"{limit.id}.{name} = {level:g} acts at rest already in record {record}, where the {SIZES[place]} is "
                 f"{sizes[place]:.4g}; the model does not stay at the record's p, q and v"
             )
 

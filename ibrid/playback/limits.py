@@ -70,9 +70,8 @@ def _forms() -> Iterator[Limit]:
         law = "u_r is scaled to |u_r| <= u_max, before the delay"
         yield Limit("command_limit", law, {"u_max": _LIMIT}, {"u_max": limits}, windup=windup)
     law = "while |e| < v_freeze e_q counts as zero"
-    yield Limit(
-        "pll_freeze", law, {"v_freeze": _VOLTAGE}, {"v_freeze": (0.3, 0.5, 0.6, 0.7, 0.8, 0.9)}, jumps=("v_freeze",)
-    )
+    depths = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9)
+    yield Limit("pll_freeze", law, {"v_freeze": _VOLTAGE}, {"v_freeze": depths}, jumps=("v_freeze",))
     yield Limit(
         "momentary_cessation",
         "while |e| < v_block and for t_hold after it |r| <= 0, then |r| <= ramp x (time since)",
@@ -90,12 +89,8 @@ def _forms() -> Iterator[Limit]:
         {"k": Range(1e-2, 100.0, 2.0, "1", "gain"), "dead": Range(0.0, 0.9, 0.1, "pu", "dead band")},
         {"k": (1.0, 2.0, 4.0), "dead": (0.03, 0.1, 0.2)},
     )
-    yield Limit(
-        "reference_ramp",
-        "the rate of i_ref_d is at most ramp",
-        {"ramp": _RATE},
-        {"ramp": (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)},
-    )
+    rates = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+    yield Limit("reference_ramp", "the rate of i_ref_d is at most ramp", {"ramp": _RATE}, {"ramp": rates})
 
 
 #: Every form of every effect, those with the same id in the order in which they are tried.
@@ -113,12 +108,7 @@ UNTIL = Limit(
 )
 #: What a model at rest has; numbers of limits, which of it they bound, and whether from above (1) or from below (-1).
 SIZES = ("reference of the current", "voltage command", "voltage behind the grid-side filter")
-BOUNDS = {
-    "current_limit.i_max": (0, 1),
-    "command_limit.u_max": (1, 1),
-    "pll_freeze.v_freeze": (2, -1),
-    "momentary_cessation.v_block": (2, -1),
-}
+BOUNDS = {"i_max": (0, 1), "u_max": (1, 1), "v_freeze": (2, -1), "v_block": (2, -1)}
 #: In which they act on one another.
 ORDER = ("voltage_support", "reference_ramp", "momentary_cessation", "current_limit", "command_limit", "pll_freeze")
 

@@ -79,14 +79,8 @@ def _draw(
         if number:
             for index, (label, current) in enumerate(lines.items()):
                 colour, _, dashes = series(index)
-                plane.plot(
-                    record.time,
-                    _quantities(record, current)[number][1],
-                    color=colour,
-                    linestyle=dashes,
-                    linewidth=1.0,
-                    label=label,
-                )
+                shown = _quantities(record, current)[number][1]
+                plane.plot(record.time, shown, color=colour, linestyle=dashes, linewidth=1.0, label=label)
         _draw_levels(plane, measured[number][0], values)
         plane.set_ylabel(measured[number][0])
     axes[1].legend(loc="best")
