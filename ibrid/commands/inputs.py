@@ -74,13 +74,12 @@ def events(text: str, channels: str | None = None, base: str | None = None) -> "
 
 def read_events_at(text: str, channels: str | None, base: str | None) -> "Events":
     """The records in a file, nothing said of them."""
-    from ibrid.measurement.read_events import WORKBOOKS, read_events
+    from ibrid.measurement.read_events import read_events
 
     _require_file(text, (), "records of events", SweepError)
     if is_record(text):
         raise SweepError(f"{text} is a record of a fit, not records of events; give their file there")
-    unit = "si" if base is not None and Path(text).suffix.lower() in WORKBOOKS else None
-    return read_events(text, channels=channels, base=base, unit=unit)
+    return read_events(text, channels=channels, base=base)
 
 
 def require_no_events_options(arguments: Namespace) -> None:

@@ -19,10 +19,15 @@ COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a
 
 
 def is_event_csv(lines: Sequence[str]) -> bool:
-    """Whether the line of column names, the first that is no comment, is that of an events file."""
-    head = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
-    names = [name.strip() for name in head.split(",")]
-    return "t" in names and ("record" in names or any(set(columns) <= set(names) for columns in COLUMNS.values()))
+    """Whether the line of column names is that of an events file as it is written here."""
+    names = {name.strip() for name in head_of(lines).split(",")}
+    own = max(len(names.intersection(columns)) / len(columns) for columns in COLUMNS.values())
+    return "t" in names and (own == 1 or ("record" in names and own > 0))
+
+
+def head_of(lines: Sequence[str]) -> str:
+    """The first line that is no comment."""
+    return next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
 
 
 def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]) -> Events:

@@ -15,6 +15,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement import foreign_binary as binary
 from ibrid.measurement.column_words import meaning_of, unit_of
+from ibrid.measurement.csv_table import comments_and_body
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.guarded import guarded
 
@@ -43,7 +44,7 @@ class ForeignTable:
     """Columns of one length: numbers (NaN: empty), complex numbers, or text.
 
     where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
-    line : (n,) where each row stands. notes : what is written above the table.
+    line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
     """
 
     where: str
@@ -52,6 +53,7 @@ class ForeignTable:
     line: np.ndarray
     notes: tuple[str, ...] = ()
     book: str = ""
+    comments: tuple[tuple[int, str], ...] = ()
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -142,7 +144,7 @@ def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     table = _of_rows(rows, marked, where, stem, point)
     first = int(table.line[0])
     notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in marked]
-    return replace(table, notes=tuple(notes))
+    return replace(table, notes=tuple(notes), comments=tuple(comments_and_body(lines)[0]))
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -190,7 +192,8 @@ def _of_rows(
         if name or any(cells):
             columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
     above = [" ".join(filter(None, cells)) for number, cells in rows if number < first]
-    return ForeignTable(where, stem, columns, np.array([number for number, _ in data]), tuple(above))
+    comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
+    return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:

@@ -1,6 +1,6 @@
 """One door for records of events: the suffix, and where that leaves doubt the columns, choose the reader."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +9,17 @@ import numpy as np
 from ibrid.errors import SweepError, near
 from ibrid.measurement.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
-from ibrid.measurement.event_csv import COLUMNS, is_event_csv, parse_event_csv
+from ibrid.measurement.event_csv import head_of, is_event_csv, parse_event_csv
 from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.files import read_lines
 from ibrid.measurement.foreign_table import ForeignTable, frame_table, read_tables
-from ibrid.measurement.header import values_of
+from ibrid.measurement.header import read_keys, values_of
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.told import base_of
 
 #: Endings of files of which only the names of their columns say whether they hold records or a sweep.
-WORKBOOKS = (".xlsx", ".xlsm", ".parquet")
+WORKBOOKS, TEXTS = (".xlsx", ".xlsm", ".parquet"), ("", ".csv", ".txt", ".tsv")
 
 
 def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
@@ -30,19 +30,20 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
         of tables also t and record.
     keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis,
-        power_node, s_base_va, v_base_v or base ("10kVA,400V"). They win over the file, and lines `key: value` of `<path>.meta`
-        do too.
+        power_node, s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing of itself is in SI). They win
+        over the file, and lines `key: value` of `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
     keys = {key: value for key, value in keys.items() if value is not None}
-    if "base" in keys:
+    implied = {"unit": "si"} if "base" in keys else {}
+    if implied:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys.pop("base")), "base")
     for key in keys:
         if key not in KEYS:
             raise SweepError(f"{key} is not something to say about events; {near(key, (*KEYS, 'base', 'channels'))}")
     if not isinstance(path, str | Path):
-        return _of_frame(path, channels, keys)
+        return _of_frame(path, channels, keys, implied)
     path = Path(path)
     beside, notes = sidecar_keys(path, (*KEYS, "channels"), CHOICES)
     told: dict[str, object] = {**beside, **keys}
@@ -52,12 +53,11 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         samples, frequency = read_comtrade(path, channels)
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
         return events_of([samples], values_of(said, str(path), CHOICES), str(path), notes)
-    if path.suffix.lower() in ("", ".csv", ".txt") and channels is None:
+    if path.suffix.lower() in TEXTS and channels is None:
         lines = read_lines(path)
         if is_event_csv(lines):
             return parse_event_csv(lines, str(path), told)
-    tables = read_tables(path)
-    return _of_tables(tables, channels, told, str(path))
+    return _of_tables(read_tables(path), channels, told, str(path), implied)
 
 
 def is_events_file(path: Path) -> bool:
@@ -68,30 +68,36 @@ def is_events_file(path: Path) -> bool:
         return True
     try:
         if path.suffix.lower() in WORKBOOKS:
-            return any(map(_has_channels, read_tables(path)))
-        return path.suffix.lower() in ("", ".csv", ".txt") and is_event_csv(read_lines(path))
+            return any(_has_channels(list(table.columns)) for table in read_tables(path))
+        if path.suffix.lower() not in TEXTS:
+            return False
+        head = head_of(lines := read_lines(path))
+        return is_event_csv(lines) or any(_has_channels(head.split(mark)) for mark in (";", "\t", ",", "|", None))
     except SweepError:
         return False
 
 
-def _has_channels(table: ForeignTable) -> bool:
+def _has_channels(names: Sequence[str]) -> bool:
     """Whether columns are called time, voltages and currents."""
-    own = {_role(name): name for name in table.columns if _role(name)}
+    own = {_role(name): name for name in names if _role(name)}
     try:
-        return "t" in chosen([Channel(name) for name in table.columns], own, table.where)
+        return "t" in chosen([Channel(name) for name in names], own, "")
     except SweepError:
         return False
 
 
-def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
+def _of_frame(frame: Any, channels: Any, keys: dict[str, object], implied: dict[str, str]) -> Events:
     if getattr(frame, "columns", None) is None:
         raise SweepError(f"read_events takes a path or a DataFrame; found {type(frame).__name__}.")
     said = {key: value for key, value in getattr(frame, "attrs", {}).items() if key in KEYS}
-    return _of_tables([frame_table(frame)], channels, {**said, **keys}, "DataFrame")
+    return _of_tables([frame_table(frame)], channels, {**said, **keys}, "DataFrame", {} if said else implied)
 
 
-def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
-    """Each table one record, or several where a column names them."""
+def _of_tables(
+    tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str, implied: Mapping[str, str]
+) -> Events:
+    """Each table one record, or several where a column names them; `implied` holds where the tables say nothing of themselves."""
+    stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
     samples: list[Samples] = []
     frames = set()
     for table in tables:
@@ -122,15 +128,17 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
             )
     if len(frames) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases.")
-    header = values_of({**told, "frame": frames.pop()}, where, CHOICES)
-    return events_of(samples, header, where)
+    header = values_of({**(stated or implied), **told, "frame": frames.pop()}, where, CHOICES)
+    return events_of(samples, header, where, notes)
 
 
 def _role(name: str) -> str:
     """The role of a column that is called as in an events file."""
-    own = ("record", "t", "sigma", *(column for columns in COLUMNS.values() for column in columns))
-    plain = name.strip().lower()
-    return plain.replace("_", "") if plain in own else "t" if plain in ("time", "time_s", "time [s]", "t [s]") else ""
+    plain = name.strip().strip('"').lower()
+    if plain in ("time", "time_s", "time [s]", "t [s]"):
+        return "t"
+    role = plain.replace("_", "")
+    return role if role in ("record", "t", "sigma", *PHASES, *DQ) else ""
 
 
 def _numbers(table: ForeignTable, name: str) -> np.ndarray:

@@ -64,7 +64,7 @@ def sidecar_keys(
     path: Path, known: Iterable[str] = HEADER_KEYS + POINT_KEYS, choices: Mapping[str, tuple[str, ...]] = CHOICES
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty without one."""
-    sidecar = path.with_name(path.name + SIDECAR)
+    sidecar = Path(f"{path}{SIDECAR}")
     if not sidecar.exists():
         return {}, ()
     lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]

@@ -9,6 +9,7 @@ import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.event_csv import COLUMNS, write_events
 from ibrid.measurement.events import EventRecord
+from ibrid.measurement.read_events import is_events_file
 
 F0, BEGIN, END = 50.0, 0.1, 0.2
 V_BASE, S_BASE = 400.0, 10e3
@@ -229,6 +230,54 @@ def test_a_workbook_holds_a_record(tmp_path: Path):
         book.active.append(row)
     book.save(tmp_path / "dip.xlsx")
     assert_is_the_dip(ibrid.read_events(tmp_path / "dip.xlsx", f0_hz=F0)["dip"])
+
+
+LOOKS = {
+    "semicolons": lambda text: text.replace(",", ";"),
+    "tabs": lambda text: text.replace(",", "\t"),
+    "decimal commas": lambda text: text.replace(",", ";").replace(".", ","),
+    "capitals": lambda text: text.replace("record,t,v_a", "RECORD,T,V_A"),
+    "time": lambda text: text.replace("record,t,", "record,time,"),
+    "no underscores": lambda text: text.replace("v_", "v").replace("i_", "i"),
+}
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_what_a_file_says_of_itself_holds_however_its_table_looks(tmp_path: Path, look: str):
+    v, i = dip(TIME)
+    values = np.concatenate([PEAK_V * phases(v, TIME), -PEAK_I * phases(i, TIME)])
+    keys = ("unit: si", f"s_base_va: {S_BASE}", f"v_base_v: {V_BASE}", "current: in", "power_node: pcc")
+    path = write(tmp_path / "a.csv", values, TIME, *keys)
+    head, table = path.read_text().split("\nrecord", 1)
+    path.write_text(f"{head}\n{LOOKS[look]('record' + table)}")
+    assert is_events_file(path)
+    events = ibrid.read_events(path)
+    assert (events.f0_hz, events.power_node, events.v_base_v) == (F0, "pcc", V_BASE)
+    assert_is_the_dip(events["dip"])
+    assert ibrid.read_events(path, current="out")["dip"].rest.p < 0
+
+
+def test_keys_hold_where_channels_are_told(tmp_path: Path):
+    v, i = dip(TIME)
+    path = write(tmp_path / "a.csv", np.stack([v.real, v.imag, -i.real, -i.imag]), TIME, "current: in")
+    assert_is_the_dip(ibrid.read_events(path, channels="t=t,vd=v_d,vq=v_q,id=i_d,iq=i_q")["dip"])
+
+
+def test_a_base_implies_si_where_a_table_says_nothing_of_itself(tmp_path: Path):
+    pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
+    v, i = dip(TIME)
+    values = np.concatenate([PEAK_V * phases(v, TIME), PEAK_I * phases(i, TIME)])
+    frame = pandas.DataFrame({"t": TIME, **dict(zip(COLUMNS["abc"], values, strict=True))})
+    assert ibrid.read_events(frame, f0_hz=F0, base="10kVA,400V")["op"].rest.v == pytest.approx(1.02)
+    assert ibrid.read_events(frame, f0_hz=F0, base="10kVA,400V", unit="pu")["op"].rest.v == pytest.approx(1.02 * PEAK_V)
+    ours = ibrid.read_events(write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)).to_dataframe()
+    assert_is_the_dip(ibrid.read_events(ours, base="10kVA,400V")["dip"])
+
+
+def test_a_folder_in_place_of_records_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SweepError, match="must be a file; found a folder"):
+        ibrid.read_events(".")
 
 
 BAD = {
