@@ -26,8 +26,9 @@ _UNBALANCED, _LOADED = 0.03, 1.25
 #: Negative sequence of the current at rest, of the positive one, that no inverter makes; smallest current that tells; degrees
 #: within which one that leads or lags by a third of a turn is of other phases.
 _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
-#: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where the voltage moves by this.
-_GAP, _PART, _MOVES = 5.0, 0.1, 0.01
+#: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where the voltage moves by this;
+#: one longer than the last part, behind which the voltage may have gone and come, is a gap wherever it is.
+_GAP, _PART, _MOVES, _LONG = 5.0, 0.1, 0.01, 0.5
 
 
 def contradictions(events: Events) -> tuple[str, ...]:
@@ -93,11 +94,13 @@ def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
 
 def _gaps(record: EventRecord, f0_hz: float) -> Iterator[str]:
     step = np.diff(record.time)
-    moved = np.hypot(*np.diff(record.v, axis=0).T)
-    gaps = np.flatnonzero((step > max(_GAP * float(np.median(step)), _PART / f0_hz)) & (moved > _MOVES))
+    moved = np.hypot(*np.diff(record.v, axis=0).T) > _MOVES
+    least = np.where(moved, _PART, _LONG) / f0_hz
+    gaps = np.flatnonzero(step > np.maximum(_GAP * float(np.median(step)), least))
     if len(gaps):
         k = gaps[np.argmax(step[gaps])]
+        hidden = "while the voltage moves" if moved[k] else "in which the voltage may have left and come back"
         yield (
             f"{record.name}: {len(gaps)} gap{'s' if len(gaps) > 1 else ''} in time, the longest {step[k] * 1e3:.3g} ms at "
-            f"{record.time[k]:.4g} s while the voltage moves; nothing is known of it there."
+            f"{record.time[k]:.4g} s {hidden}; nothing is known of it there."
         )

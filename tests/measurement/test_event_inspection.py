@@ -117,6 +117,10 @@ CONTRADICTIONS = {
         record(DIP[kept], time=TIME[kept]) if (kept := (TIME < 0.24) | (TIME > 0.27)) is not None else None,
         "1 gap in time, the longest 30.2 ms at 0.2399 s",
     ),
+    "a gap that hides the dip": (
+        record(DIP[kept], time=TIME[kept]) if (kept := (TIME < 0.09) | (TIME > 0.27)) is not None else None,
+        "1 gap in time, the longest .* ms at 0.08.* s in which the voltage may have left and come back",
+    ),
     "clipping": (record(DIP, remarks=("channel IA reaches the end of its range: it is clipped",)), "it is clipped"),
 }
 
