@@ -12,8 +12,8 @@ _TIME = re.compile(r"\d+:\d+:\d+(?:\.(\d+))?")
 _FIELDS = 13
 
 
-def plain_cfg(text: str, data: bytes) -> str:
-    """A configuration of revision 1991 or 1999 for the samples in `data`.
+def plain_cfg(text: str, data: bytes) -> tuple[str, int]:
+    """A configuration of revision 1991 or 1999 for the samples in `data`, and how many of those announced are missing.
 
     Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError for a line without meaning.
     """
@@ -37,9 +37,10 @@ def plain_cfg(text: str, data: bytes) -> str:
     rows = _rows(data, kind, analog, states)
     if not rows:
         raise ValueError("there are no samples beside it")
+    missing = max(rates[-1][1] - rows, 0)
     rates = [(rate, min(last, rows) if last else rows) for rate, last in rates]
     time = f"01/01/2000,00:00:00.{'0' * (9 if fraction > 6 else 6)}"
-    return "\n".join(
+    plain = "\n".join(
         [
             f"station,device{',1999' if revision == '1999' else ''}",
             f"{analog + states},{analog}A,{states}D",
@@ -55,6 +56,7 @@ def plain_cfg(text: str, data: bytes) -> str:
             "",
         ]
     )
+    return plain, missing
 
 
 class _Lines:
@@ -121,7 +123,9 @@ def _fraction(lines: _Lines) -> int:
 
 def _rows(data: bytes, kind: str, analog: int, states: int) -> int:
     if kind == "ASCII":
-        return sum(bool(line.strip(b"\x1a\0 \t\r,")) for line in data.split(b"\n"))
+        if b"\0" in data.strip(b"\x1a\0 \r\n"):
+            raise ValueError("the configuration says ASCII and the samples are binary, write BINARY if they are so")
+        return sum(bool(line.strip(b"\x1a\0 \t,")) for line in data.splitlines())
     if kind not in _WIDTH:
         raise ValueError(f"the samples must be {', '.join(('ASCII', *_WIDTH))}, found {kind[:20]!r}")
     return len(data) // (8 + _WIDTH[kind] * analog + 2 * -(-states // 16))

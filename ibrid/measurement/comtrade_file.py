@@ -16,7 +16,8 @@ from ibrid.measurement.guarded import guarded
 
 SUFFIXES = (".cfg", ".dat", ".cff")
 _PARTS = re.compile(rb"^--- *file type: *(\w+)[^\r\n]*---[ \t]*\r?\n", re.M | re.I)
-_AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
+_AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3}
+_WORD = re.compile(r"\s*(k|m|)(?:(v)olts?|(a)mp(?:ere)?s?)\s*", re.I)
 
 #: Steps of time above so many usual ones are a gap.
 JUMP = 5.0
@@ -37,7 +38,8 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     content = _content(path)
     arrays = guarded(comtrade_arrays, content, f"{where} must be a COMTRADE record")
     told = channels_told(channels)
-    known = [Channel(*map(str, row)) for row in zip(arrays["name"], arrays["unit"], arrays["phase"], strict=True)]
+    units = [_WORD.sub(r"\1\2\3", str(unit)) for unit in arrays["unit"]]
+    known = [Channel(str(n), unit, str(p)) for n, unit, p in zip(arrays["name"], units, arrays["phase"], strict=True)]
     place = chosen(known, told, where)
     between = set(BETWEEN) <= set(place)
     roles = (*(BETWEEN if between else PHASES[:3]), *PHASES[3:])
@@ -48,6 +50,8 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
             "data belong to this configuration?"
         )
     values, remarks = [], _jumps(arrays["stamp"], time)
+    if arrays["lost"]:
+        remarks.append(f"the data end early, {arrays['lost']} samples fewer than the configuration announces")
     for role in roles:
         k = place[role]
         value = arrays["value"][k]
@@ -61,9 +65,12 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
             remarks.append(f"channel {known[k].name} reaches the end of its range: it is clipped")
         if arrays["skew"][k]:
             value = CubicSpline(time + arrays["skew"][k], value)(time)
-        if arrays["ratio"][k] != 1:
-            remarks.append(f"channel {known[k].name} taken times {arrays['ratio'][k]:g}, to its primary value")
-        values.append(value * arrays["ratio"][k] * _size(known[k].unit, role, where))
+        ratio = float(arrays["ratio"][k])
+        if np.isnan(ratio):
+            remarks.append(f"channel {known[k].name} is secondary without a ratio: taken as it stands")
+        elif ratio != 1:
+            remarks.append(f"channel {known[k].name} taken times {ratio:g}, to its primary value")
+        values.append(value * np.nan_to_num(ratio, nan=1.0) * _size(known[k].unit, role, where))
     values = np.array(values)
     v = (values[:3] - np.roll(values[:3], 1, axis=0)) / 3 if between else values[:3]
     stem = "".join(letter if letter.isprintable() else "_" for letter in path.stem).strip("# ") or "record"
@@ -111,10 +118,11 @@ def _jumps(stamp: np.ndarray, time: np.ndarray) -> list[str]:
 
 
 def _clipped(value: np.ndarray, low: float, high: float) -> bool:
-    """Whether two samples in a row stand at an end of the range."""
+    """Whether two samples in a row stand at an end of the range; a range without width says nothing."""
+    low, high = min(low, high), max(low, high)
     margin = 1e-6 * (high - low)
     ends = (value >= high - margin) | (value <= low + margin)
-    return bool((ends[1:] & ends[:-1]).any())
+    return margin > 0 and bool((ends[1:] & ends[:-1]).any())
 
 
 def _size(unit: str, role: str, where: str) -> float:

@@ -29,6 +29,8 @@ _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
 #: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where the voltage moves by this;
 #: one longer than the last part, behind which the voltage may have gone and come, is a gap wherever it is.
 _GAP, _PART, _MOVES, _LONG = 5.0, 0.1, 0.01, 0.5
+#: Remarks on reading that are warnings.
+_GRAVE = ("clipped", "a gap", "the data end early", "without a ratio")
 
 
 def contradictions(events: Events) -> tuple[str, ...]:
@@ -37,7 +39,7 @@ def contradictions(events: Events) -> tuple[str, ...]:
 
 
 def _of(record: EventRecord, f0_hz: float) -> Iterator[str]:
-    yield from (f"{record.name}: {remark}." for remark in record.remarks if "clipped" in remark or "a gap" in remark)
+    yield from (f"{record.name}: {one}." for one in record.remarks if any(words in one for words in _GRAVE))
     yield from _sizes(record)
     yield from _unbalance(record)
     yield from _gaps(record, f0_hz)

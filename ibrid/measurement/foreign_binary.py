@@ -81,8 +81,9 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     """The analog channels of a COMTRADE record: eight bytes with the length of the configuration, it, the samples.
 
     time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
-    ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values; name, unit, phase; frequency.
-    stamp (n,), the times that stand beside text samples, in units of their own; empty where there are none.
+    ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values, NaN where that is not said;
+    name, unit, phase; frequency. stamp (n,), the times that stand beside text samples, in units of their own; empty where there
+    are none. lost : how many samples are announced and not there.
     """
     length = int.from_bytes(content[:8], "big")
     head, data = content[8 : 8 + length], content[8 + length :]
@@ -90,7 +91,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = head.decode("cp1252", errors="replace")
-    text = plain_cfg(text, data)
+    text, lost = plain_cfg(text, data)
     record = _package("comtrade", "comtrade").Comtrade(
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
@@ -107,12 +108,19 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "low": np.array([one.a * one.cmin + one.b for one in channels]),
         "high": np.array([one.a * one.cmax + one.b for one in channels]),
         "skew": np.array([one.skew * 1e-6 for one in channels]),
-        "ratio": np.array([one.primary / one.secondary if one.pors == "S" else 1.0 for one in channels]),
+        "ratio": np.array([_ratio(one) for one in channels]),
         "name": np.array([one.name for one in channels], dtype=str),
         "unit": np.array([one.uu for one in channels], dtype=str),
         "phase": np.array([one.ph for one in channels], dtype=str),
         "frequency": np.array(record.frequency),
+        "lost": np.array(lost),
     }
+
+
+def _ratio(channel: Any) -> float:
+    if channel.pors != "S":
+        return 1.0
+    return channel.primary / channel.secondary if channel.primary and channel.secondary else np.nan
 
 
 def _cells_stripped(data: bytes) -> str:

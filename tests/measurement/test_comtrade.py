@@ -11,6 +11,7 @@ pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip
 from ibrid.errors import SweepError
 from ibrid.measurement import comtrade_file
 from ibrid.measurement.channels import Channel, role_of
+from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.events import EventRecord
 from ibrid.measurement.read_events import is_events_file, read_events
 
@@ -231,6 +232,52 @@ def test_a_clipped_channel_is_said(tmp_path: Path):
     assert any("IA reaches the end of its range" in remark for remark in record.remarks)
 
 
+@pytest.mark.usefixtures("in_process")
+def test_a_range_without_width_tells_no_clipping(tmp_path: Path):
+    cfg = configuration("BINARY").replace("-32767,32767", "0,0")
+    record = read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)["dip"]
+    assert_is_the_dip(record)
+    assert not record.remarks
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_negative_factor_is_no_clipping(tmp_path: Path):
+    cfg = configuration("BINARY", factors=-np.repeat([PEAK_V, PEAK_I], 3) * STEP)
+    record = read_events(store(tmp_path, cfg, samples("BINARY", -phases(TIME) / STEP)), **BASES)["dip"]
+    assert_is_the_dip(record)
+    assert not record.remarks
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_ratio_of_zeros_leaves_the_values_and_is_said(tmp_path: Path):
+    path = store(tmp_path, configuration("BINARY", side=",0,0,S"), samples("BINARY", phases(TIME) / STEP))
+    events = read_events(path, **BASES)
+    assert_is_the_dip(events["dip"])
+    assert len([one for one in contradictions(events) if "is secondary without a ratio" in one]) == 6
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(("volts", "amperes"), [("Volts", "Amps"), ("VOLT", "AMPERES"), ("volts", "amp")])
+def test_units_may_be_words(tmp_path: Path, volts: str, amperes: str):
+    cfg = configuration("BINARY").replace(",V,", f",{volts},").replace(",A,", f",{amperes},")
+    assert_is_the_dip(read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)["dip"])
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+def test_samples_that_are_announced_and_not_there_are_said(tmp_path: Path, kind: str):
+    events = read_events(store(tmp_path, configuration(kind), samples(kind, phases(TIME)[:, :1200] / STEP)), **BASES)
+    assert contradictions(events) == ("dip: the data end early, 300 samples fewer than the configuration announces.",)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_lines_may_end_as_on_old_machines(tmp_path: Path):
+    cfg, dat = configuration("ASCII"), samples("ASCII", phases(TIME) / STEP)
+    assert_is_the_dip(
+        read_events(store(tmp_path, cfg.replace("\n", "\r"), dat.replace(b"\r\n", b"\r")), **BASES)["dip"]
+    )
+
+
 def test_what_cannot_be_read_is_one_sentence(tmp_path: Path):
     dat = samples("BINARY", phases(TIME) / STEP)
     path = store(tmp_path, configuration("BINARY"), dat)
@@ -243,6 +290,8 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path: Path):
         read_events(store(tmp_path, configuration("BINARY", names=("V,A", *NAMES[1:]), side=",1,1,P,x"), dat), **BASES)
     with pytest.raises(SweepError, match="the samples must be ASCII, BINARY, BINARY32, FLOAT32"):
         read_events(store(tmp_path, configuration("BINARY64"), dat), **BASES)
+    with pytest.raises(SweepError, match="configuration says ASCII and the samples are binary, write BINARY"):
+        read_events(store(tmp_path, configuration("ASCII"), dat), **BASES)
     with pytest.raises(SweepError, match="there are no samples"):
         read_events(store(tmp_path, configuration("BINARY"), b""), **BASES)
     with pytest.raises(SweepError, match="the times of the samples must increase"):
