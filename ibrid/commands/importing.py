@@ -63,10 +63,8 @@ def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError("records in one file must have one nominal frequency; import them one by one")
     events = replace(read[0], records=tuple(record for one in read for record in one.records))
-    for record in events.records:
-        for remark in record.remarks:
-            complain(f"mind: {record.name}: {remark}")
-    for sentence in contradictions(events):
+    remarks = [f"{record.name}: {remark}." for record in events.records for remark in record.remarks]
+    for sentence in dict.fromkeys((*remarks, *contradictions(events))):
         complain(f"mind: {sentence}")
     write_events(events, arguments.out, header=[f"imported from {file}" for file in arguments.files])
     print(f"{arguments.out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in events.records)}")

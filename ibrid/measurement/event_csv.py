@@ -10,7 +10,7 @@ import numpy as np
 from ibrid.errors import SweepError, near
 from ibrid.measurement.csv_columns import require_once
 from ibrid.measurement.csv_table import comments_and_body, fields_of, require_body, require_cells
-from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
+from ibrid.measurement.event_samples import CHOICES, KEYS, REMARK, Samples, events_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.files import write_atomically
 from ibrid.measurement.header import number_of, read_keys, values_of
@@ -60,7 +60,7 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
 def write_events(events: Events, path: str | Path, *, header: Sequence[str] = ()) -> None:
     """Write events as CSV: frame dq, per unit, current out, q leads, all digits; the file appears whole or not at all.
 
-    header : further comment lines, without "#", put first; the notes of the events follow.
+    header : further comment lines, without "#", put first; the notes of the events and the remarks on reading its records follow.
     """
     write_atomically(Path(path), event_csv(events, header=header))
 
@@ -68,6 +68,7 @@ def write_events(events: Events, path: str | Path, *, header: Sequence[str] = ()
 def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     """The text that `write_events` writes."""
     lines = [f"# note - {line}".rstrip() for text in (*header, *events.notes) for line in str(text).splitlines()]
+    lines += [f"# {REMARK}{record.name}: {remark}" for record in events.records for remark in record.remarks]
     keys = {"f0_hz": events.f0_hz, "s_base_va": events.s_base_va, "v_base_v": events.v_base_v}
     lines += [f"# {key}: {value!r}" for key, value in keys.items() if value is not None]
     lines += [f"# power_node: {events.power_node}"]

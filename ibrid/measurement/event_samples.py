@@ -1,18 +1,20 @@
 """From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.event_rest import record_from_rest
+from ibrid.measurement.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
 
 CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
+#: How a note begins that says what was remarked on reading a record from another file.
+REMARK = "remark - "
 #: Samples per s that no averaged model needs, and those that are kept, at least.
 MANY, KEPT = 100e3, 25e3
 #: Per unit, far above what a wrong unit makes of kV and kA; what is above is no measurement.
@@ -20,6 +22,8 @@ LARGEST = 1e9
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
 _STANDS, _SAMPLES = 1 / 24, 3
+#: A phase whose voltage moves at rest by less than this part of what another does is not connected.
+_STILL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,7 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     f0_hz = float(header.get("f0_hz", 60.0))
     bases = _bases(header, where)
     try:
-        records = tuple(_record(one, header, bases, f0_hz) for one in samples)
+        records = tuple(_record(_remarked(one, notes), header, bases, f0_hz) for one in samples)
     except SweepError as reason:
         raise SweepError(f"{where}: {reason}") from reason
     return Events(
@@ -54,9 +58,16 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
         power_node=header.get("power_node", "capacitor"),
         s_base_va=header.get("s_base_va"),
         v_base_v=header.get("v_base_v"),
-        notes=tuple(notes),
+        notes=tuple(note for note in notes if not note.startswith(REMARK)),
         source=where,
     )
+
+
+def _remarked(samples: Samples, notes: Sequence[str]) -> Samples:
+    """With what a file keeps of an earlier reading, notes that begin with `remark - RECORD: `."""
+    begin = f"{REMARK}{samples.name}: "
+    earlier = (note.removeprefix(begin) for note in notes if note.startswith(begin))
+    return replace(samples, remarks=(*earlier, *samples.remarks))
 
 
 def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
@@ -92,8 +103,20 @@ def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, flo
         raise SweepError(
             f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
         )
+    if header["frame"] == "abc":
+        _check_phases(samples, f0_hz)
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
     return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer))
+
+
+def _check_phases(samples: Samples, f0_hz: float) -> None:
+    """SweepError where a voltage stands still through the rest while another moves."""
+    swing = np.ptp(samples.v[:, samples.time <= samples.time[0] + CYCLES / f0_hz], axis=1)
+    if swing.min() < _STILL * swing.max():
+        raise SweepError(
+            f"record {samples.name}: the voltage of phase {'abc'[int(np.argmin(swing))]} is missing, it stands still at rest; "
+            "see which channel, or name the channels."
+        )
 
 
 def _clipped(time: np.ndarray, phase: np.ndarray, f0_hz: float) -> bool:

@@ -45,6 +45,7 @@ FAULTS = {
     "another frequency": (recorded(50.0), "must turn at about f0_hz = 60; found 50.00 Hz"),
     "phases swapped": (changed(lambda v: v[[0, 2, 1]], lambda i: i[[0, 2, 1]]), "the phases turn the wrong way"),
     "a voltage reversed": (changed(v=lambda v: v * [[1], [-1], [1]]), "a voltage of the phases is reversed or missing"),
+    "a voltage missing": (changed(v=lambda v: v * [[1], [0], [1]]), "the voltage of phase b is missing"),
     "phases of the current swapped": (changed(i=lambda i: i[[0, 2, 1]]), "a channel of the currents is swapped"),
     "a current missing": (changed(i=lambda i: i * [[1], [1], [0]]), "a channel of the currents is swapped, reversed or missing"),
     "currents of the next phase": (changed(i=lambda i: i[[1, 2, 0]]), "not in the order of those of the voltage"),
@@ -107,3 +108,20 @@ def test_a_fault_of_a_recorder_is_said_in_every_format(fault: str, tmp_path: Pat
         assert len(refused.strip().splitlines()) == (1 if refused else 0)
         told = " ".join((refused + printed.partition("mind:")[2]).split())
         assert (sentence in told) if sentence else not told, (write.__name__, told)
+
+
+def test_what_was_remarked_on_reading_is_said_once_and_again_of_the_file_that_import_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')")
+    seen, out = as_comtrade(tmp_path, *FAULTS["clipped"][0]), tmp_path / "out.csv"
+    assert main(["import", str(seen), "--base", "10kVA,400V", "--out", str(out)]) == 0
+    said = capsys.readouterr().err.splitlines()
+    clipped = [line for line in said if "clipped" in line]
+    assert len(clipped) == len({line.rstrip(".") for line in said if "clipped" in line}) > 0
+    for file, where in ((out, tmp_path / "again.csv"), (tmp_path / "again.csv", tmp_path / "third.csv")):
+        assert main(["import", str(file), "--out", str(where)]) == 0
+        assert [line for line in capsys.readouterr().err.splitlines() if "clipped" in line] == clipped
+    assert main(["inspect", str(out)]) == 0
+    printed = " ".join(capsys.readouterr().out.partition("mind:")[2].split())
+    assert all(line.partition("mind: ")[2] in printed for line in clipped)
