@@ -47,7 +47,7 @@ def text_lines(content: bytes, where: str) -> list[str]:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise SweepError(f"{where} must be UTF-8 text; line {line} holds a zero byte, export it as text (CSV UTF-8).")
     if not text.strip():
-        raise SweepError(f"{where} must hold a sweep; found an empty file.")
+        raise SweepError(f"{where} must hold a sweep or records of events; found an empty file.")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if (longest := max(map(len, lines))) > LONGEST_LINE:
         line = next(number for number, line in enumerate(lines, 1) if len(line) == longest)

@@ -25,6 +25,13 @@ OF_SWEEPS = (*POSITIVE, "power_node")
 POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
+#: Keys that others write, and ours that say the same.
+_MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fnom", "fn"), "f0_hz") | {
+    "direction": "current",
+    "units": "unit",
+    "sbase": "s_base_va",
+    "vbase": "v_base_v",
+}
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 
@@ -69,8 +76,8 @@ def read_keys(
     where : the file's name, for errors.
     choices : what keys with words may say.
 
-    Raises SweepError, with the line, for a key that resembles a known one without being it, a key given twice and a
-    value out of range.
+    Raises SweepError, with the line, for a key that resembles a known one or means the same without being it, a key given
+    twice and a value out of range.
     """
     names = tuple(known)
     keys: dict[str, str] = {}
@@ -87,9 +94,9 @@ def read_keys(
                 raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")
             values_of({key: value}, f"{where} line {line}", choices)
             keys[key] = value
-        elif _mistyped(key, names):
+        elif (meant := _MEANT.get(key.lower().replace("_", ""))) in names or _mistyped(key, names):
             raise SweepError(
-                f"{where} line {line}: {key} is not a key, {near(key, names)}; "
+                f"{where} line {line}: {key} is not a key, {near(meant, [meant]) if meant else near(key, names)}; "
                 "correct it, or drop the colon if it is a note."
             )
         else:

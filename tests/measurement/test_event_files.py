@@ -281,6 +281,7 @@ def test_a_folder_in_place_of_records_is_one_sentence(tmp_path: Path, monkeypatc
 
 
 BAD = {
+    "nothing": (lambda lines: [], "must hold a sweep or records of events; found an empty file"),
     "no rows": (lambda lines: lines[:2], "must hold rows of numbers"),
     "a column missing": (
         lambda lines: [one.replace("v_q", "vq") for one in lines],
@@ -293,6 +294,8 @@ BAD = {
     ),
     "an unknown unit": (lambda lines: ["# unit: volts", *lines], "line 1: unit must be pu or si; found volts"),
     "a mistyped key": (lambda lines: ["# f0: 50", *lines], "f0 is not a key, did you mean"),
+    "a key of others": (lambda lines: ["# nominal_frequency: 50", *lines], "did you mean f0_hz"),
+    "another key of others": (lambda lines: ["# direction: in", *lines], "did you mean current"),
     "no base": (lambda lines: ["# unit: si", "# v_base_v: 400", *lines], "s_base_va is missing"),
     "text": (
         lambda lines: [*lines[:40], lines[40].replace(",", ",x", 1), *lines[41:]],
