@@ -17,7 +17,6 @@ from ibrid.measurement.guarded import guarded
 SUFFIXES = (".cfg", ".dat", ".cff")
 _PARTS = re.compile(rb"^--- *file type: *(\w+)[^\r\n]*---[ \t]*\r?\n", re.M | re.I)
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3}
-_WORD = re.compile(r"\s*(k|m|)(?:(v)olts?|(a)mp(?:ere)?s?)\s*", re.I)
 
 #: Steps of time above so many usual ones are a gap.
 JUMP = 5.0
@@ -38,8 +37,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     content = _content(path)
     arrays = guarded(comtrade_arrays, content, f"{where} must be a COMTRADE record")
     told = channels_told(channels)
-    units = [_WORD.sub(r"\1\2\3", str(unit)) for unit in arrays["unit"]]
-    known = [Channel(str(n), unit, str(p)) for n, unit, p in zip(arrays["name"], units, arrays["phase"], strict=True)]
+    known = [Channel(*map(str, row)) for row in zip(arrays["name"], arrays["unit"], arrays["phase"], strict=True)]
     place = chosen(known, told, where)
     between = set(BETWEEN) <= set(place)
     roles = (*(BETWEEN if between else PHASES[:3]), *PHASES[3:])
@@ -119,9 +117,8 @@ def _jumps(stamp: np.ndarray, time: np.ndarray) -> list[str]:
 
 def _clipped(value: np.ndarray, low: float, high: float) -> bool:
     """Whether two samples in a row stand at an end of the range; a range without width says nothing."""
-    low, high = min(low, high), max(low, high)
-    margin = 1e-6 * (high - low)
-    ends = (value >= high - margin) | (value <= low + margin)
+    margin = 1e-6 * abs(high - low)
+    ends = (value >= max(low, high) - margin) | (value <= min(low, high) + margin)
     return margin > 0 and bool((ends[1:] & ends[:-1]).any())
 
 

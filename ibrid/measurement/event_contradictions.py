@@ -97,8 +97,7 @@ def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
 def _gaps(record: EventRecord, f0_hz: float) -> Iterator[str]:
     step = np.diff(record.time)
     moved = np.hypot(*np.diff(record.v, axis=0).T) > _MOVES
-    least = np.where(moved, _PART, _LONG) / f0_hz
-    gaps = np.flatnonzero(step > np.maximum(_GAP * float(np.median(step)), least))
+    gaps = np.flatnonzero(step > np.maximum(_GAP * np.median(step), np.where(moved, _PART, _LONG) / f0_hz))
     if len(gaps):
         k = gaps[np.argmax(step[gaps])]
         hidden = "while the voltage moves" if moved[k] else "in which the voltage may have left and come back"

@@ -43,9 +43,6 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     """
     comments, body = comments_and_body(lines)
     stated, notes = read_keys(comments, where, KEYS, CHOICES)
-    for key in keys:
-        if key not in KEYS:
-            raise SweepError(f"{key} is not something to say about events; {near(key, KEYS)}")
     told = {**stated, **{key: value for key, value in keys.items() if value is not None}}
     header = values_of(told, where, CHOICES)
     require_body(body, where)

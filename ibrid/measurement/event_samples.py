@@ -1,7 +1,7 @@
 """From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,8 @@ MANY, KEPT = 100e3, 25e3
 LARGEST = 1e9
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
-_STANDS, _SAMPLES = 1 / 24, 3
-#: A phase whose voltage moves at rest by less than this part of what another does is not connected.
-_STILL = 0.05
+#: A voltage that moves at rest by less than the last part of what another does is missing.
+_STANDS, _SAMPLES, _STILL = 1 / 24, 3, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     f0_hz = float(header.get("f0_hz", 60.0))
     bases = _bases(header, where)
     try:
-        records = tuple(_record(_remarked(one, notes), header, bases, f0_hz) for one in samples)
+        records = tuple(_record(one, header, bases, f0_hz, notes) for one in samples)
     except SweepError as reason:
         raise SweepError(f"{where}: {reason}") from reason
     return Events(
@@ -63,13 +62,6 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     )
 
 
-def _remarked(samples: Samples, notes: Sequence[str]) -> Samples:
-    """With what a file keeps of an earlier reading, notes that begin with `remark - RECORD: `."""
-    begin = f"{REMARK}{samples.name}: "
-    earlier = (note.removeprefix(begin) for note in notes if note.startswith(begin))
-    return replace(samples, remarks=(*earlier, *samples.remarks))
-
-
 def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
     """Peak phase voltage and current that are one per unit."""
     if header.get("unit", "pu") == "pu":
@@ -81,12 +73,16 @@ def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
     return voltage, 2 / 3 * header["s_base_va"] / voltage
 
 
-def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, float], f0_hz: float) -> EventRecord:
+def _record(
+    samples: Samples, header: Mapping[str, Any], bases: tuple[float, float], f0_hz: float, notes: Sequence[str]
+) -> EventRecord:
     v, i, sigma, zero = samples.v / bases[0], samples.i / bases[1], samples.sigma, None
-    remarks = samples.remarks
+    begin = f"{REMARK}{samples.name}: "
+    remarks = (*(note.removeprefix(begin) for note in notes if note.startswith(begin)), *samples.remarks)
     if header.get("current") == "in":
         i = -i
     if header["frame"] == "abc":
+        _check_phases(samples, f0_hz)
         if not any("clipped" in one for one in remarks):
             pairs = zip(("v_a", "v_b", "v_c", "i_a", "i_b", "i_c"), (*samples.v, *samples.i), strict=True)
             clipped = [name for name, value in pairs if _clipped(samples.time, value, f0_hz)]
@@ -103,15 +99,14 @@ def _record(samples: Samples, header: Mapping[str, Any], bases: tuple[float, flo
         raise SweepError(
             f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
         )
-    if header["frame"] == "abc":
-        _check_phases(samples, f0_hz)
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
     return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer))
 
 
 def _check_phases(samples: Samples, f0_hz: float) -> None:
     """SweepError where a voltage stands still through the rest while another moves."""
-    swing = np.ptp(samples.v[:, samples.time <= samples.time[0] + CYCLES / f0_hz], axis=1)
+    rest = samples.v[:, samples.time <= samples.time[0] + CYCLES / f0_hz]
+    swing = np.median(np.abs(rest - np.median(rest, axis=1, keepdims=True)), axis=1)
     if swing.min() < _STILL * swing.max():
         raise SweepError(
             f"record {samples.name}: the voltage of phase {'abc'[int(np.argmin(swing))]} is missing, it stands still at rest; "

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -75,6 +76,8 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
 
 #: A sample that is missing in COMTRADE text.
 _MISSING = "99999"
+#: Units as words.
+_WORD = re.compile(r"\s*(k|m|)(?:(v)olts?|(a)mp(?:ere)?s?)\s*", re.I)
 
 
 def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -108,19 +111,13 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "low": np.array([one.a * one.cmin + one.b for one in channels]),
         "high": np.array([one.a * one.cmax + one.b for one in channels]),
         "skew": np.array([one.skew * 1e-6 for one in channels]),
-        "ratio": np.array([_ratio(one) for one in channels]),
+        "ratio": np.array([c.primary / (c.secondary or np.nan) or np.nan if c.pors == "S" else 1.0 for c in channels]),
         "name": np.array([one.name for one in channels], dtype=str),
-        "unit": np.array([one.uu for one in channels], dtype=str),
+        "unit": np.array([_WORD.sub(r"\1\2\3", one.uu) for one in channels], dtype=str),
         "phase": np.array([one.ph for one in channels], dtype=str),
         "frequency": np.array(record.frequency),
         "lost": np.array(lost),
     }
-
-
-def _ratio(channel: Any) -> float:
-    if channel.pors != "S":
-        return 1.0
-    return channel.primary / channel.secondary if channel.primary and channel.secondary else np.nan
 
 
 def _cells_stripped(data: bytes) -> str:

@@ -26,12 +26,7 @@ POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
 #: Keys that others write, and ours that say the same.
-_MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fnom", "fn"), "f0_hz") | {
-    "direction": "current",
-    "units": "unit",
-    "sbase": "s_base_va",
-    "vbase": "v_base_v",
-}
+_MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 

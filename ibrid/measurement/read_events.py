@@ -1,6 +1,7 @@
 """One door for records of events: the suffix, and where that leaves doubt the columns, choose the reader."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +37,13 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     Raises SweepError: one sentence with file and line, or record.
     """
     keys = {key: value for key, value in keys.items() if value is not None}
-    implied = {"unit": "si"} if "base" in keys else {}
-    if implied:
-        keys["s_base_va"], keys["v_base_v"] = base_of(str(keys.pop("base")), "base")
+    if "base" in keys:
+        keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in KEYS:
+        if key not in (*KEYS, "base"):
             raise SweepError(f"{key} is not something to say about events; {near(key, (*KEYS, 'base', 'channels'))}")
     if not isinstance(path, str | Path):
-        return _of_frame(path, channels, keys, implied)
+        return _of_frame(path, channels, keys)
     path = Path(path)
     beside, notes = sidecar_keys(path, (*KEYS, "channels"), CHOICES)
     told: dict[str, object] = {**beside, **keys}
@@ -57,7 +57,7 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         lines = read_lines(path)
         if is_event_csv(lines):
             return parse_event_csv(lines, str(path), told)
-    return _of_tables(read_tables(path), channels, told, str(path), implied)
+    return _of_tables(read_tables(path), channels, told, str(path))
 
 
 def is_events_file(path: Path) -> bool:
@@ -69,10 +69,8 @@ def is_events_file(path: Path) -> bool:
     try:
         if path.suffix.lower() in WORKBOOKS:
             return any(_has_channels(list(table.columns)) for table in read_tables(path))
-        if path.suffix.lower() not in TEXTS:
-            return False
-        head = head_of(lines := read_lines(path))
-        return is_event_csv(lines) or any(_has_channels(head.split(mark)) for mark in (";", "\t", ",", "|", None))
+        head = head_of(read_lines(path)) if path.suffix.lower() in TEXTS else ""
+        return is_event_csv([head]) or any(_has_channels(head.split(mark)) for mark in (";", "\t", ",", "|", None))
     except SweepError:
         return False
 
@@ -86,17 +84,16 @@ def _has_channels(names: Sequence[str]) -> bool:
         return False
 
 
-def _of_frame(frame: Any, channels: Any, keys: dict[str, object], implied: dict[str, str]) -> Events:
+def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
     if getattr(frame, "columns", None) is None:
         raise SweepError(f"read_events takes a path or a DataFrame; found {type(frame).__name__}.")
-    said = {key: value for key, value in getattr(frame, "attrs", {}).items() if key in KEYS}
-    return _of_tables([frame_table(frame)], channels, {**said, **keys}, "DataFrame", {} if said else implied)
+    said = {key: value for key, value in getattr(frame, "attrs", {}).items() if key in KEYS and value is not None}
+    table = replace(frame_table(frame), comments=tuple((0, f"{key}: {value}") for key, value in said.items()))
+    return _of_tables([table], channels, keys, "DataFrame")
 
 
-def _of_tables(
-    tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str, implied: Mapping[str, str]
-) -> Events:
-    """Each table one record, or several where a column names them; `implied` holds where the tables say nothing of themselves."""
+def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
+    """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
     samples: list[Samples] = []
     frames = set()
@@ -128,16 +125,15 @@ def _of_tables(
             )
     if len(frames) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases.")
-    header = values_of({**(stated or implied), **told, "frame": frames.pop()}, where, CHOICES)
+    implied = {"unit": "si"} if "base" in told and not stated else {}
+    header = values_of({**implied, **stated, **told, "frame": frames.pop()}, where, CHOICES)
     return events_of(samples, header, where, notes)
 
 
 def _role(name: str) -> str:
     """The role of a column that is called as in an events file."""
     plain = name.strip().strip('"').lower()
-    if plain in ("time", "time_s", "time [s]", "t [s]"):
-        return "t"
-    role = plain.replace("_", "")
+    role = "t" if plain in ("time", "time_s", "time [s]", "t [s]") else plain.replace("_", "")
     return role if role in ("record", "t", "sigma", *PHASES, *DQ) else ""
 
 
