@@ -25,8 +25,9 @@ OF_SWEEPS = (*POSITIVE, "power_node")
 POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
-#: Keys that others write, and ours that say the same.
+#: Keys that others write, and ours that say the same, where such a value follows.
 _MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
+_PLAIN = re.compile(r"[0-9.]+ *(hz)?|in|out", re.IGNORECASE)
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 
@@ -89,13 +90,14 @@ def read_keys(
                 raise SweepError(f"{where} line {line}: {key} must be given once; found {keys[key]} and {value}.")
             values_of({key: value}, f"{where} line {line}", choices)
             keys[key] = value
-        elif (meant := _MEANT.get(key.lower().replace("_", ""))) in names or _mistyped(key, names):
+            continue
+        meant = _MEANT.get(key.lower().replace("_", "")) if _PLAIN.fullmatch(value) else None
+        if meant in names or _mistyped(key, names):
             raise SweepError(
                 f"{where} line {line}: {key} is not a key, {near(meant, [meant]) if meant else near(key, names)}; "
                 "correct it, or drop the colon if it is a note."
             )
-        else:
-            notes.append(text.strip())
+        notes.append(text.strip())
     return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
 
 

@@ -66,8 +66,8 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
             raise IbridError(f"the value of {name} must be a number, found {value!r}")
         if name in ranges and not ranges[name].low <= value <= ranges[name].high:
             raise IbridError(f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found {value:g}")
-        if name in boxes and (value < 0 <= boxes[name].low or value == 0 < boxes[name].low):
-            raise IbridError(f"{name} must be {'above zero' if boxes[name].low else 'zero or more'}, found {value:g}")
+        if name in boxes and value < 0 <= boxes[name].low:
+            raise IbridError(f"{name} must not be negative, found {value:g}")
     found = {name: float(given.get(name, box.typical)) for name, box in {**boxes, **ranges}.items()}
     assumed = (name for name in known if name not in given and not name.startswith(f"{PORT}."))
     return EventModel(diagram, found, limits, kinds, tuple(assumed))

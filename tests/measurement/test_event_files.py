@@ -9,6 +9,7 @@ import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.event_csv import COLUMNS, write_events
 from ibrid.measurement.events import EventRecord
+from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import is_events_file
 
 F0, BEGIN, END = 50.0, 0.1, 0.2
@@ -349,3 +350,9 @@ def test_records_draw_themselves(tmp_path: Path):
     np.testing.assert_array_equal(current.lines[1].get_ydata(), events["dip"].i[:, 1])
     with pytest.raises(ibrid.IbridError, match="ax must be two axes"):
         events.plot(ax=voltage)
+
+
+def test_prose_behind_a_word_that_others_use_as_a_key_is_a_note(tmp_path):
+    shipped = Path(ibrid.benchmarks()["paper_like"]).read_text()
+    (tmp_path / "sweep.csv").write_text(f"# frequency: 1 Hz to 1 kHz, by hand\n{shipped}")
+    assert "frequency: 1 Hz to 1 kHz, by hand" in read_sweep(tmp_path / "sweep.csv").notes
