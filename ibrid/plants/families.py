@@ -54,9 +54,8 @@ _GFL_FIELDS = {
     "pll.kP_pll": "kP_pll",
     "pll.kI_pll": "kI_pll",
     "pll_filter.omega_c": "omega_c_pll",
-    **_gains("power"),
+    **_gains("power", "current"),
     "power_filter.omega_c": "omega_c_power",
-    **_gains("current"),
     "decoupling.L": "L_decoupling",
     "feedforward.k": "feedforward",
     "dc_link.C_dc": "C_dc",
@@ -89,11 +88,6 @@ def _both(m: ParallelParameters, op: OperatingPoint) -> Mapping[str, float]:
     rest = replace(op, p=op.p - own.p, q=op.q - own.q)
     found = {f"following.{name}": value for name, value in _following(m.following, own).items()}
     return found | {f"forming.{name}": value for name, value in _forming(m.forming, rest).items()}
-
-
-def _textbook(name: str) -> Callable[[Any], str]:
-    """The shipped program as text: a truth for diagrams uses none of their code."""
-    return lambda parameters: (files("ibrid") / "structure" / "programs" / f"{name}.py").read_text(encoding="utf-8")
 
 
 def _values(
@@ -137,28 +131,30 @@ def _of_both(m: ParallelParameters, omega_0: float) -> dict[str, float]:
     return prefixed | {f"gfm_{name}": value for name, value in forming.items()}
 
 
-def _forming_family(
-    name: str, fields: Mapping[str, str], others: Callable[[Any, float], dict[str, float]]
+def _textbook(
+    name: str,
+    fields: Mapping[str, str],
+    others: Callable[[Any, float], dict[str, float]],
+    dynamics: Callable[[Any, float], Dynamics] = gfm_dynamics,
+    **differing: Any,
 ) -> InverterFamily:
-    return InverterFamily(gfm_dynamics, _textbook(name), _values(fields, others), _forming, fields)
+    """A family whose program ships; read as text, for a truth for diagrams uses none of their code."""
+    program = files("ibrid") / "structure" / "programs" / f"{name}.py"
+    family = InverterFamily(
+        dynamics, lambda m: program.read_text(encoding="utf-8"), _values(fields, others), _forming, fields
+    )
+    return replace(family, **differing)
 
 
 FAMILIES: Mapping[type, InverterFamily] = MappingProxyType(
     {
         GFLParameters: InverterFamily(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
-        DroopParameters: _forming_family("gfm_droop", _DROOP, _of_droop),
-        VSMParameters: _forming_family("gfm_vsm", _MACHINE, _of_machine),
-        OscillatorParameters: _forming_family("gfm_dvoc", _OSCILLATOR, _of_cascade),
-        HybridParameters: InverterFamily(
-            hybrid_dynamics, _textbook("hybrid_gfl_gfm"), _values(_HYBRID, _of_hybrid), _forming, _HYBRID
-        ),
-        ParallelParameters: InverterFamily(
-            parallel_dynamics,
-            _textbook("parallel_gfl_gfm"),
-            _values(_SHARES, _of_both),
-            _both,
-            _SHARES,
-            node=lambda m: "pcc",
+        DroopParameters: _textbook("gfm_droop", _DROOP, _of_droop),
+        VSMParameters: _textbook("gfm_vsm", _MACHINE, _of_machine),
+        OscillatorParameters: _textbook("gfm_dvoc", _OSCILLATOR, _of_cascade),
+        HybridParameters: _textbook("hybrid_gfl_gfm", _HYBRID, _of_hybrid, hybrid_dynamics),
+        ParallelParameters: _textbook(
+            "parallel_gfl_gfm", _SHARES, _of_both, parallel_dynamics, rest=_both, node=lambda m: "pcc"
         ),
     }
 )

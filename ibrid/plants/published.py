@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
-from functools import reduce
 from importlib.resources import files
 from math import pi, sqrt
 from types import MappingProxyType
@@ -47,13 +46,11 @@ def _value(text: Any, units: Mapping[str, float]) -> Any:
     first, *factors = str(text).split(" ")
     if not factors:
         return text
-
-    def converted(value: float, factor: tuple[str, str]) -> float:
-        sign, word = factor
+    value = float(first)
+    for sign, word in zip(factors[::2], factors[1::2], strict=True):
         number = units[word] if word in units else float(word)
-        return value * number if sign == "*" else value / number
-
-    return reduce(converted, zip(factors[::2], factors[1::2], strict=True), float(first))
+        value = value * number if sign == "*" else value / number
+    return value
 
 
 PLANTS: Mapping[str, ReferenceInverter] = MappingProxyType(_read())

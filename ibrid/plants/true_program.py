@@ -6,17 +6,16 @@ from ibrid.plants.gfl import GFLParameters
 def true_values(parameters: GFLParameters, omega_0: float) -> dict[str, float]:
     """Values of the parameters of `true_program`, keyed as in the textbook programs; per unit, 1/s and rad/s."""
     m = parameters
-    values = {"plant.L_F": m.L_F, "plant.R_F": m.R_F}
+    values: dict[str, float | None] = {"plant.L_F": m.L_F, "plant.R_F": m.R_F}
     if m.filter == "LCL":
         values |= {"plant.C_F": m.C_F, "plant.L_g": m.L_g, "plant.R_g": m.R_g}
-    values |= {"pll.kP_pll": m.kP_pll, "pll.kI_pll": m.kI_pll}
-    if m.omega_c_pll:
-        values["pll_filter.omega_c"] = m.omega_c_pll
-    if m.kP_power is not None and m.kI_power is not None and "power" in (m.p_loop, m.q_loop):
-        values |= {"power.kP": m.kP_power, "power.kI": m.kI_power}
-        if m.omega_c_power:
-            values["power_filter.omega_c"] = m.omega_c_power
-    values |= _other_loops(m)
+    values |= {"pll.kP_pll": m.kP_pll, "pll.kI_pll": m.kI_pll, "pll_filter.omega_c": m.omega_c_pll}
+    if "power" in (m.p_loop, m.q_loop):
+        values |= {"power.kP": m.kP_power, "power.kI": m.kI_power, "power_filter.omega_c": m.omega_c_power}
+    if m.p_loop == "dc_link":
+        values |= {"dc_link.C_dc": m.C_dc, "dc_loop.kP": m.kP_dc, "dc_loop.kI": m.kI_dc}
+    if m.q_loop == "voltage":
+        values |= {"ac_loop.kP": m.kP_ac, "ac_loop.kI": m.kI_ac}
     values |= {"current.kP": m.kP_current, "current.kI": m.kI_current}
     if m.assumed_inductance:
         # JMul counts its inductance in seconds, JMul_omega in per unit
@@ -25,16 +24,6 @@ def true_values(parameters: GFLParameters, omega_0: float) -> dict[str, float]:
         values["feedforward.k"] = m.feedforward
     if m.k_damping:
         values["damping.k"] = -m.k_damping
-    return values
-
-
-def _other_loops(m: GFLParameters) -> dict[str, float]:
-    """Of the DC link and the AC voltage, where they are controlled."""
-    values: dict[str, float | None] = {}
-    if m.p_loop == "dc_link":
-        values |= {"dc_link.C_dc": m.C_dc, "dc_loop.kP": m.kP_dc, "dc_loop.kI": m.kI_dc}
-    if m.q_loop == "voltage":
-        values |= {"ac_loop.kP": m.kP_ac, "ac_loop.kI": m.kI_ac}
     return {name: value for name, value in values.items() if value is not None}
 
 
