@@ -194,10 +194,7 @@ class DeviceInGrid:
 
     def critical(self, low: float, high: float, xr: float) -> tuple[CriticalRatio, ...]:
         """Every ratio between `low` and `high` at which the poles cross, with the Nyquist answer beside each."""
-
-        def on(scr: float) -> SeriesRL:
-            return of_ratio(scr, xr, self.omega_0)
-
+        on = partial(of_ratio, xr=xr, omega_0=self.omega_0)
         sizes = np.abs(self.poles)
         slowest = float(sizes[sizes > ROUNDING].min(initial=1.0))
         limit = max(ROUNDING, min(STABLE_BELOW, SLOW * slowest))  # a slow pole crosses slowly
@@ -219,9 +216,8 @@ class DeviceInGrid:
         return min(modes(A, states), key=lambda one: abs(one.pole - crossed))
 
     def _interval(self, grid: SeriesRL, frequency: float) -> tuple[float, float] | None:
-        if self.directions is None:
+        if (directions := self.directions) is None:
             return None
-        directions = self.directions
         at = frequency * np.array([1 - FREQUENCY_STEP, 1.0, 1 + FREQUENCY_STEP])
         return interval(
             grid.scr,

@@ -63,26 +63,18 @@ class GridCase:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        rl = self.grid if isinstance(self.grid, SeriesRL) else None
+        counts = ("stable", "certain", "unstable_poles", "open_loop_unstable", "turns")
+        margins = ("vector_margin", "vector_margin_hz", "gain_margin")
         return {
-            "scr": None if rl is None else rl.scr,
-            "r": None if rl is None else rl.r,
-            "x": None if rl is None else rl.x,
-            "file": None if isinstance(self.grid, SeriesRL) else self.grid.name,
+            **{name: getattr(self.grid, name, None) for name in ("scr", "r", "x")},
+            "file": getattr(self.grid, "name", None),
             "thevenin_voltage": self.thevenin,
             "stable": self.stable,
             "grade": self.grade,
             "margins": self.margins,
             "modes": None if self.modes is None else [one.plain() for one in self.modes],
             "nyquist": {
-                "stable": self.nyquist.stable,
-                "certain": self.nyquist.certain,
-                "unstable_poles": self.nyquist.unstable_poles,
-                "open_loop_unstable": self.nyquist.open_loop_unstable,
-                "turns": self.nyquist.turns,
-                "vector_margin": self.nyquist.vector_margin,
-                "vector_margin_hz": self.nyquist.vector_margin_hz,
-                "gain_margin": self.nyquist.gain_margin,
+                **{name: getattr(self.nyquist, name) for name in (*counts, *margins)},
                 "phase_margin_deg": self.nyquist.phase_margin,
             },
         }

@@ -81,7 +81,36 @@ def linear_model(record: Record, op: str | None = None) -> LinearModel:
     without a fit.
     """
     with whole_record():
-        return _linear_model(*with_point(record, op))
+        record, name = with_point(record, op)
+        if not np.isfinite(record.response(name, np.array([record.settings["f0_hz"]]))).all():
+            raise OperatingPointError(f"the model has no real operating point at {name}; ask for less power")
+        system = record.state_space(name)
+        settings = record.settings
+        point = record.point(name)
+        try:
+            v0, i0 = record.terminal_point(name)
+        except DiagramError:  # a plant without a closed form, which only the paper's equilibrium admits
+            v0 = i0 = (float("nan"), float("nan"))
+        bases = settings.get("bases", {})
+        return LinearModel(
+            **{part: np.array(getattr(system, part), dtype=float) for part in "ABCD"},
+            states=tuple(system.state_labels),
+            inputs=tuple(system.input_labels),
+            outputs=tuple(system.output_labels),
+            name=str(system.name),
+            op=name,
+            p=point.p,
+            q=point.q,
+            v=point.v,
+            power_node=settings["power_node"],
+            f0_hz=float(settings["f0_hz"]),
+            parameters=dict(record.parameters[name]),
+            pade_orders=dict(settings.get("pade_orders", {})),
+            v0=v0,
+            i0=i0,
+            s_base_va=bases.get("s_base_va"),
+            v_base_v=bases.get("v_base_v"),
+        )
 
 
 @contextmanager
@@ -93,43 +122,6 @@ def whole_record() -> Iterator[None]:
         raise IbridError(
             f"the record is incomplete or damaged ({type(error).__name__}: {error}); make it again with ibrid evaluate"
         ) from error
-
-
-def _linear_model(record: Record, name: str) -> LinearModel:
-    if not np.isfinite(record.response(name, np.array([record.settings["f0_hz"]]))).all():
-        raise OperatingPointError(f"the model has no real operating point at {name}; ask for less power")
-    system = record.state_space(name)
-    settings = record.settings
-    point = record.point(name)
-    v0, i0 = _terminal_point(record, name)
-    bases = settings.get("bases", {})
-    return LinearModel(
-        **{part: np.array(getattr(system, part), dtype=float) for part in "ABCD"},
-        states=tuple(system.state_labels),
-        inputs=tuple(system.input_labels),
-        outputs=tuple(system.output_labels),
-        name=str(system.name),
-        op=name,
-        p=point.p,
-        q=point.q,
-        v=point.v,
-        power_node=settings["power_node"],
-        f0_hz=float(settings["f0_hz"]),
-        parameters=dict(record.parameters[name]),
-        pade_orders=dict(settings.get("pade_orders", {})),
-        v0=v0,
-        i0=i0,
-        s_base_va=bases.get("s_base_va"),
-        v_base_v=bases.get("v_base_v"),
-    )
-
-
-def _terminal_point(record: Record, name: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """At rest, (D, Q); not numbers for a plant without a closed form, which only the paper's equilibrium admits."""
-    try:
-        return record.terminal_point(name)
-    except DiagramError:
-        return (float("nan"), float("nan")), (float("nan"), float("nan"))
 
 
 def without_dust(model: LinearModel) -> LinearModel:

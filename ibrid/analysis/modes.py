@@ -92,10 +92,7 @@ def least_damped(found: Sequence[Mode], highest: float = np.inf) -> list[Mode]:
 
 def rightmost(A: np.ndarray) -> complex:
     """The pole with the largest real part, of a pair the upper one; -inf without states."""
-    if not len(A):
-        return complex(-np.inf, 0.0)
-    poles = [complex(one) for one in np.linalg.eigvals(A)]
-    one = max(poles, key=lambda pole: pole.real)
+    one = max(np.linalg.eigvals(A), key=lambda pole: pole.real, default=complex(-np.inf))
     return complex(one.real, abs(one.imag))
 
 

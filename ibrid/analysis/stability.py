@@ -58,10 +58,7 @@ class PointStability:
         """For JSON."""
         model = self.model
         return {
-            "op": model.op,
-            "p": model.p,
-            "q": model.q,
-            "v": model.v,
+            **{name: getattr(model, name) for name in ("op", "p", "q", "v")},
             "ideal_grid": {
                 "stable": all(one.stable for one in self.ideal),
                 "modes": [one.plain() for one in self.ideal],

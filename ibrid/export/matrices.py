@@ -101,7 +101,7 @@ _TEXT = b"MATLAB 5.0 MAT-file, a linear inverter model written by ibrid".ljust(1
 def mat_file(*models: LinearModel) -> bytes:
     """The file's content: A, B, C, D; v0, i0, p_pcc, q_pcc, omega_0, s_base_va, v_base_v (NaN where they are not known); cell
     arrays of names (columns); scalars f0_hz, p, q, v; texts op, units. Of several points op is a column of names."""
-    content = _arrays(models, _cells)
+    content = _arrays(models, lambda names: np.array(names, dtype=object)[:, None])
     content |= {name: content[name].reshape(len(content[name]), -1) for name in ("v0", "i0", "parameter_values")}
     stream = io.BytesIO()
     scipy.io.savemat(stream, content, format="5")
@@ -133,9 +133,3 @@ def _arrays(models: Sequence[LinearModel], listed: Callable[[Sequence[str]], np.
         "power_node": model.power_node,
         "units": UNITS,
     }
-
-
-def _cells(names: Sequence[str]) -> np.ndarray:
-    cells = np.empty((len(names), 1), dtype=object)
-    cells[:, 0] = names
-    return cells
