@@ -22,14 +22,10 @@ def run_check(arguments: Namespace) -> int:
     order = sum(kind.order for kind in wiring.kinds.values())
     sums = sum(len(sources) > 1 for sources in wiring.sources.values())
     free = len(parameter_table(wiring, arguments.equilibrium).free)
-    counts = (
-        (len(diagram.instances), "module"),
-        (len(diagram.connections), "connection"),
-        (sums, "sum"),
-        (free, "free parameter"),
+    print(
+        f"legal: {counted(len(diagram.instances), 'module')}, order {order}, "
+        f"{counted(len(diagram.connections), 'connection')}, {counted(sums, 'sum')}, {counted(free, 'free parameter')}"
     )
-    modules, *others = (counted(number, word) for number, word in counts)
-    print(f"legal: {modules}, order {order}, {', '.join(others)}")
     for warning in warnings(diagram, vocabulary, equilibrium=arguments.equilibrium):
         print(f"warning: {warning}")
     return 0

@@ -39,7 +39,9 @@ def run(arguments: Namespace) -> int:
 
         write_report(record, arguments.report, sweep=sweep, events=events)
     if record.outcome != "ok":
-        return _say_why(record, arguments.program)
+        for reason in record.reasons:
+            complain(f"{arguments.program}{', ' if reason.startswith('line ') else ': '}{reason}")
+        return 2 if record.outcome == "invalid" else 1
     if not printed:
         print(format_record(record).rstrip("\n"))
     return 0
@@ -89,9 +91,3 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
             settings=_settings(arguments),
             tell=tell,
         )
-
-
-def _say_why(record: Record, program: str) -> int:
-    for reason in record.reasons:
-        complain(f"{program}{', ' if reason.startswith('line ') else ': '}{reason}")
-    return 2 if record.outcome == "invalid" else 1

@@ -11,10 +11,14 @@ from ibrid.writing import require_place
 
 def run_sweep(arguments: Namespace) -> int:
     """Sweep a reference inverter and write the file."""
+    from pathlib import Path
+
     from ibrid.measurement.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid, operating_point, plant_named, sweep
 
-    _require_plain_file(arguments.out)
+    require_place(arguments.out)
+    if Path(arguments.out).exists() and not Path(arguments.out).is_file():
+        raise IbridError(f"{arguments.out}: is a device or a pipe; a sweep is written to a file")
     plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
     measured = sweep(
         plant,
@@ -51,14 +55,6 @@ def run_inspect(arguments: Namespace) -> int:
     if not give_json(inspection.to_json(), arguments.json):
         print(text, end="")
     return 0
-
-
-def _require_plain_file(out: str) -> None:
-    from pathlib import Path
-
-    require_place(out)
-    if Path(out).exists() and not Path(out).is_file():
-        raise IbridError(f"{out}: is a device or a pipe; a sweep is written to a file")
 
 
 def _command(arguments: Namespace) -> str:
