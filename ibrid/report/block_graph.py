@@ -101,7 +101,12 @@ def block_graph(
         nodes.append(Node(TERMINAL_VOLTAGE, "terminal", outputs=(TERMINAL_VOLTAGE,)))
     if TERMINAL_CURRENT in used:
         nodes.append(Node(TERMINAL_CURRENT, "terminal", inputs=(TERMINAL_CURRENT,)))
-    signals = _signals(diagram, kinds)
+    signals = {
+        f"{instance.name}.{port}": signal
+        for instance in diagram.instances
+        if instance.kind in kinds
+        for port, signal in {**kinds[instance.kind].inputs, **kinds[instance.kind].outputs}.items()
+    }
     nets = tuple(Net(_pin(source), tuple(pins), _vector(source, signals)) for source, pins in driven.items())
     return BlockGraph(tuple(nodes), nets)
 
@@ -166,16 +171,6 @@ def _pin(end: str) -> Pin:
         return end, end
     name, port = split_port(end)
     return (name, port) if name else (port, "")
-
-
-def _signals(diagram: Diagram, kinds: Mapping[str, ModuleKind]) -> dict[str, Signal]:
-    """Kind of signal of every port of known modules."""
-    return {
-        f"{instance.name}.{port}": signal
-        for instance in diagram.instances
-        if instance.kind in kinds
-        for port, signal in {**kinds[instance.kind].inputs, **kinds[instance.kind].outputs}.items()
-    }
 
 
 def _vector(source: str, signals: Mapping[str, Signal]) -> bool:

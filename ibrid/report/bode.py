@@ -167,17 +167,14 @@ def _phase_window(entry: str, shown: Sequence[Curves]) -> float:
     """Lower end of a window of 360 degrees in which the curves jump least."""
     place = (slice(None), *ENTRIES[entry])
     lines = [array[place] for array in _arrays(shown)]
-    jumps = {
-        start: sum(int((np.abs(np.diff(_wrapped(line, start))) > 180).sum()) for line in lines)
-        + sum(float((np.minimum(*_distances(line, start)) < 12).mean()) for line in lines)
-        for start in (-180.0, -90.0, -270.0, -360.0, -135.0, -225.0, -315.0, -45.0)
-    }
-    return min(jumps, key=lambda start: jumps[start])
 
+    def jumps(start: float) -> float:
+        angles = [_wrapped(line, start) for line in lines]
+        return sum(int((np.abs(np.diff(angle)) > 180).sum()) for angle in angles) + sum(
+            float((np.minimum(angle - start, start + 360 - angle) < 12).mean()) for angle in angles
+        )
 
-def _distances(value: np.ndarray, start: float) -> tuple[np.ndarray, np.ndarray]:
-    angle = _wrapped(value, start)
-    return angle - start, start + 360 - angle
+    return min((-180.0, -90.0, -270.0, -360.0, -135.0, -225.0, -315.0, -45.0), key=jumps)
 
 
 def _wrapped(value: np.ndarray, start: float) -> np.ndarray:

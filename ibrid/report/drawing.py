@@ -116,8 +116,8 @@ class Layout:
 
 def arrange(graph: BlockGraph) -> Layout:
     """The best of several layouts: few crossings, short lines, little height."""
-    layouts = [(placement := place(graph, seed), route(placement)) for seed in range(TRIES)]
+    placements = (place(graph, seed) for seed in range(TRIES))
     return min(
-        (Layout(placement, routes) for placement, routes in layouts),
+        (Layout(one, route(one)) for one in placements),
         key=lambda one: one.routes.crossings + one.routes.length / 400 + one.height / 150,
     )

@@ -61,7 +61,19 @@ def gap_page(gap: Gap) -> str:
         "amplitude": _amplitude(gap),
         "records": _records(gap),
     }
-    return page("gap.html", _facts(gap, views) | _details(gap, views) | figures)
+    best = next((edit for edit in gap.suggested if not edit.reason), None)  # that passes every test
+    details = {
+        "sequences": sequence_view(gap.sweep).sentences,
+        "stability": stability(gap.repaired),
+        "error_parts": errors_by_part(views),
+        "best": best,
+        "best_change": () if best is None else difference(gap.given, best.program, AROUND),
+        "held_out_words": HELD_OUT,
+        "moved": _moved(gap),
+        "far_limit": FAR,
+        "parameters": parameter_groups(gap.repaired),
+    }
+    return page("gap.html", _facts(gap, views) | details | figures)
 
 
 def _said(gap: Gap) -> dict[str, Any]:
@@ -108,31 +120,23 @@ def gap_html(gap: Gap) -> str:
 
 
 def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
-    """What the page and the notebook share."""
+    """What the page and the notebook share; in each of two drawings what the other lacks is framed."""
     given, after = readable(gap.given), readable(gap.program)
+    drawn = given_drawn = None
+    lost, new = (), ()
+    if given is not None and after is not None:
+        changed, kinds = gap.given != gap.program, gap.repaired.vocabulary
+        lost, new = _only_in(given, after), _only_in(after, given)
+        shown = Shown("", after, new, values_or_none(gap.repaired)) if changed else Shown("", given)
+        drawn = drawn_diagrams([shown], kinds)
+        given_drawn = drawn_diagrams([Shown("", given, lost)], kinds) if changed else None
     return _said(gap) | {
         "worst": views[0],
         "comparable": comparable(gap),
         "summary": errors_by_point(gap, views),
-        "drawn": None if given is None or after is None else _drawn(gap, given, after),
-        "given_drawn": _given_drawn(gap, given, after),
-        "framed": bool(given and after and (_only_in(given, after) or _only_in(after, given))),
-    }
-
-
-def _details(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
-    """What the page alone shows. `best` : the first suggestion that passes every test."""
-    best = next((edit for edit in gap.suggested if not edit.reason), None)
-    return {
-        "sequences": sequence_view(gap.sweep).sentences,
-        "stability": stability(gap.repaired),
-        "error_parts": errors_by_part(views),
-        "best": best,
-        "best_change": () if best is None else difference(gap.given, best.program, AROUND),
-        "held_out_words": HELD_OUT,
-        "moved": _moved(gap),
-        "far_limit": FAR,
-        "parameters": parameter_groups(gap.repaired),
+        "drawn": drawn,
+        "given_drawn": given_drawn,
+        "framed": bool(lost or new),
     }
 
 
@@ -149,19 +153,6 @@ def _effect(gap: Gap, effect: NamedEffect) -> dict[str, Any]:
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------
-
-
-def _drawn(gap: Gap, given: Diagram, after: Diagram) -> Any:
-    """The repaired diagram, what the given one lacks framed; the given one where nothing changed."""
-    shown = Shown("", after, _only_in(after, given), values_or_none(gap.repaired))
-    return drawn_diagrams([shown if gap.given != gap.program else Shown("", given)], gap.repaired.vocabulary)
-
-
-def _given_drawn(gap: Gap, given: Diagram | None, after: Diagram | None) -> Any:
-    """The given diagram, what the repaired one lacks framed; None where nothing changed."""
-    if given is None or after is None or gap.given == gap.program:
-        return None
-    return drawn_diagrams([Shown("", given, _only_in(given, after))], gap.repaired.vocabulary)
 
 
 def _only_in(diagram: Diagram, other: Diagram) -> tuple[str, ...]:

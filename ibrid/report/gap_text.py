@@ -24,6 +24,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
     effects = [line for one in gap.effects for line in _effect(gap, one)]
     if len(effects) > EFFECT_LINES:
         effects = [*effects[: EFFECT_LINES - 1], " " * INDENT + "more on the page"]
+    unseen = ", ".join(dict.fromkeys(one.id for one in gap.could_not_have_seen))
     parts = [
         _wrapped(f"{gap.verdict}: {gap.sentence}", "", "", 5),
         effects,
@@ -36,7 +37,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_suggested(gap),
             *_moved(gap),
             *_entry("invisible", "; ".join(gap.null_space), 2),
-            *_unseen(gap),
+            *_entry("unseen", unseen and f"too weak for these data at their usual strength: {unseen}", 2),
             *_entry("noise", gap.noise),
             *_entry(
                 "grade",
@@ -136,12 +137,6 @@ def _moved(gap: Gap) -> Iterator[str]:
         yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
     if gap.moved and not moved_far:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
-
-
-def _unseen(gap: Gap) -> Iterator[str]:
-    names = list(dict.fromkeys(one.id for one in gap.could_not_have_seen))
-    if names:
-        yield from _entry("unseen", f"too weak for these data at their usual strength: {', '.join(names)}", 2)
 
 
 def _entry(label: str, words: str, most: int = 1) -> Iterable[str]:

@@ -60,14 +60,8 @@ def _environment(package: str) -> "Environment":
         "sentence": _sentence,
         "shortened": shortened,
     }
-    jinja.globals |= {
-        "ENTRIES": list(ENTRIES),
-        "span": span,
-        "shapes": SHAPES,
-        "series_line": series_line,
-        "style_sheet": style_sheet,
-    }
-    jinja.globals |= {"notebook_style_sheet": notebook_style_sheet, "content_policy": content_policy, "script": script}
+    functions = (span, series_line, style_sheet, notebook_style_sheet, content_policy, script)
+    jinja.globals |= {"ENTRIES": list(ENTRIES), "shapes": SHAPES, **{one.__name__: one for one in functions}}
     return jinja
 
 
