@@ -192,9 +192,10 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
     stable = [case.stable for case in cases]
     first, last = cases[0].grid, cases[-1].grid
     if isinstance(first, MeasuredGrid) or isinstance(last, MeasuredGrid) or len(cases) == 1:
+        at = hertz(cases[0].nyquist.vector_margin_hz)
         where = f"on {first.name}" if isinstance(first, MeasuredGrid) else f"at SCR {first.scr:.4g}"
         by = ", by the Nyquist count alone" if isinstance(first, MeasuredGrid) else ""
-        slim = f", {' and '.join(cases[0].slim)} at {_where(cases[0])}" if cases[0].grade == "barely stable" else ""
+        slim = f", {' and '.join(cases[0].slim)} at {at}" if cases[0].grade == "barely stable" else ""
         return f"{op}: {graded(cases[0].grade)} {where}{by}{slim}"
     if not critical:
         word = "stable" if all(stable) else "UNSTABLE"
@@ -221,13 +222,10 @@ def _barely(cases: Sequence[GridCase]) -> str:
     if not barely:
         return ""
     worst = min(barely, key=lambda case: case.nyquist.vector_margin)
+    at = hertz(worst.nyquist.vector_margin_hz)
     listed = ", ".join(f"{case.grid.scr:.4g}" for case in barely[:4] if not isinstance(case.grid, MeasuredGrid))
     more = f" and {len(barely) - 4} more" if len(barely) > 4 else ""
-    return f"; barely stable at SCR {listed}{more}, at worst {' and '.join(worst.slim)} at {_where(worst)}"
-
-
-def _where(case: GridCase) -> str:
-    return hertz(case.nyquist.vector_margin_hz)
+    return f"; barely stable at SCR {listed}{more}, at worst {' and '.join(worst.slim)} at {at}"
 
 
 def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> str:

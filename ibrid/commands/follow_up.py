@@ -74,8 +74,7 @@ def _among(path: str | None) -> "Among":
     known = {one.name for one in fields(Among)} - {"of"}
     if strange := sorted(set(content) - known):
         raise IbridError(f"{path}: knows {', '.join(sorted(known))}, found {', '.join(strange)}")
-    values = {name: _checked(path, name, value) for name, value in content.items()}
-    return Among(**values)
+    return Among(**{name: _checked(path, name, value) for name, value in content.items()})
 
 
 def _checked(path: str, name: str, value: Any) -> Any:

@@ -91,7 +91,8 @@ def place(graph: BlockGraph, seed: int = 0) -> Placement:
     shapes = {node.name: shape(node) for node in graph.nodes}
     flow = _forward_flow(graph)
     forward = [(source, target) for source, target in _pairs(graph.nets) if flow.has_edge(source[0], target[0])]
-    column = _columns(flow)
+    layers = list(nx.topological_generations(flow.reverse()))  # as far to the right as the consumers of a node allow
+    column = {name: index for index, layer in enumerate(reversed(layers)) for name in layer}
     order = [node.name for node in graph.nodes]
     if seed:
         np.random.default_rng(seed).shuffle(order)
@@ -114,12 +115,6 @@ def _forward_flow(graph: BlockGraph) -> nx.DiGraph:
     while not nx.is_directed_acyclic_graph(flow):
         flow.remove_edge(*nx.find_cycle(flow)[-1][:2])
     return flow
-
-
-def _columns(flow: nx.DiGraph) -> dict[str, int]:
-    """As far to the right as the consumers of a node allow."""
-    layers = list(nx.topological_generations(flow.reverse()))
-    return {name: column for column, layer in enumerate(reversed(layers)) for name in layer}
 
 
 def _heights(

@@ -99,9 +99,8 @@ def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> dict[Pin, floa
             height = placement.height_of(pin, "inputs")
             others = [y for y, net_there in outputs.get(placement.column[pin[0]] - 1, []) if net_there != index]
             others += [y for other, y in pins.items() if other[0] == pin[0]]
-            shifts = [0.0, 7.0, -7.0, 4.0, -4.0, 10.0, -10.0]
-            clear = [one for one in shifts if all(abs(height + one - y) >= 4.0 for y in others)]
-            pins[pin] = height + (clear[0] if clear else 0.0)
+            shifts = (0.0, 7.0, -7.0, 4.0, -4.0, 10.0, -10.0)
+            pins[pin] = height + next((one for one in shifts if all(abs(height + one - y) >= 4.0 for y in others)), 0.0)
     return pins
 
 

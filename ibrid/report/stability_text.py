@@ -11,9 +11,7 @@ from ibrid.report.text import listed, table, wrapped
 
 def format_stability(found: Stability) -> str:
     """One part for each operating point."""
-    return (
-        "\n\n\n".join(_point(one, sentence) for one, sentence in zip(found.points, found.sentences, strict=True)) + "\n"
-    )
+    return "\n\n\n".join(map(_point, found.points, found.sentences)) + "\n"
 
 
 def _point(point: PointStability, sentence: str) -> str:
