@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -57,16 +58,22 @@ class Rules:
         record = context.parent.record
         bands = residual_bands(record)
         gross = record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
-        moves = _Moves(views)
-        families = [one for one in self.families if not one.first or moves.of(one)]
+
+        @cache
+        def untried(family: Family) -> list[tuple[View, Move]]:
+            """The moves of a family that are left, each with the view that it was found in."""
+            return [(view, move) for view in views for move in family.moves(view)]
+
+        families = [one for one in self.families if not one.first or untried(one)]
         number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
         edits: list[_Edit] = []
         while families and len(edits) < number:
             family = _drawn(families, bands, context.scale, rng, gross=gross)
-            if not moves.of(family):
+            if not (moves := untried(family)):
                 families.remove(family)
                 continue
-            view, move = _popped(moves.of(family), rng)
+            weights = np.array([one.weight for _, one in moves])
+            view, move = moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
             found = view.after(move)
             if context.is_new(found):
                 edits.append(_Edit(view, move, found, family.name))
@@ -99,19 +106,6 @@ def _most_promising(edits: Sequence[_Edit], context: Context, rng: np.random.Gen
     return replace(proposal, usage={**proposal.usage, **looked})
 
 
-class _Moves:
-    """The moves of the families that are asked for, not yet tried, each with the view that it was found in."""
-
-    def __init__(self, views: Sequence[View]) -> None:
-        self._views = views
-        self._left: dict[Family, list[tuple[View, Move]]] = {}
-
-    def of(self, family: Family) -> list[tuple[View, Move]]:
-        if family not in self._left:
-            self._left[family] = [(view, move) for view in self._views for move in family.moves(view)]
-        return self._left[family]
-
-
 def residual_bands(record: Record) -> np.ndarray:
     """How much each frequency band matters (4,), adding up to 1: half its share of the squared error, half how badly
     the band itself is met."""
@@ -127,12 +121,6 @@ def residual_bands(record: Record) -> np.ndarray:
 def _number(table: Mapping[str, float | None], name: str) -> float:
     value = table.get(name)
     return value if value is not None and np.isfinite(value) else 0.0
-
-
-def _popped(moves: list[tuple[View, Move]], rng: np.random.Generator) -> tuple[View, Move]:
-    """A move with the view that it was found in, drawn by weight and taken off the list."""
-    weights = np.array([one.weight for _, one in moves])
-    return moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
 
 
 def _drawn(
