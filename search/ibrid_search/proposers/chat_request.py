@@ -22,6 +22,12 @@ LARGEST_REPLY = 8_000_000
 GRACE = 0.5
 #: HTTP status that may be another one the next time, besides all from 500 on.
 _AGAIN = (408, 409, 425, 429)
+_KEY, _PLACE = (
+    "; check the key in the environment",
+    "; check the model's name and the base URL, which usually ends in /v1",
+)
+#: What mends an HTTP status.
+_REMEDIES = {401: _KEY, 403: _KEY, 404: _PLACE, 405: _PLACE}
 #: What some servers want in place of a parameter that they refuse; others are left out.
 _INSTEAD: Mapping[str, str] = {"max_tokens": "max_completion_tokens"}
 #: What a request cannot do without, or does without only where somebody else decides so.
@@ -80,7 +86,8 @@ def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes |
 def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
     """One attempt; what goes wrong is a refusal."""
     openai = require_openai()
-    transport = _transport(openai)
+    base = openai.DefaultHttpxClient.__mro__[1]  # of the HTTP library that this openai builds on: httpx, later httpx2
+    transport = importlib.import_module(base.__module__.partition(".")[0])
     ask = _by_litellm if url == LITELLM else _streamed
     try:
         return ask(url, key, body, timeout)
@@ -145,17 +152,11 @@ def require_openai() -> Any:
         raise ChatError("a language model on a server needs the package openai; pip install 'ibrid[llm]'") from None
 
 
-def _transport(openai: Any) -> Any:
-    """The HTTP library that this version of openai builds on (httpx, later httpx2)."""
-    base = openai.DefaultHttpxClient.__mro__[1]
-    return importlib.import_module(base.__module__.partition(".")[0])
-
-
 def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
     status, said = error.status_code, _said(error)
     free = (name for name in body if name not in _FIXED and name not in _INSTEAD.values())
     unknown = tuple(name for name in free if name in said) if status in (400, 422) else ()
-    sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_remedy(status)}"
+    sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_REMEDIES.get(status, '')}"
     return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), unknown, status)
 
 
@@ -167,14 +168,6 @@ def _said(error: Any) -> str:
         body = inner.get("message", "") if isinstance(inner, Mapping) else inner
     text = body if isinstance(body, str) and "<html" not in body.lower() else ""
     return " ".join("".join(one if one.isprintable() else " " for one in text[:400]).split())[:200]
-
-
-def _remedy(status: int) -> str:
-    if status in (401, 403):
-        return "; check the key in the environment"
-    if status in (404, 405):
-        return "; check the model's name and the base URL, which usually ends in /v1"
-    return ""
 
 
 def _retry_after(error: Any) -> float:

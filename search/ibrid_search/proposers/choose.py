@@ -119,7 +119,15 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
     asked: dict[str, Any] = {"limits": given.limits, "prices": given.prices, **given.server}
 
     def required(name: str) -> Sequence[str]:
-        _require(given, name)
+        if given.limits.cost < inf and not any(sum(pair) > 0 for pair in given.prices):
+            raise IbridError(
+                "a limit of cost is never reached without prices; give --model-price IN,OUT, of a million tokens in and out"
+            )
+        if not given.models:
+            raise IbridError(
+                f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
+                "set, or --model FOLDER"
+            )
         return given.models
 
     return {
@@ -140,18 +148,6 @@ def _require_policy(names: Iterable[str], folder: str | Path | None, *, experien
         raise IbridError(
             f"this --policy belongs to the proposer {reader}, found {', '.join(sorted(names))} alone; give --proposer {reader}, "
             "or leave it out"
-        )
-
-
-def _require(given: Proposers, name: str) -> None:
-    if given.limits.cost < inf and not any(sum(pair) > 0 for pair in given.prices):
-        raise IbridError(
-            "a limit of cost is never reached without prices; give --model-price IN,OUT, of a million tokens in and out"
-        )
-    if not given.models:
-        raise IbridError(
-            f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
-            "set, or --model FOLDER"
         )
 
 
