@@ -21,7 +21,6 @@ from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.measurement.amplitudes import coarse
-from ibrid.measurement.sweep import PointSweep
 from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
 from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary
@@ -247,7 +246,8 @@ class Looker:
                     batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
                     best = int(np.argmin(batch.cost))
                     bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
-                    errors.append(sqrt(batch.cost[best] / len(group)) * self._scale(group))
+                    scale = self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
+                    errors.append(sqrt(batch.cost[best] / len(group)) * scale)  # as the run measures it
                     by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
                     free = problem.size
         except (Exception, SystemExit):
@@ -262,7 +262,3 @@ class Looker:
 
     def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
         return Misfit(problem, "log"), Misfit(problem, objective_for(problem.points))
-
-    def _scale(self, group: Sequence[PointSweep]) -> float:
-        """From the objective to the error of the run: the level of the noise where errors are measured against it."""
-        return self.criterion.floor.level if objective_for(group) == "sigma" else 1.0

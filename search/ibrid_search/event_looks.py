@@ -12,11 +12,10 @@ from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.anchor import Decades
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
-from ibrid.gap.event_misfit import Descending, EventMisfit
+from ibrid.gap.event_misfit import Descending
 from ibrid.gap.event_question import asked_of
 from ibrid.gap.joint_fit import near_typical
 from ibrid.gap.limit_race import ahead
-from ibrid.structure.diagram import Diagram
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.diagnosis import DESCENDING, SCREENED, Edited, Looker, RankedEdit, Values
@@ -73,12 +72,9 @@ class EventLooker(Looker):
         return sorted((self._seen(edit, one) for edit, one in runners), key=lambda look: look.worth)
 
     def _begun(self, look: RankedEdit) -> Descending:
-        misfit = self._misfit(look.edit.diagram)
+        question = asked_of(look.edit.diagram, self.study)
+        misfit = near_typical(question, {}).fitter.misfit(question.diagram, ()).coarse
         return misfit.begun(misfit.beliefs.start(look.values[0]))
-
-    def _misfit(self, diagram: Diagram) -> EventMisfit:
-        question = asked_of(diagram, self.study)
-        return near_typical(question, {}).fitter.misfit(question.diagram, ()).coarse
 
     def _seen(self, edit: Edited, found: Descending) -> RankedEdit:
         error, free = sqrt(found.cost / found.misfit.count) * self.criterion.floor.level, len(found.x)

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, log
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -95,9 +94,6 @@ def tried_edits(folder: Path) -> Iterator[TriedEdit]:
     inherited = {step.number for step in line({step.number: step for step in steps}, chosen.answer)}
     for step in steps:
         if step.status is Status.OK and step.nrmse is not None and (part := step.usage.get("family")):
-            yield TriedEdit(str(part), step.number in inherited, _beyond(step.nrmse, step.usage.get("look")))
-
-
-def _beyond(fit: float, look: Any) -> float | None:
-    known = isinstance(look, float) and isfinite(look) and look > 0 and fit > 0
-    return log(fit / look) if known else None
+            fit, look = step.nrmse, step.usage.get("look")
+            known = isinstance(look, float) and isfinite(look) and look > 0 and fit > 0
+            yield TriedEdit(str(part), step.number in inherited, log(fit / look) if known else None)

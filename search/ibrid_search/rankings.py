@@ -79,7 +79,7 @@ class Rankings:
         best: list[RankedEdit] = []
         for looks in islice(self._stages(parent), None if thorough and error > floor.most else SINGLE):
             candidates = (look for look in looks if look.values and new(look.edit.diagram))
-            best = sorted([*best, *islice(candidates, number)], key=_worth)[:number]
+            best = sorted([*best, *islice(candidates, number)], key=lambda look: look.worth)[:number]
             if best and best[0].worth < enough:
                 break
         return best
@@ -138,10 +138,8 @@ class Rankings:
         a race takes a minute, only the first two."""
         diagram, values = parent.diagram, self._values(parent)
         settled = self._error(parent) <= self.looker.criterion.floor.most
-        effects = self._ranked(diagram, values, effects_of, settled)
-        yield effects
-        ideas = self._ranked(diagram, values, ideas_of, settled)
-        yield ideas
+        yield (effects := self._ranked(diagram, values, effects_of, settled))
+        yield (ideas := self._ranked(diagram, values, ideas_of, settled))
         if self.study.events is not None:
             return
         yield self._pairs(sorted([*effects, *ideas], key=lambda look: look.error)[:AHEAD])
@@ -156,7 +154,7 @@ class Rankings:
                 both = replace(edit, words=words, part=part)
                 glances.append((self.looker.look(both, first.values, glance=True), first.values))
         best = sorted(glances, key=lambda one: one[0].worth)[:LOOKED]
-        return sorted((self.looker.look(glance.edit, values) for glance, values in best), key=_worth)
+        return sorted((self.looker.look(glance.edit, values) for glance, values in best), key=lambda look: look.worth)
 
     def _values(self, parent: Evaluated) -> Values:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
@@ -177,7 +175,3 @@ class Rankings:
 def rankings_of(study: Study) -> Rankings:
     """The rankings of a study, the same for whoever asks."""
     return Rankings(study, (Looker if study.events is None else EventLooker)(study, criterion(study, SearchSettings())))
-
-
-def _worth(look: RankedEdit) -> float:
-    return look.worth

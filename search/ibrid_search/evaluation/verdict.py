@@ -80,14 +80,9 @@ def _judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
     except IbridError as error:
         return Verdict(Status.FAILED, reason=str(error))
     except (Exception, SystemExit) as error:  # code of a user's own kind may raise anything; the run goes on
-        return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {_first(error)}")
+        first = (str(error).strip().splitlines() or ["no message"])[0][:300]
+        return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {first}")
     status = STATUS[Outcome(record.outcome)]
     if status is Status.TIMEOUT:
         return stopped(min(wall, assessor.limit))
     return Verdict(status, record, "; ".join(record.reasons))
-
-
-def _first(error: BaseException) -> str:
-    """The first line of a message, short."""
-    lines = str(error).strip().splitlines() or ["no message"]
-    return lines[0][:300]

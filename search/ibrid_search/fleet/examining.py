@@ -24,7 +24,7 @@ from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Edited, Looker, RankedEdit
 from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
-from ibrid_search.fleet.prior import DeviceFamily, Prior, joined
+from ibrid_search.fleet.prior import Prior, joined
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
@@ -138,13 +138,11 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
         "family": family_words(sort_of_control(record.diagram, study.kinds)),
         "expected": expected,
     }
-    known = {"devices": prior.devices, **({} if family is None else _known(record, family))}
+    known: dict[str, Any] = {"devices": prior.devices}
+    if family is not None:
+        typical = {name: list(pair) for name, pair in family.typical.items()}
+        known |= {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
     return replace(record, settings={**record.settings, "fleet": own, "prior": known})
-
-
-def _known(record: Record, family: DeviceFamily) -> dict[str, Any]:
-    typical = {name: list(pair) for name, pair in family.typical.items()}
-    return {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
 
 
 @cache
