@@ -5,7 +5,7 @@ first, second and fourth stay the same in a run and form the system turn. Text t
 fenced, and cannot close its fence or speak for another turn.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import zip_longest
 
 from ibrid.errors import IbridError
@@ -61,7 +61,9 @@ def system_facts(study: Study) -> dict[str, str]:
 
 def example_edit(kinds: Vocabulary) -> str:
     """An edit that is about no inverter: a block put into a wire."""
-    kind = _one_in_one_out(kinds)
+    plainest = sorted(kinds, key=lambda one: (one.order, -len(one.parameters)))
+    fitting = (one.name for one in plainest if [*one.inputs] == ["in_"] and [*one.outputs] == ["out"])
+    kind = next(fitting, "KIND")
     inserted = f'    g.add("{kind}", "new")\n    g.connect("a.out", "new.in_")\n    g.connect("new.out", "b.in_")'
     return write_block(['    g.connect("a.out", "b.in_")'], inserted.split("\n"))
 
@@ -99,13 +101,3 @@ def _failure(step: Step) -> str:
     what = f", {quoted(step.note)}" if step.note else ""
     edit = f"\n{fenced(step.edit)}" if step.edit else ""
     return f"Step {step.number} ({step.status}{what}): {quoted(step.reason) or 'no reason given'}{edit}"
-
-
-def _one_in_one_out(kinds: Vocabulary) -> str:
-    """A kind for the example, the plainest there is."""
-    fitting: Sequence[str] = [
-        kind.name
-        for kind in sorted(kinds, key=lambda kind: (kind.order, -len(kind.parameters)))
-        if [*kind.inputs] == ["in_"] and [*kind.outputs] == ["out"]
-    ]
-    return fitting[0] if fitting else "KIND"

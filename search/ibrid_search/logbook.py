@@ -163,17 +163,11 @@ class Logbook:
 
     def _unusual(self, study: Study, fit: FitSettings) -> dict[str, Any]:
         """What is asked for beyond the usual."""
-
-        def options(study: Study, fit: FitSettings) -> dict[str, Any]:
-            return {
-                "restarts": fit.restarts,
-                "seed": study.seed,
-                "seconds": fit.seconds,
-                "holdout_op": list(study.held),
-            }
-
-        usual = options(self.study, self.fit)
-        return {name: value for name, value in options(study, fit).items() if value != usual[name]}
+        usual, asked = (
+            {"restarts": fit.restarts, "seed": study.seed, "seconds": fit.seconds, "holdout_op": list(study.held)}
+            for study, fit in ((self.study, self.fit), (study, fit))
+        )
+        return {name: value for name, value in asked.items() if value != usual[name]}
 
     def _evaluate(
         self,
@@ -196,7 +190,10 @@ class Logbook:
             return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
         fitted = replace(step, status=Status.OK, **numbers_of(vars(record)))
         self._conclude(fitted, record)
-        self._show_best(fitted, record)
+        best = self.best(1)
+        answered = self._store is not None and "best" in self._store.meta  # the files are those of the answer
+        if self._folder is not None and not answered and best and best[0].step == step.number:
+            write_best(self._folder, record)
         return fitted
 
     def _conclude(self, step: Step, record: Record | None) -> Step:
@@ -216,13 +213,6 @@ class Logbook:
         if self._store is not None:
             self._store.propose(step)
         return step
-
-    def _show_best(self, step: Step, record: Record) -> None:
-        """best.py and best.json follow the best step."""
-        best = self.best(1)
-        answered = self._store is not None and "best" in self._store.meta  # the files are those of the answer
-        if self._folder is not None and not answered and best and best[0].step == step.number:
-            write_best(self._folder, record)
 
 
 def _final(step: Step) -> bool:

@@ -7,6 +7,7 @@ With a proposer that learns from evaluations, a whole batch of its answers is ma
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -275,12 +276,13 @@ class Loop:
     def _context(self, parent: Entry, scale: str) -> Context:
         history = self.panel.history(self.settings.history)
         best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][:history]
+        refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)
         return Context(
             study=self.study,
             parent=self._evaluated(parent),
             scale=scale,
             best=tuple(self._evaluated(one) for one in best),
-            failures=self._failures(history),
+            failures=tuple(islice(refused, history)),
             last=self.steps[self.absorbed - 1] if self.absorbed > 1 else None,
             recent=tuple(reversed(self.steps[max(self.absorbed - RECENT, 1) : self.absorbed])),
             seen=self.known.__contains__,
@@ -294,10 +296,6 @@ class Loop:
     def _asked_again(self, step: Step) -> Context:
         """The question that led to a step, without what was known of other candidates."""
         return Context(self.study, self._evaluated(self._parent(step)), step.scale)
-
-    def _failures(self, number: int) -> tuple[Step, ...]:
-        refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)
-        return tuple(step for step, _ in zip(refused, range(number), strict=False))
 
     def _evaluated(self, entry: Entry) -> Evaluated:
         return Evaluated(entry.step, parse_program(entry.program), self.appraisal.record(entry.step))

@@ -65,7 +65,9 @@ def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) ->
     _require(part, record)
     cells = list(_cells(record, sweep))
     whole = sum(cell["squared"] for cell in cells) or 1.0
-    chosen = sorted((cell for cell in cells if _within(cell, part)), key=lambda cell: -cell["squared"])
+    wanted = {key: value for key, value in vars(part).items() if value is not None}
+    inside = (cell for cell in cells if all(cell[key] == value for key, value in wanted.items()))
+    chosen = sorted(inside, key=lambda cell: -cell["squared"])
     parts, most = _parts(chosen, whole), OF_A_PART if part.chosen else WORST_FREQUENCIES
     name = "frequencies" if part.chosen else "worst_frequencies"
     left = {
@@ -125,13 +127,6 @@ def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
                     "squared": abs(modelled - measured) ** 2 / norm,
                     "size": abs(measured) ** 2 / norm,
                 }
-
-
-def _within(cell: Mapping[str, Any], part: RecordPart) -> bool:
-    return all(
-        wanted is None or cell[key] == wanted
-        for key, wanted in (("op", part.op), ("band", part.band), ("entry", part.entry))
-    )
 
 
 def _parts(cells: list[dict[str, Any]], whole: float) -> list[dict[str, Any]]:

@@ -49,7 +49,9 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
         require_no_run(folder)
     if not exists:
         make_folder(folder)
-        _require_own_names(folder)
+        for name in _WRITTEN:
+            if inside(folder, name).exists():
+                raise IbridError(f"{folder}: holds {name}, which the run would overwrite; choose another folder")
         write_whole(file, run_toml(options))
     texts = {**texts, "settings": run_toml(options), "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     fresh = not archive.exists() or archive.stat().st_size == 0
@@ -92,12 +94,6 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise IbridError(f"{folder}: cannot be made ({error.strerror}); choose another place for the run") from None
-
-
-def _require_own_names(folder: Path) -> None:
-    for name in _WRITTEN:
-        if inside(folder, name).exists():
-            raise IbridError(f"{folder}: holds {name}, which the run would overwrite; choose another folder")
 
 
 def _options_text(file: Path, store: Store) -> str:

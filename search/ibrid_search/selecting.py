@@ -63,23 +63,16 @@ def select(
     refits = {number: _refit(record, assessor) for number, record in records.items()}
     finalists = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
     answer, why = _chosen(finalists, best, way, floor)
-    alike = _alike(steps, best, error, floor)
+    limit = ALIKE * max(error(best.number), floor.most)  # with known noise what that leaves, two deviations allowed
     return {
         "schema": "ibrid.selection/1",
         "front": [vars(one) for one in sorted(finalists, key=lambda one: one.nrmse)],
-        "equally_good": alike,
+        "equally_good": [step.number for step in steps if eligible(step) and error(step.number) <= limit],
         "answer": answer,
         "why": why,
         "residual_modules": residual_modules(record_of(answer)),
         "seconds": sum(one.seconds for one in refits.values() if one is not None),
     }
-
-
-def _alike(steps: Sequence[Step], best: Step, error: Callable[[int], float], floor: Floor) -> list[int]:
-    """Numbers of the steps whose error is as low as that of the best; with known noise, as low as noise would leave it,
-    two standard deviations allowed."""
-    limit = ALIKE * max(error(best.number), floor.most)
-    return [step.number for step in steps if eligible(step) and error(step.number) <= limit]
 
 
 def given_answer(number: int, why: str, steps: Sequence[Step], record: Record) -> dict[str, Any]:
@@ -128,6 +121,7 @@ _HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Finalist], float | None]]
 
 def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Finalist:
     low, high = record.settings["frequency_hz"]
+    poles = [complex(*one) for found in record.poles.values() for one in found]
     return Finalist(
         step=step.number,
         nrmse=float(record.nrmse or 0.0),
@@ -137,7 +131,7 @@ def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | N
         holdout=_mean_or_none(record.holdout.get(name) for name in assessor.study.held),
         frequencies=_at_held_out_frequencies(refit, assessor),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
-        damping=_least_damping(record),
+        damping=min((-one.real / abs(one) for one in poles if abs(one) > 0), default=None),
         note=step.note,
     )
 
@@ -147,13 +141,6 @@ def _mean_or_none(errors: Iterable[float | None]) -> float | None:
     known = [nan if error is None else error for error in errors]
     mean = float(np.mean(known)) if known else nan
     return mean if isfinite(mean) else None
-
-
-def _least_damping(record: Record) -> float | None:
-    """Least -Re(p)/|p| over all poles and operating points; None without poles."""
-    poles = [complex(*one) for found in record.poles.values() for one in found]
-    ratios = [-one.real / abs(one) for one in poles if abs(one) > 0]
-    return min(ratios, default=None)
 
 
 def _refit(record: Record, assessor: Assessor) -> Record | None:
