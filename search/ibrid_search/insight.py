@@ -101,16 +101,13 @@ class Insight:
             "noise_leaves": floor.level if floor.known else None,
             "ranked": [_told(look) for look in ranked],
             "ports": [port_view(one) for one in ports],
-            **({"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if ranked else {}),
         }
         if not ranked:
-            return answer | {
-                "why": "no edit that is new has a response near the values of this step; take another step",
-                "next": "list_best",
-            }
-        return answer | {
-            "next": f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
-        }
+            why = "no edit that is new has a response near the values of this step; take another step"
+            return answer | {"why": why, "next": "list_best"}
+        program = program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)
+        then = f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
+        return answer | {"program": program, "next": then}
 
     def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
         """A look at each; what is no legal program gets its reason instead."""

@@ -86,9 +86,7 @@ class Loop:
             self._require_a_start()
             if not self.stop_asked:
                 self.panel.learn(self.steps, self._asked_again)
-            ending = self._ending()
-            if ending is None:
-                ending = self._step()
+            ending = self._ending() or self._step()
             if ending is None and (why := self.panel.broken):
                 self._absorb(len(self.steps) - 1)
                 raise IbridError(

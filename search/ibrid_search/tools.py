@@ -164,11 +164,9 @@ class Tools:
 
     def _done(self, step: int) -> str:
         """What follows when a step leaves nothing to explain."""
-        return (
-            f"finish with step={step}"
-            if self.hand_in == "evaluate_program"
-            else f"take away what step {step} can do without"
-        )
+        if self.hand_in == "evaluate_program":
+            return f"finish with step={step}"
+        return f"take away what step {step} can do without"
 
     def _legal(self, program: str | int, name: str) -> Diagram:
         if isinstance(program, int):
