@@ -95,5 +95,5 @@ def tried_edits(folder: Path) -> Iterator[TriedEdit]:
     for step in steps:
         if step.status is Status.OK and step.nrmse is not None and (part := step.usage.get("family")):
             fit, look = step.nrmse, step.usage.get("look")
-            known = isinstance(look, float) and isfinite(look) and look > 0 and fit > 0
-            yield TriedEdit(str(part), step.number in inherited, log(fit / look) if known else None)
+            beyond = log(fit / look) if isinstance(look, float) and isfinite(look) and look > 0 and fit > 0 else None
+            yield TriedEdit(str(part), step.number in inherited, beyond)
