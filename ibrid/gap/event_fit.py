@@ -102,7 +102,8 @@ class EventFitter:
         """The best start descended, by predictions first; None where none has an answer or the diagram no matrices.
 
         led : False from values that are nearly right. growing : on the first milliseconds first, and on and on: no simulation
-        leaves where nothing has happened yet, and where nothing is missing that leads further than predictions.
+        leaves where nothing has happened yet, and where nothing is missing that leads further than predictions, which serve a
+        cessation all the same.
         """
         try:
             misfit = self.misfit(diagram, limits)
@@ -114,9 +115,9 @@ class EventFitter:
         else:
             whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
             moments = [moved for values in whole for moved in by_moments(values, self.noise.events)]
-            seen = _descended(followed, moments, led=led)
+            seen = _descended(followed, moments, led=led or growing)
             held = misfit.best_of(by_holds(followed, seen.x) if seen else [], 1)
-            descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led)
+            descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led or growing)
         return self.at(diagram, limits, descent.x) if descent else None
 
     def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
