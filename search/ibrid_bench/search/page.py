@@ -47,10 +47,10 @@ _OTHERS = """As before. The names with `published_`, `gfl_`, `gfm_`, `hybrid_`, 
 `docs/inverters.md`; the others are variants of the benchmark. That a hidden structure is not found although the error is
 reached has two reasons: another wiring that these data do not tell from it, or blocks too many.
 """
-_BESIDE = """Of every third hidden inverter what was measured, 50 dB, one core: the best stable candidate, over the refitted truth on the
-same data; up to 1.1 it has reached the noise. The seconds are processor seconds and count everything. `diagnosis` begins with
-what ships, as a user's search does, the others with the naive diagram, as they did before there was one; `policy` is the one
-that ships.
+_BESIDE = """Of every third hidden inverter what was measured, 50 dB, one core: the best stable candidate, over the refitted
+truth on the same data; up to 1.1 it has reached the noise. The seconds are processor seconds and count everything. `diagnosis`
+begins with what ships, as a user's search does, the others with the naive diagram, as they did before there was one; `policy`
+is the one that ships.
 """
 _HARDWARE = """A 400 Hz inverter of Virginia Tech, 60 to 100 frequencies. Nobody published its diagram, so nothing can be called
 found; the noise is 0.03 to 0.05. Held out: the other operating point, where there is one.
