@@ -29,9 +29,16 @@ def run_record(arguments: Namespace) -> int:
 
     plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
     points = [operating_point(text) for text in arguments.op] if arguments.op else plant.operating_points
-    happening = [event_of(text) for text in arguments.event]
-    told = {name: getattr(arguments, name) for name in ("rate", "length", "noise_db", "seed")}
-    events = record_events(plant, points, happening, angle=radians(arguments.angle), **told)
+    events = record_events(
+        plant,
+        points,
+        [event_of(text) for text in arguments.event],
+        rate=arguments.rate,
+        length=arguments.length,
+        angle=radians(arguments.angle),
+        noise_db=arguments.noise_db,
+        seed=arguments.seed,
+    )
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_events(events, arguments.out, header=header)
@@ -56,8 +63,9 @@ def run_playback(arguments: Namespace) -> int:
             f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a file of --values"
         )
     playback = play(model, events)
-    for words in [words for one in playback.records for words in one.acting]:
-        complain(words)
+    for played in playback.records:
+        for sentence in played.acting:
+            complain(sentence)
     page = playback_page(playback, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
     write_json(places[f"the {JSON} of --out"], playback.plain())

@@ -72,7 +72,7 @@ class Data(ABC):
         other = self.refitted(model, starts)
         return model if other is None or other.refit.cost >= model.refit.cost else other
 
-    def put_back(self, model: "Model") -> "Model":
+    def begun_from_beliefs(self, model: "Model") -> "Model":
         """A repaired model begun once more from what is believed; the better of both."""
         return model
 

@@ -105,7 +105,7 @@ class Records(Data):
         fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
-    def put_back(self, model: Model) -> Model:
+    def begun_from_beliefs(self, model: Model) -> Model:
         """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
         see, such as a scale of filter and controller, a descent from elsewhere stops anywhere."""
         prior, values = self.fitter.prior, model.refit.values

@@ -295,7 +295,7 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
 def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]) -> Findings:
     """What a repair found, where it predicts what it was not fitted to."""
     data, noise = bench.shop, bench.shop.noise
-    best = best if best is given else data.put_back(best)
+    best = best if best is given else data.begun_from_beliefs(best)
     before, after = (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
     if before is not None and after is not None and not predicts(before, after, len(noise.sweep.points)):
         bench.steps.append("the repair predicts data that it was not fitted to worse than the given model: dropped")

@@ -128,8 +128,14 @@ def record_events(
             names[name] += 1
             name += f" {names[name]}" if names[name] > 1 else ""
             records.append(_seen(_answer(plant, op, time, event.voltage(time, op.v), name), angle, noise_db, rng))
-    same = {key: getattr(plant, key) for key in ("f0_hz", "power_node", "s_base_va", "v_base_v")}
-    return Events(tuple(records), source=f"reference inverter {plant.name}", **same)
+    return Events(
+        tuple(records),
+        f0_hz=plant.f0_hz,
+        power_node=plant.power_node,
+        s_base_va=plant.s_base_va,
+        v_base_v=plant.v_base_v,
+        source=f"reference inverter {plant.name}",
+    )
 
 
 def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: np.ndarray, name: str) -> EventRecord:
