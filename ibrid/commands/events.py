@@ -63,9 +63,6 @@ def run_playback(arguments: Namespace) -> int:
             f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a file of --values"
         )
     playback = play(model, events)
-    for played in playback.records:
-        for sentence in played.acting:
-            complain(sentence)
     page = playback_page(playback, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
     write_json(places[f"the {JSON} of --out"], playback.plain())

@@ -15,7 +15,7 @@ from ibrid.measurement.foreign_binary import comtrade_arrays
 from ibrid.measurement.guarded import guarded
 
 SUFFIXES = (".cfg", ".dat", ".cff")
-_PARTS = re.compile(rb"^--- *file type: *(\w+)[^\r\n]*---[ \t]*\r?\n", re.M | re.I)
+_PARTS = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))--- *file type: *(\w+)[^\r\n]*---[ \t]*(?:\r?\n|\r)", re.I)
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3}
 
 #: Steps of time above so many usual ones are a gap.

@@ -168,6 +168,7 @@ class Playback:
                     "nrmse_by_window": dict(one.by_window),
                     "windows": {name: list(edge) for name, edge in one.windows.items()},
                     "left_at": one.left,
+                    "acting_at_rest": list(one.acting),
                     "rest": {key: float(getattr(one.record.rest, key)) for key in "pqv"},
                 }
                 for one in self.records

@@ -7,7 +7,7 @@ from ibrid.report.text import table
 
 
 def playback_text(playback: Playback) -> str:
-    """A table, and why a record has no error."""
+    """A table; what acts at rest already, and why a record has no error."""
     rows = [
         [
             one.record.name,
@@ -17,4 +17,4 @@ def playback_text(playback: Playback) -> str:
         for one in playback.records
     ]
     lines = table(["record", "NRMSE", *WINDOWS], rows)
-    return "\n".join([*lines, *(one.remark for one in playback.records if one.remark)])
+    return "\n".join([*lines, *(said for one in playback.records for said in (*one.acting, one.remark) if said)])

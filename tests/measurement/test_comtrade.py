@@ -101,15 +101,14 @@ def test_every_format_gives_the_same_record(tmp_path: Path, kind: str, year: str
     assert_is_the_dip(events["dip"])
 
 
-def test_a_cff_holds_both_parts(tmp_path: Path):
-    cfg, dat = configuration("BINARY"), samples("BINARY", phases(TIME) / STEP)
+@pytest.mark.parametrize(("begin", "end"), [("", "\r\n"), ("\ufeff", "\n"), ("", "\r")])
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+def test_a_cff_holds_both_parts_whatever_ends_its_lines(tmp_path: Path, kind: str, begin: str, end: str):
+    cfg, dat = configuration(kind), samples(kind, phases(TIME) / STEP)
     path = tmp_path / "dip.cff"
-    path.write_bytes(
-        b"--- file type: CFG ---\r\n"
-        + cfg.replace("\n", "\r\n").encode()
-        + b"--- file type: HDR ---\r\n--- file type: INF ---\r\n--- file type: DAT BINARY: %d ---\r\n" % len(dat)
-        + dat
-    )
+    parts = f"{begin}--- file type: CFG ---\n{cfg}--- file type: HDR ---\n--- file type: INF ---\n"
+    parts += f"--- file type: DAT {kind}{f': {len(dat)}' if kind == 'BINARY' else ''} ---\n"
+    path.write_bytes(parts.replace("\n", end).encode() + (dat.replace(b"\n", end.encode()) if kind == "ASCII" else dat))
     assert_is_the_dip(read_events(path, **BASES)["dip"])
 
 

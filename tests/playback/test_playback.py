@@ -316,6 +316,7 @@ def test_a_limit_that_acts_at_rest_is_said_just_where_the_model_leaves_its_rest(
         assert bool(found.acting) is acts
         assert stays is not acts or name == "pll_freeze.v_freeze", "a frozen PLL rests as well"
         assert ("at rest already" in playback_page(playback, "it")) is acts
+        assert ("at rest already" in playback_text(playback)) is acts
 
 
 @pytest.mark.parametrize(
