@@ -10,6 +10,7 @@ from typing import Any
 from ibrid.assembly.numbers import is_zero, square_root
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
+from ibrid.modules.plant import saturated
 from ibrid.modules.vocabulary import VOCABULARY
 
 Pair = tuple[Any, Any]
@@ -65,7 +66,8 @@ def plant_equilibrium(
         r, c, *l_branch = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
         i_c = add(i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e))
     i_ti = add(i_g, i_c)
-    u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"], i_ti))
+    less = 1.0 if kind.saturation is None else saturated(i_ti, parameters[kind.saturation])
+    u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"] / less, i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.large_signal import LargeSignal, square_root
 from ibrid.signals import Signal
 
 INDUCTANCE = Range(1e-4, 1.0, 0.1, "pu", "inductance", divides=True)
@@ -50,6 +50,11 @@ def series_rate(before: Any, behind: Any, i: Any, R: Any, rate: Any, omega: Any)
     )
 
 
+def saturated(i: Any, I_s: Any) -> Any:
+    """By how much the inductance of a winding with a core is smaller than without current."""
+    return square_root(1 + (i[0] * i[0] + i[1] * i[1]) / (I_s * I_s))
+
+
 def _lcl_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, omega_0):
     i_ti, e, i_g, omega = x[0:2], x[2:4], x[4:6], omega_0 + delta_omega
     rates = (
@@ -65,7 +70,8 @@ def lcl_outputs(i_ti, e, i_g):
     return (*i_ti, *e, *i_g, e[1], i_ti[0] - i_g[0], i_ti[1] - i_g[1])
 
 
-def _lcl_at_rest(i_ti_eq, e_eq, i_g_eq):
+def lcl_at_rest(i_ti_eq, e_eq, i_g_eq):
+    """The states of an LCL filter."""
     return (*i_ti_eq, *e_eq, *i_g_eq)
 
 
@@ -87,7 +93,7 @@ LCL = ModuleKind(
     state_space=lcl_matrices,
     equilibrium={"i_ti": "I0d", "e": "E0d", "i_g": "I0d"},
     reference="paper, appendix A.2 and equation (1)",
-    large_signal=LargeSignal(_lcl_law, _lcl_at_rest),
+    large_signal=LargeSignal(_lcl_law, lcl_at_rest),
     branches=((None, "C_F"),),
 )
 

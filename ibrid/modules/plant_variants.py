@@ -1,4 +1,5 @@
-"""Output filters beside those of the paper: an LCL whose capacitor is damped or has a trap, an L filter behind a line.
+"""Output filters beside those of the paper: an LCL whose capacitor is damped or has a trap, or whose core saturates, an L filter
+behind a line.
 
 Conventions as in `ibrid.modules.plant`. What a further branch holds at rest follows from the equilibria of the ports:
 a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1 + R C J).
@@ -15,8 +16,10 @@ from ibrid.modules.plant import (
     LCL,
     RESISTANCE,
     current_at_rest,
+    lcl_at_rest,
     lcl_matrices,
     lcl_outputs,
+    saturated,
     series_rate,
 )
 
@@ -172,6 +175,58 @@ LCL_TRAP = replace(
     reference="trap filter: W. Wu, Y. He and F. Blaabjerg, IEEE TPEL 27 (2012); equation (1) of the paper with the branch",
     large_signal=LargeSignal(_lcl_trap_law, _lcl_trap_at_rest),
     branches=((None, "C_F"), ("R_t", "C_t", "L_t")),
+)
+
+
+def _winding(i, I_s):
+    """L_F d i / d psi, of the flux psi = L_F i / sqrt(1 + |i|^2/I_s^2)."""
+    less, k = saturated(i, I_s), I_s * I_s
+    cross = less * i[0] * i[1] / k
+    return (less * (1 + i[0] * i[0] / k), cross), (cross, less * (1 + i[1] * i[1] / k))
+
+
+def _lcl_saturated(L_F, R_F, C_F, L_g, R_g, I_s, omega_0, u_r_eq, i_ti_eq, e_eq, i_g_eq):
+    a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq)
+    i, k, f, less = i_ti_eq, I_s * I_s, omega_0 / L_F, saturated(i_ti_eq, I_s)
+    v = [u_r_eq[axis] - e_eq[axis] - R_F * i[axis] for axis in (0, 1)]
+    power = i[0] * v[0] + i[1] * v[1]
+    for row, gains in enumerate(_winding(i, I_s)):
+        driven = gains[0] * v[0] + gains[1] * v[1]
+        for axis, gain in enumerate(gains):
+            same = 1 if axis == row else 0
+            slope = driven * i[axis] / (k * less * less) + less / k * (power * same + i[row] * v[axis])
+            a[row][axis] = a[row][axis] + f * (R_F * (same - gain) + slope)
+            a[row][2 + axis], b[row][axis] = -f * gain, f * gain
+    return a, b, c, d
+
+
+def _lcl_saturated_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, I_s, omega_0):
+    i_ti, e, i_g, omega = x[0:2], x[2:4], x[4:6], omega_0 + delta_omega
+    v = (u_r[0] - e[0] - R_F * i_ti[0], u_r[1] - e[1] - R_F * i_ti[1])
+    driven = [gains[0] * v[0] + gains[1] * v[1] for gains in _winding(i_ti, I_s)]
+    rates = (
+        *series_rate(driven, (0, 0), i_ti, 0, omega_0 / L_F, omega),
+        *series_rate(i_ti, i_g, e, 0, omega_0 / C_F, omega),
+        *series_rate(e, v_in, i_g, R_g, omega_0 / L_g, omega),
+    )
+    return rates, lcl_outputs(i_ti, e, i_g)
+
+
+LCL_SATURATED = replace(
+    LCL,
+    name="LCL_saturated",
+    law="LCL whose converter-side core saturates: psi = L_F i_ti/sqrt(1 + |i_ti|^2/I_s^2) in place of L_F i_ti, psi'/omega_0 = "
+    "u_r - e - R_F i_ti - omega/omega_0 J psi; the rest as in LCL",
+    parameters={
+        **LCL.parameters,
+        "I_s": Range(0.3, 100.0, 2.0, "pu", "current at which L_F is 1/sqrt(2) of itself", divides=True),
+    },
+    state_space=_lcl_saturated,
+    equilibrium={**LCL.equilibrium, "u_r": "E0d"},
+    extended=True,
+    reference="inductance of powder cores against bias; equation (1) of the paper with the flux of an averaged winding",
+    large_signal=LargeSignal(_lcl_saturated_law, lcl_at_rest),
+    saturation="I_s",
 )
 
 

@@ -11,7 +11,7 @@ from ibrid.modules.delay import DELAY
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, REF_PQ, ROT_I, ROT_V, SHARE
 from ibrid.modules.plant import L_FILTER, LCL
-from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_TRAP, LL_FILTER
+from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_SATURATED, LCL_TRAP, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
 from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, DSOGI_FIXED, RESONANT_DQ, SOGI_DQ, SOGI_FIXED
 from ibrid.modules.static import CONST_ZERO, GAIN, GAIN_DQ, J_MUL, NEGATE, NEGATE_DQ, PACK_DQ, SLICE_D, SLICE_Q
@@ -30,7 +30,7 @@ PAPER_VOCABULARY: Vocabulary = (
 VOCABULARY: Vocabulary = (
     *PAPER_VOCABULARY, J_MUL_OMEGA, DELAY, MAGNITUDE, LCL_R, LCL_RC, LL_FILTER, SHUNT_RC, DC_LINK, PLL_FREQUENCY, DVOC,
     SHARE, DEAD_TIME, TURN, ZERO_ORDER_HOLD, SOGI_DQ, DSOGI_DQ, DDSRF_DQ, RESONANT_DQ, REF_PQ, LCL_TRAP, SOGI_FIXED,
-    DSOGI_FIXED,
+    DSOGI_FIXED, LCL_SATURATED,
 )  # fmt: skip
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

@@ -74,6 +74,7 @@ CATALOGUE: Catalogue = (
     references.REFERENCE_FEEDFORWARD,
     references.MEASUREMENT_FILTER,
     output_filter.TRAP_FILTER,
+    output_filter.CORE_SATURATION,
 )
 
 #: What a search tries: sub-loops, then single blocks, then wires.

@@ -32,7 +32,7 @@ DEAD_TIME = Effect(
     law="u_r -= D i/sqrt(|i|^2 + a^2): dead time takes voltage against the converter's current, smoothed by the ripple",
     places="at the converter, behind delay and modulation",
     signature="a resistance at all frequencies that falls with the current at rest, larger across that current than along it",
-    confused_with=("virtual_impedance",),
+    confused_with=("virtual_impedance", "core_saturation"),
     told_apart_by="operating points with different currents: the resistance goes as 1/|i|, that of a winding stays",
     moves=_dead_time,
 )

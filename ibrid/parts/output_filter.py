@@ -143,6 +143,28 @@ TRAP_FILTER = Effect(
 )
 
 
+CORE = {"I_s": Strength((2.0, 1.2, 4.0), 1e9)}
+
+
+def _core_saturation(view: View) -> Iterator[Move]:
+    kind, plant = view.shipped(view.roles.plant), view.roles.plant
+    if kind == "LCL_saturated":
+        yield from _plant(view, "LCL", {}, "remove", f"I_s of {plant}")
+    elif kind == "LCL":
+        yield from _plant(view, "LCL_saturated", CORE, "add", f"L_F of {plant} falls with |i_ti|")
+
+
+CORE_SATURATION = Effect(
+    id="core_saturation",
+    law="L_F i_ti / sqrt(1 + |i_ti|^2/I_s^2) in place of the flux L_F i_ti",
+    places="the converter's side of the LCL",
+    signature="above the current loop: less inductance along the current than across it, and less of both at operating points "
+    "with more current",
+    confused_with=("dead_time",),
+    told_apart_by="operating points with little and with much current; at one point by the two axes alone",
+    moves=_core_saturation,
+)
+
 _UNTRAPPED = where_present(_trap_filter, lambda view: view.shipped(view.roles.plant) == "LCL")
 TRAPS = (Family("trap", "module", (0.0, 0.0, 0.5, 1.0), 0.3, _UNTRAPPED),)
 
@@ -187,7 +209,13 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-OF_THE_FILTER = (FILTER_CAPACITOR, CAPACITOR_DAMPING, TRAP_FILTER, SERIES_IMPEDANCE)  # what an output filter may lack
+OF_THE_FILTER = (
+    FILTER_CAPACITOR,
+    CAPACITOR_DAMPING,
+    TRAP_FILTER,
+    CORE_SATURATION,
+    SERIES_IMPEDANCE,
+)  # what an output filter may lack
 
 _BANDS = (0.2, 0.4, 1.0, 1.0)
 _FOLLOWING = where_missing(filter_capacitor, lambda view: view.roles.lcl or grid_forming(view))

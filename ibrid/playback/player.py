@@ -18,7 +18,7 @@ from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest
+from ibrid.playback.limits import ORDER, Limit, Limited, applicable, memory_at_rest
 from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
@@ -55,7 +55,7 @@ class Played:
 
 
 class Player:
-    """Plays one diagram with its limits; the laws are joined once."""
+    """Plays one diagram with its limits; the laws are joined once. Raises IbridError for a limit that has no place in it."""
 
     def __init__(
         self, diagram: Diagram, kinds: Vocabulary, limits: Sequence[Limit] = (), omega_0: float = 120 * np.pi
@@ -67,6 +67,8 @@ class Player:
         self.table = parameter_table(self.wiring, "exact")
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
+        for limit in (one for one in self.limits if not applicable(one, self.places)):
+            raise IbridError(f"{limit.id} needs a current controller or PLL, which the program lacks; leave it out")
         self._laws: dict[tuple[_Orders, bool], _Laws] = {}
 
     @cached_property

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 M = {
     "L_F": 0.15, "R_F": 0.01, "C_F": 0.07, "L_g": 0.12, "R_g": 0.02, "R_C": 0.2, "R_d": 0.6, "C_d": 0.09,
     "R_s": 0.07, "C_s": 0.11, "C_dc": 0.015, "kP_pll": 60.0, "kI_pll": 1400.0, "kP_1": 0.3, "kI_1": 15.0,
-    "kP_2": 0.2, "kI_2": 9.0, "kP_i": 0.5, "kI_i": 15.0, "L_d": 0.13, "k_ff": 0.8,
+    "kP_2": 0.2, "kI_2": 9.0, "kP_i": 0.5, "kI_i": 15.0, "L_d": 0.13, "k_ff": 0.8, "I_s": 1.3,
 }  # fmt: skip
 
 
@@ -59,5 +59,5 @@ VALUES = {
     "pll.kP_pll": M["kP_pll"], "pll.kI_pll": M["kI_pll"], "first.kP": M["kP_1"], "first.kI": M["kI_1"],
     "second.kP": M["kP_2"], "second.kI": M["kI_2"], "current.kP": M["kP_i"], "current.kI": M["kI_i"],
     "decoupling.L": M["L_d"], "feedforward.k": M["k_ff"], "dc_link.C_dc": M["C_dc"], "shunt.R": M["R_s"],
-    "shunt.C": M["C_s"], **{f"plant.{name}": M[name] for name in ("L_F", "R_F", "C_F", "L_g", "R_g", "R_C", "R_d", "C_d")},
+    "shunt.C": M["C_s"], **{f"plant.{name}": M[name] for name in ("L_F", "R_F", "C_F", "L_g", "R_g", "R_C", "R_d", "C_d", "I_s")},
 }  # fmt: skip

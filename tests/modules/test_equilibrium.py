@@ -111,7 +111,7 @@ def test_more_power_than_the_line_carries_is_not_a_number():
 
 
 def test_the_operating_point_of_another_plant_is_not_guessed():
-    with pytest.raises(DiagramError, match=r"known for LCL, LFilter, .* or LCL_trap, found Motor"):
+    with pytest.raises(DiagramError, match=r"known for LCL, LFilter, .* or LCL_saturated, found Motor"):
         plant_equilibrium(replace(find_kind("LCL", VOCABULARY), name="Motor", branches=None), {}, 1.0, 0.0, 1.0, "pcc")
 
 

@@ -54,7 +54,9 @@ def nonlinear(inverter: Inverter, node: str):
     omega = OMEGA_0 + deviation
     i_g = state(2)
     lcl = inverter.plant.startswith("LCL")
-    i = state(2) if lcl else i_g
+    i = flux = state(2) if lcl else i_g
+    if inverter.plant == "LCL_saturated":  # its state is the flux over L_F
+        i = flux / ca.sqrt(1 - ca.dot(flux, flux) / m["I_s"] ** 2)
     if inverter.outer == "power":
         error = ca.vertcat(r[0] - ca.dot(e, i_g), ca.dot(e, turned(i_g)) - r[1])
     else:
@@ -65,7 +67,7 @@ def nonlinear(inverter: Inverter, node: str):
     rates = [deviation, locked, error[0], error[1], i_ref - i]
 
     to_grid = OMEGA_0 / m["L_g"] * (e - v - m["R_g"] * i_g) - omega * turned(i_g)
-    from_converter = OMEGA_0 / m["L_F"] * (u_r - e - m["R_F"] * i) - omega * turned(i)
+    from_converter = OMEGA_0 / m["L_F"] * (u_r - e - m["R_F"] * i) - omega * turned(flux)
     rates += [from_converter if inverter.plant == "LFilter" else to_grid]
     if lcl:
         rates += [from_converter]
@@ -126,12 +128,13 @@ def true_response(inverter: Inverter, point, node: str) -> np.ndarray:
 
 
 INVERTERS = [
-    *(Inverter(plant) for plant in ("LCL", "LFilter", "LCL_R", "LCL_RC", "LLFilter")),
+    *(Inverter(plant) for plant in ("LCL", "LFilter", "LCL_R", "LCL_RC", "LLFilter", "LCL_saturated")),
     Inverter(shunt=True),
     Inverter("LFilter", shunt=True),
     Inverter(outer="voltage"),
     Inverter(outer="voltage", pll="v"),
     Inverter("LLFilter", outer="voltage"),
+    Inverter("LCL_saturated", outer="voltage"),
     Inverter("LCL_RC", outer="voltage", pll="v", shunt=True),
 ]
 
@@ -152,13 +155,17 @@ def test_a_diagram_of_extended_kinds_is_the_linearised_inverter(inverter, point,
 def kind_response(name: str, s: complex, **given) -> np.ndarray:
     kind = find_kind(name, VOCABULARY)
     own = {one: M[one] for one in kind.parameters}
-    rest = kind.context(OMEGA_0, (1.0, 0.0), {"i_ti": (0.9, 0.2), "e": (1.02, 0.05), "i_g": (0.95, -0.1)})
+    rest = kind.context(
+        OMEGA_0, (1.0, 0.0), {"i_ti": (0.9, 0.2), "u_r": (1.1, 0.2), "e": (1.02, 0.05), "i_g": (0.95, -0.1)}
+    )
     a, b, c, d = (np.array(rows, dtype=float) for rows in kind.state_space(**(own | rest | given)))
     return c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
 
 
-@pytest.mark.parametrize(("name", "given"), [("LCL_R", {"R_C": 0.0}), ("LCL_RC", {"R_d": 1e12})])
-def test_an_lcl_without_its_damping_is_an_lcl(name, given):
+@pytest.mark.parametrize(
+    ("name", "given"), [("LCL_R", {"R_C": 0.0}), ("LCL_RC", {"R_d": 1e12}), ("LCL_saturated", {"I_s": 1e9})]
+)
+def test_an_lcl_without_what_it_has_more_is_an_lcl(name, given):
     for s in 2j * np.pi * FREQUENCY:
         assert kind_response(name, s, **given) == pytest.approx(kind_response("LCL", s), rel=1e-9, abs=1e-9)
 

@@ -33,7 +33,7 @@ P = {
     "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
     "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
     "eta": 1.7, "kappa": 0.9, "alpha": 12.0, "share_p": 0.4, "share_q": 0.7,
-    "D": 0.03, "a": 0.2, "phi": -0.3, "T_s": 2e-4, "n": 6.0, "L_t": 0.004, "C_t": 0.03, "R_t": 0.002,
+    "D": 0.03, "a": 0.2, "phi": -0.3, "T_s": 2e-4, "n": 6.0, "L_t": 0.004, "C_t": 0.03, "R_t": 0.002, "I_s": 1.4,
 }  # fmt: skip
 
 
@@ -94,6 +94,21 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         y_t = np.linalg.inv(r * I2 + l * x + np.linalg.inv(c * x))
         turned = -y_t @ (l / w * J @ i_t) + y_t @ np.linalg.inv(c * x) @ (c / w * J @ v_t)
         return lcl_node(rest + turned, y + y_t)
+
+    def lcl_saturated() -> np.ndarray:
+        k, voltage = P["I_s"] ** 2, -rf * i0  # u_r rests at e here, so that R_F i_ti is what drives the current
+        less = np.sqrt(1 + i0**2 / k)
+        gain, slope = w / lf * np.diag([less**3, less]), w / lf * less * voltage * i0 / k * np.diag([3, 1])
+        a = np.block(
+            [
+                [slope - rf * gain - w * J, -gain, ZERO],
+                [w / cf * I2, -w * J, -w / cf * I2],
+                [ZERO, w / lg * I2, -w * rg / lg * I2 - w * J],
+            ]
+        )
+        b = np.block([[gain, ZERO, -J @ i_eq], [ZERO, ZERO, -J @ e_eq], [ZERO, -w / lg * I2, -J @ i_eq]])
+        x = np.linalg.solve(s * np.eye(6) - a, b)
+        return np.vstack([x, x[3:4], x[:2] - x[4:]])
 
     def on_vectors(gain: Callable[[complex], complex]) -> np.ndarray:
         """What acts as gain(s + j w) on the vector of the stationary frame, on its d and q components."""
@@ -182,6 +197,7 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "Resonant_dq": lambda: 2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2,
         "Ref_pq": lambda: [[-i0 / e0, 0, 0, 0], [0, 0, 0, 0]],
         "LCL_trap": lcl_trap,
+        "LCL_saturated": lcl_saturated,
         "SOGI_fixed": lambda: fixed(sogi),
         "DSOGI_fixed": lambda: fixed(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
     }
@@ -225,6 +241,7 @@ BOXES = {
     "DSOGI_dq": {"k": (1e-3, 20)},
     "DDSRF_dq": CUTOFF,
     "Resonant_dq": {"k": (1e-4, 1e3), "omega_c": (2 * pi * 1e-3, 2 * pi * 100), "n": (0.5, 60)},
+    "LCL_saturated": {**PLANT_BOXES, "I_s": (0.3, 100)},
     "LCL_trap": {**PLANT_BOXES, "L_t": (1e-6, 1), "C_t": (1e-5, 1), "R_t": (1e-5, 10)},
 }
 ORDERS = {
@@ -233,6 +250,7 @@ ORDERS = {
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
     "ZOH_dq": 2, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
+    "LCL_saturated": 6,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -252,6 +270,7 @@ PAPER_NUMBERS = {
     "DeadTime": {"I0d"},
     "Ref_pq": {"E0d", "I0d"},
     "LCL_trap": {"E0d", "I0d"},
+    "LCL_saturated": {"E0d", "I0d"},
     "SOGI_fixed": {"E0d"},
     "DSOGI_fixed": {"E0d"},
 }
@@ -298,10 +317,10 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
     extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
-    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed"]
+    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 45
+    assert len(set(NAMES)) == 46
 
 
 @each_of("name", NAMES)

@@ -74,7 +74,7 @@ NAIVE = program_text(ibrid.textbook("naive"))
         ("no connection is made twice", ['g.connect("v_DQ", "gain.in_")'], "repeated_connection"),
         ("Every input of every module is driven", ['g.add("PI", "loop")'], "undriven_input"),
         (
-            "exactly one plant: LCL, LFilter, LCL_R, LCL_RC, LLFilter or LCL_trap",
+            "exactly one plant: LCL, LFilter, LCL_R, LCL_RC, LLFilter, LCL_trap or LCL_saturated",
             ['g.add("LCL", "other")'],
             "several_plants",
         ),

@@ -31,7 +31,7 @@ ELEMENTS = {
     Element.POWER: "PQ_calc",
     Element.FREQUENCY_METER: "PLL_frequency",
     Element.OSCILLATOR: "dVOC",
-    Element.FILTER: "LCL LFilter LCL_R LCL_RC LLFilter LCL_trap",
+    Element.FILTER: "LCL LFilter LCL_R LCL_RC LLFilter LCL_trap LCL_saturated",
     Element.SHUNT: "Shunt_RC",
     Element.DC_LINK: "DC_link",
     Element.SHARE: "Share",

@@ -79,6 +79,7 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
         ),
     ),
     "LCL_trap": ("gfl", in_place("plant", "LCL_trap")),
+    "LCL_saturated": ("gfl", in_place("plant", "LCL_saturated")),
     "SOGI_fixed": (
         "gfl",
         lambda draft: draft.connect(

@@ -78,4 +78,7 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "power_gains", "q", "replace", {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")}, base={**_LOOPS, **_PROMPT}
     ),
     HiddenEffect("trap_filter", "beside", "add", _TRAP, base=_LCL),
+    HiddenEffect(
+        "core_saturation", "converter", "add", {"I_core": Strength((3.0, 4.0), (1.7, 2.3), (1.0, 1.3))}, base=_LCL
+    ),
 )

@@ -46,9 +46,9 @@ class Device:
 
     Filter. filter : "LCL", or "L" where the controller measures the current and the voltage of its terminals.
     L_F, R_F, C_F, L_g, R_g : as in the LCL. R_C : in series with C_F. R_branch, C_branch : in series, beside C_F.
+    I_core : current at which L_F is 1/sqrt(2) of itself. L_t, R_t, C_t : a trap in series, beside C_F.
     L_series, R_series : between the inverter's terminals and the PCC; behind an L filter the voltage is measured before.
-    L_t, R_t, C_t : a trap in series, beside C_F. R_shunt, C_shunt : in series from the PCC to neutral.
-    load_R, load_L, load_C : the same, a series resonant load.
+    R_shunt, C_shunt : in series from the PCC to neutral. load_R, load_L, load_C : the same, a series resonant load.
 
     Synchronisation. kP_pll, kI_pll : None: the controller works in the frame of the PCC voltage. omega_c_pll : low-pass,
     omega_n_pll, Q_pll : notch on e_q.
@@ -91,6 +91,7 @@ class Device:
     C_branch: float | None = None
     L_series: float = 0.0
     R_series: float = 0.0
+    I_core: float | None = None
     L_t: float | None = None
     R_t: float | None = None
     C_t: float | None = None

@@ -25,7 +25,9 @@ class OutputFilter:
 
 def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
     """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch or trap, at it; L_g, R_g to the PCC."""
-    i_ti, v_C, i_g = states.add("i_ti", 2), states.add("v_C", 2), states.add("i_g", 2)
+    i_ti, v_C, i_g = psi, *_ = states.add("i_ti", 2), states.add("v_C", 2), states.add("i_g", 2)  # psi : flux over L_F
+    if m.I_core is not None:
+        i_ti = psi / ca.sqrt(1 - ca.dot(psi, psi) / m.I_core**2)
     L_g, R_g = m.L_g + m.L_series, m.R_g + m.R_series
     R_branch, v_branch = m.R_branch, None
     if R_branch is None:
@@ -40,7 +42,7 @@ def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
         i_branch += i_trap
 
     def turn(omega: ca.SX) -> None:
-        states.moves(i_ti, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(i_ti))
+        states.moves(psi, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(psi))
         states.moves(v_C, m.omega_0 / m.C_F * (i_ti - i_g - i_branch) - omega * J(v_C))
         states.moves(i_g, m.omega_0 / L_g * (e - v - R_g * i_g) - omega * J(i_g))
         if v_branch is not None:

@@ -15,8 +15,8 @@ from ibrid_bench.hidden.program_lines import Lines
 from ibrid.errors import IbridError
 
 _IN_NO_PROGRAM = (
-    *("load_L", "omega_n_ff", "omega_zero", "comb_gain", "k_droop_v", "omega_c_magnitude", "omega_c_reference", "L_t"),
-    *("k_reference", "omega_c_command", "omega_c_sensor", "T_current", "T_hold"),
+    *("load_L", "omega_n_ff", "omega_zero", "comb_gain", "k_droop_v", "omega_c_magnitude", "omega_c_reference"),
+    *("k_reference", "omega_c_command", "omega_c_sensor", "T_current", "T_hold", "L_t", "I_core"),
 )
 
 

@@ -69,9 +69,10 @@ def _guess(device: Device, eq: Equations, op: OperatingPoint, power_node: PowerN
         at_node = e if power_node == "capacitor" else complex(op.v)
         i = (complex(op.p, op.q) / at_node).conjugate()
     i_ti = i + (1j * (m.C_F or 0.0) * e if lcl else 0.0)
-    u = e + complex(m.R_F, m.L_F) * i_ti
+    flux = i_ti if m.I_core is None else i_ti / np.hypot(1, abs(i_ti) / m.I_core)
+    u = e + m.R_F * i_ti + 1j * m.L_F * flux
     turn = 1.0 if m.kP_pll is None else abs(e) / e
-    phasors = {"i_ti": i_ti * turn, "v_C": e * turn, "v_branch": e * turn, "i_g": i * turn, "v_shunt": complex(op.v)}
+    phasors = {"i_ti": flux * turn, "v_C": e * turn, "v_branch": e * turn, "i_g": i * turn, "v_shunt": complex(op.v)}
     guess = {"v_dc": 1.0, "delta": float(np.angle(1 / turn))}
     for name, value in phasors.items():
         guess |= {f"{name}_d": value.real, f"{name}_q": value.imag}
