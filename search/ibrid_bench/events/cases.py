@@ -103,7 +103,7 @@ def _limit(
         return {hidden: {"i_max": size * rng.uniform(1.1, 1.3), "mode": mode, "windup": windup}}, words
     if hidden == "command_limit":
         x, _ = at_rest(Device(numbers), *point)
-        swells = [f"swell:{rng.uniform(1.1, 1.2):.3f}", phase, f"swell:{rng.uniform(1.1, 1.2):.3f}"]
+        swells = [f"swell:{rng.uniform(1.1, 1.2):.4f}", phase, f"swell:{rng.uniform(1.1, 1.2):.4f}"]
         most = abs(complex(x[2], x[3]) + 1j * numbers["L_F"] * complex(x[0], x[1])) * rng.uniform(1.02, 1.06)
         return {hidden: {"u_max": most, "windup": windup}}, swells
     if hidden == "pll_freeze":
