@@ -50,8 +50,11 @@ def answer_of(
     model = findings.best if verdict in REPAIRED else findings.given
     baseline = _record(findings.given, findings, shop, sweep)
     repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
+    nominal = _nominal_responses(findings.given, shop) if values else {}
     before = {
-        "nominal": None if not values else _nominal_error(findings.given, shop),
+        "nominal": _mean(nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points)
+        if values
+        else None,
         "refit": baseline.nrmse,
         "holdout": _mean(baseline.holdout.values()),
     }
@@ -82,7 +85,7 @@ def answer_of(
         repaired=repaired,
         sweep=sweep,
         held_out=tuple(held),
-        nominal=_nominal_responses(findings.given, shop) if values else {},
+        nominal=nominal,
         angle=model.convention.angle,
         convention=model.convention,
         suggested=suggested(findings, shop, question, suggest) if verdict == "located-unnamed" else (),
@@ -105,14 +108,9 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
         record = replace(record, noise_floor=None, over_noise=None)
     if model.convention.angle:
         record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
-    return _graded(record, model.convention.undone(sweep))
-
-
-def _graded(record: Record, sweep: Sweep) -> Record:
-    """The grade by the noise that the data themselves tell, whatever judged the model."""
-    points = [sweep.point(name) for name in record.nrmse_by_op]
-    responses = [record.response(point.op.name, point.frequency) for point in points]
-    misfit = misfit_of(responses, points, record.free_parameters)
+    read = [model.convention.undone(sweep).point(name) for name in record.nrmse_by_op]
+    responses = [record.response(point.op.name, point.frequency) for point in read]
+    misfit = misfit_of(responses, read, record.free_parameters)  # by the noise that the data themselves tell
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
 
 
@@ -215,12 +213,6 @@ def _held(refit: Fitted, name: str, intervals: Intervals) -> Strength:
 def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
     refit = shop.refitter(given.convention).at_values(given.diagram, {})
     return {point.op.name: response for point, response in zip(refit.problem.points, refit.responses, strict=True)}
-
-
-def _nominal_error(given: Model, shop: Workshop) -> float | None:
-    problem: Problem = given.refit.problem
-    responses = _nominal_responses(given, shop)
-    return _mean([nrmse(responses[point.op.name], point) for point in problem.points])
 
 
 def _mean(errors: Any) -> float | None:
