@@ -11,7 +11,6 @@ from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
-from ibrid.fit.problem import Problem
 from ibrid.gap.data import Fitted
 from ibrid.gap.detectability import unseen
 from ibrid.gap.held_out import weighed
