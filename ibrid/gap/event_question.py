@@ -16,7 +16,8 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.parts.practice import Effect
 from ibrid.playback.compare import limits_told, model_of_record
-from ibrid.playback.limits import Limit
+from ibrid.playback.limits import Limit, require_applicable
+from ibrid.playback.places import places_of
 from ibrid.playback.port import require_port_alone
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
@@ -108,6 +109,7 @@ def asked(
         diagram = diagram.behind(replace(diagram.outside, inside=False))
     require_port_alone(diagram.outside)
     require_legal(diagram, kinds, equilibrium="exact")
+    require_applicable(limits, places_of(diagram, kinds) if limits else None)
     return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
 
 

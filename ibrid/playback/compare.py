@@ -12,7 +12,8 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.event_windows import windows_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
-from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, limit_named
+from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, limit_named, require_applicable
+from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import PORT
@@ -43,10 +44,11 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     """A program at values, name -> number or {"value": number}; what they lack is typical.
 
     A name of a limit, such as "current_limit.i_max", puts that limit beside the program; "current_limit.mode" (magnitude, d
-    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names and for values that
-    cannot be.
+    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names, for values that
+    cannot be, and for a limit that the diagram has no place for.
     """
     limits, rest = limits_told(values)
+    require_applicable(limits, places_of(diagram, kinds))
     table = parameter_table(wire(diagram, kinds), "exact")
     boxes = {one.name: one for one in table.free}
     ranges = {f"{one.id}.{name}": box for one in limits for name, box in one.parameters.items()}

@@ -16,6 +16,7 @@ import numpy as np
 
 from ibrid.assembly.averaged import Shaped
 from ibrid.assembly.signals_at_rest import Channel
+from ibrid.errors import IbridError
 from ibrid.modules.kind import Range
 from ibrid.playback.places import Places
 
@@ -118,6 +119,13 @@ def applicable(limit: Limit, places: Places | None) -> bool:
     if places is None:
         return False
     return (places.pll if limit.id == "pll_freeze" else places.reference) is not None
+
+
+def require_applicable(limits: Sequence[Limit], places: Places | None) -> None:
+    """Raise IbridError where a diagram has no place for one of them."""
+    for limit in limits:
+        if not applicable(limit, places):
+            raise IbridError(f"{limit.id} needs a current controller or PLL, which the program lacks; leave it out")
 
 
 def limit_named(id: str, mode: str = "", windup: bool = False) -> Limit:

@@ -18,7 +18,7 @@ from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.playback.limits import ORDER, Limit, Limited, applicable, memory_at_rest
+from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest, require_applicable
 from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
@@ -67,8 +67,7 @@ class Player:
         self.table = parameter_table(self.wiring, "exact")
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
-        for limit in (one for one in self.limits if not applicable(one, self.places)):
-            raise IbridError(f"{limit.id} needs a current controller or PLL, which the program lacks; leave it out")
+        require_applicable(self.limits, self.places)
         self._laws: dict[tuple[_Orders, bool], _Laws] = {}
 
     @cached_property

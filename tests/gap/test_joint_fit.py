@@ -222,6 +222,15 @@ def test_what_a_limit_does_not_have_is_one_sentence(values, said):
         evaluate_events(ibrid.textbook(TEXTBOOK), records("phase:6,at=0.04"), values=values)
 
 
+def test_a_limit_without_a_place_in_the_program_is_refused_by_fits_and_gaps_alike():
+    events, ramp = records("phase:6,at=0.04"), {"reference_ramp.ramp": 1.0}
+    for name in ("naive", "gfm_direct_droop"):
+        with pytest.raises(ibrid.IbridError, match=r"reference_ramp needs a current controller"):
+            evaluate_events(ibrid.textbook(name), events, values=ramp)
+        with pytest.raises(ibrid.IbridError, match=r"reference_ramp needs a current controller"):
+            ibrid.find_gap(ibrid.textbook(name), None, ramp, events=events)
+
+
 def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     out, page = file.with_name("out.json"), file.with_name("page.html")
     words = ["evaluate", TEXTBOOK, "paper_like", "--events", str(file), "--report", str(page)]

@@ -13,6 +13,7 @@ EXTENDED = {
     "dc_link": Inverter("LCL_R", "voltage", shunt=True),
     "direct_loop": Inverter("LLFilter", "power"),
     "damped": Inverter("LCL_RC", "voltage"),
+    "saturated": Inverter("LCL_saturated", "voltage"),
 }
 NAMES = ("paper_like", *EXTENDED)
 

@@ -56,6 +56,7 @@ RECORDS = {
     "dc_link": lambda: extended_record("LCL_R", "voltage", True),
     "direct_loop": lambda: extended_record("LLFilter", "power", False),
     "damped": lambda: extended_record("LCL_RC", "voltage", False),
+    "saturated": lambda: extended_record("LCL_saturated", "power", False),
 }
 
 

@@ -338,4 +338,4 @@ def test_values_that_the_program_lacks_are_named(tmp_path):
     with pytest.raises(IbridError, match="modes magnitude, d, q"):
         model_of_program(textbook("gfl"), {"current_limit.i_max": 1.0, "current_limit.mode": "both"})
     with pytest.raises(IbridError, match="current controller"):
-        model_of_program(textbook("naive"), {"current_limit.i_max": 1.0}).player(60.0)
+        model_of_program(textbook("naive"), {"current_limit.i_max": 1.0})
