@@ -69,8 +69,7 @@ class Collector:
             for k, element in enumerate(branch.elements, start=1):
                 values = {name: numbers[branch.label(k, name)] for name in ELEMENTS[element.kind]}
                 elements[branch.name, k] = _Element.of(element.kind, values, s)
-        rests = _rests(self, complex(op.v), complex(op.p, -op.q) / op.v, elements)
-        return Flow(self, elements, tuple(rests))
+        return Flow(self, elements, tuple(_rests(self, complex(op.v), complex(op.p, -op.q) / op.v, elements)))
 
     def label(self, k: int, number: str) -> str:
         """Name of a number of the k-th element, from 1."""

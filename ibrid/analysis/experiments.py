@@ -274,7 +274,8 @@ def _told(
     """What is told by the chosen frequencies, or by the event."""
     pairs = list(combinations(range(len(known)), 2))
     answer = known[0]
-    after = _posterior(answer.slopes[chosen])
+    flat = answer.slopes[chosen].reshape(-1, answer.slopes.shape[-1])
+    after = np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)  # covariance, where it was one along each direction
     before = (answer.sure.directions**2).sum(axis=1)
     left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
     gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
@@ -283,12 +284,6 @@ def _told(
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
     asked = () if event else tuple(float(frequency[k]) for k in chosen)
     return Experiment(op, asked, gains, information, separates, event)
-
-
-def _posterior(slopes: np.ndarray) -> np.ndarray:
-    """Covariance (R, R) along directions that had deviation one, after frequencies with slopes (n, 8, R)."""
-    flat = slopes.reshape(-1, slopes.shape[-1])
-    return np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)
 
 
 def _for_parameters(known: _Known, among: Among) -> np.ndarray:
@@ -329,8 +324,7 @@ def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], c
     follow = [_Following(known[i], known[j]) for i, j in able or pairs]
     chosen: list[int] = []
     for _ in range(count):
-        worst = min(follow, key=lambda one: one.told)
-        worth = worst.worth()
+        worth = min(follow, key=lambda one: one.told).worth()
         worth[chosen] = -np.inf
         best = int(np.argmax(worth))
         chosen.append(best)

@@ -91,10 +91,8 @@ def start_frequencies(poles: np.ndarray) -> np.ndarray:
     sizes = np.abs(poles[np.abs(poles) > 1e-9])
     slow, fast = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     decades = np.log10(1e9 * fast / slow)
-    grid = [np.geomspace(1e-6 * slow, 1e3 * fast, int(30 * decades))]
-    for pole in poles[np.imag(poles) > 0]:
-        grid.append(pole.imag + np.linspace(-6.0, 6.0, 25) * abs(pole.real))
-    found = np.unique(np.concatenate(grid))
+    around = [pole.imag + np.linspace(-6.0, 6.0, 25) * abs(pole.real) for pole in poles[np.imag(poles) > 0]]
+    found = np.unique(np.concatenate([np.geomspace(1e-6 * slow, 1e3 * fast, int(30 * decades)), *around]))
     return found[found > 0] / (2 * np.pi)
 
 

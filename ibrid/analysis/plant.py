@@ -78,8 +78,7 @@ class PlantPrediction:
         numbers = {"rating": equivalent.rating, "nrmse": equivalent.nrmse, "nrmse_by_point": equivalent.by_point}
         worst = {"frequency_hz": equivalent.worst[0], "error": equivalent.worst[1]}
         told = {"element": elements, **numbers, "sentence": equivalent.sentence, "worst": worst}
-        warnings = list(self.warnings)
-        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": warnings, "equivalent": told}
+        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": list(self.warnings), "equivalent": told}
 
 
 def predict_plant(record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray) -> PlantPrediction:

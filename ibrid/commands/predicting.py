@@ -76,8 +76,7 @@ def _predict_plant(arguments: Namespace) -> int:
 
     record = inputs.record(arguments.record, arguments.kinds)
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
-    known = KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"]))
-    network = read_collector(arguments.port, known)
+    network = read_collector(arguments.port, KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"])))
     plant = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
     write_sweep(plant.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
     if arguments.equivalent is not None:

@@ -32,8 +32,7 @@ def run_sweep(arguments: Namespace) -> int:
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_sweep(measured, arguments.out, header=header)
-    frequency = measured.points[0].frequency
-    print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(measured.names)}")
+    print(f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at {'; '.join(measured.names)}")
     return 0
 
 

@@ -94,8 +94,7 @@ def model_description(
         ("CoSimulation", ("canHandleVariableCommunicationStepSize", "canInterpolateInputs")),
     ):
         able = (*more, "canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative")
-        abilities = {"modelIdentifier": name, **dict.fromkeys(able, "true")}
-        element = ElementTree.SubElement(root, way, abilities)
+        element = ElementTree.SubElement(root, way, {"modelIdentifier": name, **dict.fromkeys(able, "true")})
         listed = ElementTree.SubElement(element, "SourceFiles")
         for source in sources:
             ElementTree.SubElement(listed, "File", name=source)

@@ -34,8 +34,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     Raises SweepError: a file is missing, damaged or has no such channels; samples are missing.
     """
     where = str(path)
-    content = _content(path)
-    arrays = guarded(comtrade_arrays, content, f"{where} must be a COMTRADE record")
+    arrays = guarded(comtrade_arrays, _content(path), f"{where} must be a COMTRADE record")
     told = channels_told(channels)
     known = [Channel(*map(str, row)) for row in zip(arrays["name"], arrays["unit"], arrays["phase"], strict=True)]
     place = chosen(known, told, where)

@@ -99,7 +99,8 @@ def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, floa
     tolerance = min(_MATCH + 2 * level, _REFUTED / 2)
     followed, distance = {}, {}
     for signs in _PATTERNS:
-        law = _low_frequency_law(point, signs)
+        p, q = point.op.p * signs[0], point.op.q * signs[1]
+        law = -np.array([[p, -q], [-q, -p]]) / point.op.v**2
         factor = float(np.real(np.vdot(law, values.mean(axis=0)))) / float(np.linalg.norm(law)) ** 2
         if factor > 0:
             away = np.linalg.norm(values - factor * law, axis=(1, 2)) / (factor * np.linalg.norm(law))
@@ -109,11 +110,6 @@ def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, floa
     if followed and DECLARED not in followed and distance.get(DECLARED, np.inf) < _REFUTED:
         followed[DECLARED] = max(followed.values())
     return followed
-
-
-def _low_frequency_law(point: PointSweep, signs: Signs) -> np.ndarray:
-    p, q = point.op.p * signs[0], point.op.q * signs[1]
-    return -np.array([[p, -q], [-q, -p]]) / point.op.v**2
 
 
 def _common_direction(tails: list[Tail | None]) -> int:

@@ -98,8 +98,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     record = _package("comtrade", "comtrade").Comtrade(
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
-    ascii_samples = "\nASCII\n" in text
-    samples = _cells_stripped(data) if ascii_samples else data
+    samples = _cells_stripped(data) if "\nASCII\n" in text else data
     record.read(text, samples)
     channels = record.cfg.analog_channels
     value = np.array(record.analog, dtype=float)

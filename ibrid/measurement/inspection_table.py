@@ -66,8 +66,7 @@ def _table(points: tuple[PointInspection, ...], f0_hz: float) -> list[str]:
     rows += _band_rows(points)
     rows.append(("points in the usual range of", ["" for _ in points]))
     for k, loop in enumerate(points[0].loops):
-        where = _loop_range(loop.low, loop.high)
-        rows.append((f"  {loop.loop}, {where}", [_loop(point, k) for point in points]))
+        rows.append((f"  {loop.loop}, {_loop_range(loop.low, loop.high)}", [_loop(point, k) for point in points]))
     peaks = [[f"{hertz(one.frequency)} ({one.points})" for one in point.resonances[:3]] for point in points]
     rows.append(("peaks (points across)", [", ".join(some) or "none" for some in peaks]))
     rows += _sequence_rows(points, f0_hz)

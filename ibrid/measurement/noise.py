@@ -33,8 +33,7 @@ def add_noise(
         raise SweepError(f"repeats must be at least 1; found {repeats}.")
     if not isfinite(noise_db):
         raise SweepError(f"noise_db must be a finite number of dB, for instance 60; found {noise_db}.")
-    points = tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points)
-    return replace(sweep, points=points)
+    return replace(sweep, points=tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points))
 
 
 def _noisy(

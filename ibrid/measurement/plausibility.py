@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import inductive_tail
 
 SMALLEST, LARGEST = 0.1, 300.0
@@ -29,7 +29,10 @@ def _power(sweep: Sweep) -> str | None:
 
 
 def _unit(sweep: Sweep) -> str | None:
-    sizes = [_inductive_size(point, sweep.f0_hz) for point in sweep.points]
+    sizes = [
+        np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2) * np.maximum(1, point.frequency / sweep.f0_hz)
+        for point in sweep.points
+    ]
     if all(np.median(size) > LARGEST for size in sizes):
         way = "larger"
     elif all(size.max() < SMALLEST for size in sizes):
@@ -44,11 +47,6 @@ def _unit(sweep: Sweep) -> str | None:
     if way == "smaller" and sweep.s_base_va is None:
         return f"{text} (siemens read as per unit? then add unit: S, s_base_va and v_base_v)."
     return f"{text} (check unit, s_base_va, v_base_v; kV for V is a factor of a million)."
-
-
-def _inductive_size(point: PointSweep, f0_hz: float) -> np.ndarray:
-    size = np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2)
-    return size * np.maximum(1, point.frequency / f0_hz)
 
 
 def _radians(sweep: Sweep) -> str | None:

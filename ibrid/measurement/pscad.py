@@ -34,8 +34,7 @@ def read_ztool(path: str | Path, **keys: object) -> Sweep:
     """
     path = Path(path)
     lines = [(number, line) for number, line in enumerate(read_lines(path), 1) if line.strip()]
-    names = lines[0][1].split()[1:]
-    frame = _frame(names, path)
+    frame = _frame(lines[0][1].split()[1:], path)
     rows = [_complex_row(number, line, path) for number, line in lines[1:]]
     if not rows:
         raise SweepError(f"{path} must hold rows of complex numbers; found only the names.")

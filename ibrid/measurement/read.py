@@ -82,7 +82,5 @@ def _of_imtb(first: str) -> bool:
 
 def _first_line(path: Path) -> str:
     """The first line that is neither empty nor a comment."""
-    for line in text_lines(read_bytes(path), str(path)):
-        if line.strip() and not line.lstrip().startswith("#"):
-            return line.strip()
-    return ""
+    lines = map(str.strip, text_lines(read_bytes(path), str(path)))
+    return next((line for line in lines if line and not line.startswith("#")), "")

@@ -115,8 +115,7 @@ def _whiteness(residual: np.ndarray) -> float:
 
 def _starting_poles(frequency: np.ndarray, order: int) -> np.ndarray:
     """Pairs that are weakly damped and spaced by decades, the upper pole of each, and a real one of an odd order."""
-    centres = np.geomspace(frequency[0], 1.0, order // 2)
-    pairs = centres * (-0.1 + 1j)
+    pairs = np.geomspace(frequency[0], 1.0, order // 2) * (-0.1 + 1j)
     real = [-complex(np.sqrt(frequency[0]))] if order % 2 else []
     return np.array([*real, *pairs])
 
@@ -138,8 +137,7 @@ def _residues(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.n
     """The values (K, 4) of the best residues and constants at given poles."""
     basis = np.column_stack([_basis(s, poles), np.ones_like(s)])
     size = np.linalg.norm(weight[:, None] * basis, axis=0)
-    left = weight[:, None] * basis / size
-    found = np.linalg.lstsq(_real(left), _real(weight[:, None] * values), rcond=None)[0]
+    found = np.linalg.lstsq(_real(weight[:, None] * basis / size), _real(weight[:, None] * values), rcond=None)[0]
     return (basis / size) @ found
 
 

@@ -165,8 +165,7 @@ def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:
 
 def _phase_window(entry: str, shown: Sequence[Curves]) -> float:
     """Lower end of a window of 360 degrees in which the curves jump least."""
-    place = (slice(None), *ENTRIES[entry])
-    lines = [array[place] for array in _arrays(shown)]
+    lines = [array[(slice(None), *ENTRIES[entry])] for array in _arrays(shown)]
 
     def jumps(start: float) -> float:
         angles = [_wrapped(line, start) for line in lines]

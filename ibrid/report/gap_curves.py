@@ -99,8 +99,7 @@ def _view(gap: Gap, point: PointSweep, known: bool) -> PointView:
     lines.append(_line("refitted", REFITTED if repaired(gap) else REPAIRED, gap.baseline, point, Convention()))
     if repaired(gap) and comparable(gap):
         lines.append(_line("repaired", REPAIRED, gap.repaired, point, convention_of(gap)))
-    found = tuple(line for line in lines if line is not None)
-    return PointView(point, known, name in gap.held_out, found)
+    return PointView(point, known, name in gap.held_out, tuple(line for line in lines if line is not None))
 
 
 def _line(name: str, index: int, record: Record, point: PointSweep, convention: Convention) -> ModelLine | None:

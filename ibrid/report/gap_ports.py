@@ -82,8 +82,7 @@ def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
     if shown.line is not None:
         turn = np.degrees(np.unwrap(np.angle(shown.line)))
         if seen.any():  # on the same sheet as the dots
-            at_dots = np.interp(frequency, shown.frequency, turn)
-            turn += 360.0 * np.round(np.median(angle - at_dots) / 360.0)
+            turn += 360.0 * np.round(np.median(angle - np.interp(frequency, shown.frequency, turn)) / 360.0)
         colour, _, dashes = series(0)
         for plane, drawn in ((magnitude, np.abs(shown.line)), (phase, turn)):
             plane.plot(shown.frequency, drawn, color=colour, linestyle=dashes, linewidth=1.8)

@@ -96,8 +96,7 @@ def place(graph: BlockGraph, seed: int = 0) -> Placement:
     order = [node.name for node in graph.nodes]
     if seed:
         np.random.default_rng(seed).shuffle(order)
-    top = _heights(order, shapes, column, forward)
-    return Placement(graph, shapes, column, top)
+    return Placement(graph, shapes, column, _heights(order, shapes, column, forward))
 
 
 def _pairs(nets: Sequence[Net]) -> list[tuple[Pin, Pin]]:

@@ -26,9 +26,8 @@ def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[P
     """Oscillating modes up to `highest` (Hz), the least damped first."""
     pole_pairs = []
     for real, imaginary in poles:
-        size = math.hypot(real, imaginary)
         if ROUNDING * abs(real) < imaginary <= 2 * math.pi * highest:
-            pole_pairs.append(PolePair(imaginary / (2 * math.pi), -real / size, real))
+            pole_pairs.append(PolePair(imaginary / (2 * math.pi), -real / math.hypot(real, imaginary), real))
     return sorted(pole_pairs, key=lambda one: one.damping)
 
 

@@ -99,11 +99,10 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
         raise IbridError(f"the study has no operating point {op!r}; it has {', '.join(names)}")
     if ax is not None and not hasattr(ax, "plot"):
         raise IbridError(f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}")
-    chosen = study.points[names.index(op) if op else 0]
     with rc_context({"axes.grid": True}):
         figure = None if ax is not None else Figure(figsize=(6, 4.5), layout="constrained")
         axes: Any = ax if figure is None else figure.subplots()
-        draw_locus([axes], chosen)
+        draw_locus([axes], study.points[names.index(op) if op else 0])
         on_white(axes)
     return axes if figure is None else figure
 

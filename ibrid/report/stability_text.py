@@ -15,7 +15,10 @@ def format_stability(found: Stability) -> str:
 
 
 def _point(point: PointStability, sentence: str) -> str:
-    parts = [wrapped(sentence, "  "), _grids(point), wrapped(passivity_words(point), "  ")]
+    rows = [[grid_name(case), *case_cells(case, float(point.frequency[-1]))] for case in point.cases]
+    name = "SCR" if isinstance(point.cases[0].grid, SeriesRL) else "grid"
+    grids = table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
+    parts = [wrapped(sentence, "  "), grids, wrapped(passivity_words(point), "  ")]
     parts += [_critical(point)] if point.critical else []
     parts.append(mode_table(f"on an ideal grid at {point.op}", point.ideal))
     parts += [listed("warnings", point.warnings)] if point.warnings else []
@@ -68,12 +71,6 @@ CASE_HEAD = ("|v_Th|", "poles", "Nyquist", "least damped or unstable", "distance
 def grid_name(case: GridCase) -> str:
     """The grid in a table: its short-circuit ratio, or its file."""
     return number(case.grid.scr, 4) if isinstance(case.grid, SeriesRL) else case.grid.name
-
-
-def _grids(point: PointStability) -> list[str]:
-    rows = [[grid_name(case), *case_cells(case, float(point.frequency[-1]))] for case in point.cases]
-    name = "SCR" if isinstance(point.cases[0].grid, SeriesRL) else "grid"
-    return table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
 
 
 def _critical(point: PointStability) -> list[str]:

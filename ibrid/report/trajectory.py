@@ -73,11 +73,9 @@ def draw_trajectory(axes: Sequence[Axes], shown: Trajectory) -> None:
 def draw_front(axes: Sequence[Axes], shown: ErrorAgainstCost) -> None:
     """Logarithm of the error over a count: candidates as dots, the front as a line, the answer as a ring."""
     (plane,) = axes
-    best = np.array([error for _, error in shown.front])
-    low, high = _limits(best, shown.nrmse, shown.floor, None)
+    low, high = _limits(np.array([error for _, error in shown.front]), shown.nrmse, shown.floor, None)
     _prepare(plane, low, high)
-    most = float(shown.cost[np.isfinite(shown.cost)].max(initial=1.0))
-    plane.set_xlim(-0.5, most + 1)
+    plane.set_xlim(-0.5, float(shown.cost[np.isfinite(shown.cost)].max(initial=1.0)) + 1)
     plane.set_xlabel(shown.name)
     _dots(plane, shown.cost, shown.nrmse, shown.stable, low, high)
     if shown.front:

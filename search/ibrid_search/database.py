@@ -125,8 +125,7 @@ class Database:
 
 def _require_own_files(path: Path) -> None:
     """Raise IbridError where a file that SQLite opens with `path`, to read, write or delete it, leads elsewhere."""
-    lock = path.with_suffix(LOCK)
-    for base in (path, lock):
+    for base in (path, path.with_suffix(LOCK)):
         for ending in ("", "-wal", "-shm", "-journal"):
             file = inside(base.parent, base.name + ending)
             if ending == "-journal" and file.is_file() and file.read_bytes().endswith(_NAMES_ANOTHER):

@@ -28,8 +28,7 @@ def apply_edit(edit: str, program: str) -> str:
     EditError : NO_EDIT without a whole block, NO_MATCH naming the nearest line, AMBIGUOUS naming the lines.
     """
     lines = split_lines(program)
-    blocks = read_blocks(edit)
-    for block in blocks:
+    for block in read_blocks(edit):
         lines = _apply(block, lines)
     return "\n".join(lines) + "\n"
 

@@ -80,8 +80,7 @@ def experience_of(folders: Sequence[str | Path]) -> Experience:
         raise IbridError("these runs tried no idea of control practice; give runs of --proposer diagnosis or rules")
     beyond = [one.beyond for one in edits if one.beyond is not None]
     tau = min(float(np.std(beyond)), MOST) if len(beyond) > 1 else 0.0
-    tried = Counter(one.part for one in edits)
-    return Experience(tried, Counter(one.part for one in edits if one.kept), tau)
+    return Experience(Counter(one.part for one in edits), Counter(one.part for one in edits if one.kept), tau)
 
 
 def tried_edits(folder: Path) -> Iterator[TriedEdit]:

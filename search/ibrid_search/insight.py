@@ -136,8 +136,7 @@ class Insight:
         return diagram
 
     def _new(self, diagram: Diagram) -> bool:
-        legal = not self.study.examined(diagram, program_text(diagram)).violations
-        return legal and self.steps.met(diagram) is None
+        return not self.study.examined(diagram, program_text(diagram)).violations and self.steps.met(diagram) is None
 
 
 def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:

@@ -83,7 +83,10 @@ class Loop:
         ending = None
         while ending is None:
             self._absorb(self.panel.horizon(len(self.steps) - self.window))
-            self._require_a_start()
+            if (first := self.steps[0]).status not in USABLE:
+                raise IbridError(
+                    f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
+                )
             if not self.stop_asked:
                 self.panel.learn(self.steps, self._asked_again)
             ending = self._ending() or self._step()
@@ -157,13 +160,6 @@ class Loop:
         if self.appraisal.criterion.floor.known and len(self.steps) <= len(self.panel.starts):
             return False  # what explains the data within the noise may be another of the starts
         return self._at_floor or self._reached is not None or self.evaluations >= self.goal.budget - kept
-
-    def _require_a_start(self) -> None:
-        first = self.steps[0]
-        if first.status not in USABLE:
-            raise IbridError(
-                f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
-            )
 
     def _restore(self) -> None:
         """Take over the steps of the store; those that wait for their evaluation, or have lost it, are handed over again."""

@@ -61,23 +61,17 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
     with open_logbook(study, fit, out, program_text(start)) as logbook:
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
-        tools = Workbench(logbook).all
-        told = (tools, logbook.note_call, _instructions(study), calls, listening)
+        told = (Workbench(logbook).all, logbook.note_call, _instructions(study), calls, listening)
         Thread(target=_listen, args=told, daemon=True).start()
         listening.wait()  # from here on standard output is out of reach
         kernel.load()
         if not logbook.steps:
             logbook.submit(program_text(start), note="the start")
-        _answer(calls)
+        while (call := calls.get()) is not None:  # until the input ends
+            function, answer = call
+            if answer.set_running_or_notify_cancel():
+                answer.set_result(function())
     return 0
-
-
-def _answer(calls: "SimpleQueue[_Call | None]") -> None:
-    """Work off the calls until None comes."""
-    while (call := calls.get()) is not None:
-        function, answer = call
-        if answer.set_running_or_notify_cancel():
-            answer.set_result(function())
 
 
 def _listen(

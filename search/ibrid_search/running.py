@@ -147,7 +147,9 @@ def search(
     report.html. Raises IbridError for wrong options, a folder that cannot be used, or a start without a fit.
     """
     began = time.monotonic()
-    folder = _folder(folder)
+    if not str(folder).strip():
+        raise IbridError("a run needs a folder for its files, found an empty name; write . for the current one")
+    folder = Path(folder)
     (require_run if resume else require_no_run)(folder)
     goal = budget if isinstance(budget, Goal) else Goal(budget)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
@@ -237,12 +239,6 @@ def _require_able(weighted: Sequence[tuple[Proposer, float]], goal: Goal) -> Non
         raise IbridError(
             "records have no frequencies to hold out; choose by operating points, --choose op --holdout-op RECORD"
         )
-
-
-def _folder(folder: str | Path) -> Path:
-    if not str(folder).strip():
-        raise IbridError("a run needs a folder for its files, found an empty name; write . for the current one")
-    return Path(folder)
 
 
 def _starts(

@@ -56,8 +56,7 @@ def select(
     the run; "frequencies", "op": of the front, the smallest structure with the least error at held-out frequencies or operating
     points; "plausible": by held-out operating points where there are any, else by the criterion. The answer is always stable.
     """
-    front = plain_selection(steps).front[:MOST]
-    numbers = sorted({one.step for one in front} | {best.number})
+    numbers = sorted({one.step for one in plain_selection(steps).front[:MOST]} | {best.number})
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
     refits = {number: _refit(record, assessor) for number, record in records.items()}

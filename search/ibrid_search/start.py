@@ -250,8 +250,7 @@ def _of_one_record(failed: list[Ranked], study: Study, events: Events, tell: Tel
 
 
 def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
-    warm = dict(zip(study.fitted.names, look.values, strict=True))
-    record = _record(look.edit.diagram, study, warm, seconds)
+    record = _record(look.edit.diagram, study, dict(zip(study.fitted.names, look.values, strict=True)), seconds)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
     return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)

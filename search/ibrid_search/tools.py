@@ -53,8 +53,7 @@ class Tools:
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None
     ) -> dict[str, Any]:
         """`ibrid_search.record_view` of a step."""
-        record = self.steps.record(step)
-        view = record_view(record, self.study.sweep, RecordPart(op, band, entry))
+        view = record_view(self.steps.record(step), self.study.sweep, RecordPart(op, band, entry))
         return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
 
     def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:

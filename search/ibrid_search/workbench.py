@@ -65,8 +65,7 @@ class Workbench(Tools):
         if not reasons.strip():
             raise IbridError("an answer has reasons; say what the data show and what was ruled out")
         doubts = [f"unstable at {op}" for op, stable in record.stable.items() if not stable]
-        grade = graded(record)
-        if grade is not Grade.EXPLAINS:
+        if graded(record) is not Grade.EXPLAINS:
             doubts.append(f"it leaves more than noise: {verdict(record)}")
         best = self.logbook.best(1)
         if best and best[0].step != step:

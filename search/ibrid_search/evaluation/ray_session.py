@@ -88,7 +88,12 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
         _use_token()
     ray = _import_ray(local=address is None)
     if ray.is_initialized():
-        _require_same(ray.get_runtime_context().gcs_address, head)
+        connected = ray.get_runtime_context().gcs_address
+        if head not in (None, connected):
+            raise IbridError(
+                f"this process is connected to the Ray at {connected} and cannot use {head} beside it; leave the "
+                "address out, or call ray.shutdown() before"
+            )
         return RaySession(ray, owned=False)
     with _own_signals():
         return _start(ray, workers) if head is None else _connect(ray, head)
@@ -126,15 +131,6 @@ def _use_token() -> None:
     given = {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)
     if given or (Path.home() / ".ray" / "auth_token").is_file():
         os.environ.setdefault("RAY_AUTH_MODE", "token")
-
-
-def _require_same(connected: str, address: str | None) -> None:
-    """Raise IbridError when this process is connected to another cluster than the one asked for."""
-    if address not in (None, connected):
-        raise IbridError(
-            f"this process is connected to the Ray at {connected} and cannot use {address} beside it; leave the address "
-            "out, or call ray.shutdown() before"
-        )
 
 
 def _import_ray(*, local: bool) -> Any:

@@ -80,8 +80,7 @@ class Examiner:
             before = Record.from_json(job.before)
             return replace(before, settings={**before.settings, "drift": drift(before, sweep).plain()})
         study = Study(sweep, seed=self.seed)
-        looker = Looker(study, criterion(study, SearchSettings()))
-        record = _of_the_fleet(looker, job.prior)
+        record = _of_the_fleet(Looker(study, criterion(study, SearchSettings())), job.prior)
         expected = record is not None
         if record is None:
             record = self._examined(study)

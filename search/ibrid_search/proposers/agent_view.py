@@ -50,8 +50,10 @@ def remembered(steps: Sequence[Step], limit_tokens: int, *, author: str) -> list
     known = {one.number: one for one in steps}
     turns = [one for one in steps if one.proposer == author and one.status is not Status.PENDING]
     budget, recent = limit_tokens * (1 - NOTEBOOK), len(turns)
-    while recent > 0 and (cost := _cost(turns[recent - 1], known)) <= budget:
-        budget -= cost
+    for turn in reversed(turns):
+        budget -= estimated_tokens(_said(turn)) + estimated_tokens(_result(turn, known))
+        if budget < 0:
+            break
         recent -= 1
     notebook = _notebook(turns[:recent], known, int(limit_tokens * NOTEBOOK))
     messages: list[dict[str, str]] = [{"role": "user", "content": notebook or _BEGIN}]
@@ -75,10 +77,6 @@ def _said(turn: Step) -> str:
 
 def _result(turn: Step, known: Mapping[int, Step]) -> str:
     return outcome(turn, known.get(turn.parent) if turn.parent is not None else None)
-
-
-def _cost(turn: Step, known: Mapping[int, Step]) -> int:
-    return estimated_tokens(_said(turn)) + estimated_tokens(_result(turn, known))
 
 
 def _notebook(turns: Sequence[Step], known: Mapping[int, Step], limit_tokens: int) -> str:
@@ -111,9 +109,12 @@ class RunView:
         self._context, self._history = context, history
         self._near = {one.step: one for one in (*reversed(context.best), context.parent)}
         own = history.steps() if history is not None else remembered
-        found = {number: _step_of(one) for number, one in self._near.items()}
-        found |= {one.number: one for one in own if one.status is not Status.PENDING}
-        self.steps = tuple(found[number] for number in sorted(found))
+        by_number = {  # who proposed them and why is not known
+            number: Step(number, status=Status.OK, program=one.record.program, **numbers_of(vars(one.record)))
+            for number, one in self._near.items()
+        }
+        by_number |= {one.number: one for one in own if one.status is not Status.PENDING}
+        self.steps = tuple(by_number[number] for number in sorted(by_number))
 
     def record(self, number: int) -> Record:
         """The record of a step that the context or the history has; IbridError otherwise."""
@@ -133,8 +134,7 @@ class RunView:
 
     def met(self, diagram: Diagram) -> str | None:
         """Whether the run has met a structure."""
-        study = self._context.study
-        digest = study.hash_of(diagram)
+        digest = self._context.study.hash_of(diagram)
         same = next((one.number for one in self.steps if one.hash == digest), None)
         if same is not None:
             return f"step {same}"
@@ -145,12 +145,6 @@ class RunView:
             return self._near[number]
         record = self.record(number)
         return Evaluated(number, record.diagram, record)
-
-
-def _step_of(one: Evaluated) -> Step:
-    """A step with what a candidate tells; who proposed it and why is not known."""
-    record = one.record
-    return Step(one.step, status=Status.OK, program=record.program, **numbers_of(vars(record)))
 
 
 SUBMIT = Tool(
@@ -199,8 +193,7 @@ def question(context: Context, view: RunView, settings: AgentSettings, *, author
     """Messages with alternating roles: system, then earlier turns, the last with what is asked now."""
     tools = listed(Tools(context.study, view).reading)
     rules = f"\n{words('turns.md', calls=settings.calls, tools=tools)}\n"
-    room = int(settings.tokens * settings.context) - estimated_tokens(rules)
-    system, *asked = prompt(context, limit_tokens=room)
+    system, *asked = prompt(context, limit_tokens=int(settings.tokens * settings.context) - estimated_tokens(rules))
     memory = remembered(view.steps, int(settings.tokens * settings.memory), author=author)
     return _merged([{"role": "system", "content": f"{system['content']}\n{rules}"}, *memory, *asked])
 

@@ -93,8 +93,7 @@ class Proposers:
         if self.policy is None:
             return {}
         name = EXPERIENCE if self.experience else policy_part("weights_folder").WEIGHTS_FILE
-        file = Path(self.policy) / name
-        return {"policy": str(self.policy), "policy_sha256": digest(file.read_bytes())}
+        return {"policy": str(self.policy), "policy_sha256": digest((Path(self.policy) / name).read_bytes())}
 
 
 def _own(chosen: Any) -> Weighted:

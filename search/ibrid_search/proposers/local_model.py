@@ -56,8 +56,7 @@ class LocalModel:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
-        kind = type(self)
-        return {k: v for k, v in vars(self).items() if not isinstance(getattr(kind, k, None), cached_property)}
+        return {k: v for k, v in vars(self).items() if not isinstance(getattr(type(self), k, None), cached_property)}
 
     def bounded(self, seconds: float) -> "LocalModel":
         """The same, with less time for an answer where that is less; what is loaded is shared."""

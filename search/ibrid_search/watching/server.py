@@ -137,8 +137,7 @@ class _Answers(BaseHTTPRequestHandler):
         elif path == "/state":
             self._send(json.dumps(run_state(self.server.folder), allow_nan=False), "application/json")
         elif match := re.fullmatch(r"/step/(\d{1,9})", path):
-            text = step_page(self.server.folder, int(match[1]), self.server.kinds)
-            self._send(text, "text/html", policy=_FRAMED)
+            self._send(step_page(self.server.folder, int(match[1]), self.server.kinds), "text/html", policy=_FRAMED)
         elif match := re.fullmatch(r"/started/(\d{1,9})", path):
             report = Path(self.server.dropped.name) / match[1] / ".start" / "report.html"
             if not report.is_file():
