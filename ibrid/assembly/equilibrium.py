@@ -11,7 +11,6 @@ import casadi as ca
 from ibrid.assembly.controller_frame import controller_frame
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import (
-    Channel,
     Frame,
     Pair,
     Parameters,
@@ -51,7 +50,12 @@ def equilibria(
     in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
     flow = carried(wiring)
     frame = controller_frame(wiring, flow, parameters, in_grid, omega_0)
-    wanted = _wanted(wiring)
+    wanted = [  # instance, port, its channels, wherever a law asks for an operating point, the plant's apart
+        (name, port, channels_of(name, {port: {**kind.inputs, **kind.outputs}[port]}))
+        for name, kind in wiring.kinds.items()
+        if kind.family != PLANT
+        for port in kind.equilibrium_ports
+    ]
     for name, port, channels in wanted:
         if not all(flow.follows(wiring, channel) for channel in channels):
             raise DiagramError(
@@ -107,13 +111,3 @@ def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[
         ports = {port: (1.0 if word == "V0" else own[word], 0.0) for port, word in kind.equilibrium.items()}
         by_instance[name] = (frame, ports)
     return by_instance
-
-
-def _wanted(wiring: Wiring) -> list[tuple[str, str, list[Channel]]]:
-    """(instance, port, its channels) wherever a law asks for an operating point, the plant's apart."""
-    return [
-        (name, port, channels_of(name, {port: {**kind.inputs, **kind.outputs}[port]}))
-        for name, kind in wiring.kinds.items()
-        if kind.family != PLANT
-        for port in kind.equilibrium_ports
-    ]

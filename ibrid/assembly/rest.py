@@ -167,8 +167,7 @@ class _Settled:
     def _place(self, module: Module, inputs: list[Any]) -> None:
         """Give a module its inputs; its states and outputs follow."""
         name, kind = module.name, module.kind
-        channels = channels_of(name, kind.inputs)
-        self.inputs |= dict(zip(channels, inputs, strict=True))
+        self.inputs |= dict(zip(channels_of(name, kind.inputs), inputs, strict=True))
         x = self._states_at_rest(module, inputs)
         _, outputs = module.motion(x, by_port(kind, inputs))
         self.states[name] = x

@@ -103,8 +103,7 @@ class Search:
             return
         order = usable[np.argsort(costs[usable], kind="stable")]
         kept = x[order[: max(settings.kept, settings.kept_misfit)]]
-        batch = self._descend(LEVENBERG.begin(self.logarithmic, kept))
-        self.finish(batch.x, number)
+        self.finish(self._descend(LEVENBERG.begin(self.logarithmic, kept)).x, number)
 
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
         """Descend from known values, name -> value for each operating point; the numbers they lack are drawn."""

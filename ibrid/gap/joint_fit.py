@@ -85,8 +85,7 @@ def evaluate_records(
 ) -> Record:
     """`ibrid.evaluate` for a study of records alone. warm : values of another fit at some rest, from which it begins."""
     try:
-        known = next(iter((warm or {}).values()), None)
-        return weighed_by_events(asked_of(diagram, study), settings, known)[0]
+        return weighed_by_events(asked_of(diagram, study), settings, next(iter((warm or {}).values()), None))[0]
     except IbridError as error:
         if isinstance(error, OperatingPointError) and study.held:  # no rest where it was not fitted, perhaps
             return evaluate_records(diagram, study.blind, settings, warm)

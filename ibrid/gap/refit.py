@@ -215,8 +215,7 @@ class Refitter:
 
     def at_values(self, diagram: Diagram, values: Values) -> Refit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
-        problem = self.problem(diagram)
-        return self.at(diagram, beliefs_of(problem, self.prior).start(values))
+        return self.at(diagram, beliefs_of(self.problem(diagram), self.prior).start(values))
 
     def _rng(self, diagram: Diagram) -> np.random.Generator:
         """Of a structure: what else was fitted before it does not matter."""

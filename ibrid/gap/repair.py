@@ -318,8 +318,8 @@ def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
 
 
 def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:
-    """For each edit what else could stand in its place beside the others: of effects by a quick refit from the answer, of a
-    label another label."""
+    """For each edit what else could stand in its place beside the others: of effects by a look, the first ones by
+    a quick refit from its values and those of the answer; of a label another label."""
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
     if bench.watch.late():
@@ -332,16 +332,11 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
         elif isinstance(edit, Convention):
             rivals.append(_read_otherwise(bench, alone, best.refit.cost))
         else:
-            rivals.append(_quickly_edited(bench, alone, best))
+            looks, values = _glanced(bench, alone), (best.refit.values, alone.refit.values)
+            edits = [look.edits[-1] for look in looks[:CARRIED]]
+            refitted = [bench.shop.edited(alone, one, quick=values) for one in edits if isinstance(one, Insertion)]
+            rivals.append([model for model in (*refitted, *looks[CARRIED:]) if model is not None])
     return rivals
-
-
-def _quickly_edited(bench: Bench, model: Model, best: Model) -> list[Model]:
-    """Every edit of a model as a look leaves it, the first of them refitted from its own values and those of the answer alone."""
-    looks, values = _glanced(bench, model), (best.refit.values, model.refit.values)
-    edits = [one.edits[-1] for one in looks[:CARRIED]]
-    found = [bench.shop.edited(model, edit, quick=values) for edit in edits if isinstance(edit, Insertion)]
-    return [one for one in (*found, *looks[CARRIED:]) if one is not None]
 
 
 def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:

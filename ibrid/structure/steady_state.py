@@ -81,8 +81,7 @@ def steady_order(wiring: Wiring) -> Steady:
     for name, kind in wiring.kinds.items():
         if kind.family == PLANT:
             known.update(f"{name}.{port}" for port in kind.outputs)
-    order = _carried(wiring, known, command)
-    return Steady(order, frozenset(known), command)
+    return Steady(_carried(wiring, known, command), frozenset(known), command)
 
 
 def _carried(wiring: Wiring, known: set[str], command: frozenset[str]) -> tuple[str, ...]:
