@@ -209,13 +209,8 @@ SERIES_IMPEDANCE = Effect(
 )
 
 
-OF_THE_FILTER = (
-    FILTER_CAPACITOR,
-    CAPACITOR_DAMPING,
-    TRAP_FILTER,
-    CORE_SATURATION,
-    SERIES_IMPEDANCE,
-)  # what an output filter may lack
+#: What an output filter may lack.
+OF_THE_FILTER = (FILTER_CAPACITOR, CAPACITOR_DAMPING, TRAP_FILTER, CORE_SATURATION, SERIES_IMPEDANCE)
 
 _BANDS = (0.2, 0.4, 1.0, 1.0)
 _FOLLOWING = where_missing(filter_capacitor, lambda view: view.roles.lcl or grid_forming(view))
