@@ -101,6 +101,7 @@ def test_every_format_gives_the_same_record(tmp_path: Path, kind: str, year: str
     assert_is_the_dip(events["dip"])
 
 
+@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize(("begin", "end"), [("", "\r\n"), ("\ufeff", "\n"), ("", "\r")])
 @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
 def test_a_cff_holds_both_parts_whatever_ends_its_lines(tmp_path: Path, kind: str, begin: str, end: str):
