@@ -10,7 +10,6 @@ from typing import Any
 from ibrid.assembly.numbers import is_zero, square_root
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.plant import saturated
 from ibrid.modules.vocabulary import VOCABULARY
 
 Pair = tuple[Any, Any]
@@ -35,7 +34,7 @@ def plant_equilibrium(
     With power measured at e behind R_g, L_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0 with
     a = R_g p + L_g q, c = (R_g^2 + L_g^2)(p^2 + q^2); i_g = (p/E, -q/E) in the frame of e. With power measured at the
     terminals i_g = (p/v, -q/v) in the grid frame; an L filter's e is there. Always i_ti = i_g + the current of the
-    capacitor branches at e, u_r = e + (R_F + L_F J) i_ti.
+    capacitor branches at e, u_r = e + (R_F + L_F J) i_ti, L_F at that current where it depends on it.
 
     Parameters
     ----------
@@ -66,8 +65,8 @@ def plant_equilibrium(
         r, c, *l_branch = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
         i_c = add(i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e))
     i_ti = add(i_g, i_c)
-    less = 1.0 if kind.saturation is None else saturated(i_ti, parameters[kind.saturation])
-    u_r = add(e, series_drop(parameters["R_F"], parameters["L_F"] / less, i_ti))
+    reactance = kind.reactance_at_rest(i_ti, **parameters) if kind.reactance_at_rest else parameters["L_F"]
+    u_r = add(e, series_drop(parameters["R_F"], reactance, i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}
 
 

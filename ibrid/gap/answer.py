@@ -51,9 +51,7 @@ def answer_of(
     repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
     nominal = _nominal_responses(findings.given, shop) if values else {}
     before = {
-        "nominal": _mean(nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points)
-        if values
-        else None,
+        "nominal": _mean(nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points if nominal),
         "refit": baseline.nrmse,
         "holdout": _mean(baseline.holdout.values()),
     }

@@ -90,7 +90,7 @@ class ModuleKind(Behaviour):
     branches : of a plant, the parameters (resistance, capacitance) or (resistance, capacitance, inductance) of each series
         branch at the node of the measured voltage e, None for what is not there; with them its operating point is known in
         closed form from p, q and v.
-    saturation : of a plant with branches, the parameter with the current I_s at which its L_F is L_F/sqrt(1 + |i_ti|^2/I_s^2).
+    reactance_at_rest : of a plant with branches, in place of L_F its reactance at a current i_ti, from that and its parameters.
     plant_at_rest : of a plant of another shape, the same as a function of its parameters (by name), p, q, v and power_node:
         port -> (D, Q) in the grid frame for v_in, u_r, e, i_g, i_ti and i_C, with + - * / and `square_root`.
 
@@ -115,7 +115,7 @@ class ModuleKind(Behaviour):
     extended: bool = False
     large_signal: LargeSignal | None = None
     branches: tuple[tuple[str | None, ...], ...] | None = None
-    saturation: str | None = None
+    reactance_at_rest: Callable[..., Any] | None = None
     plant_at_rest: Callable[..., Mapping[str, tuple[Any, Any]]] | None = None
 
     def __repr__(self) -> str:

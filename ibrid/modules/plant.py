@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, square_root
+from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 
 INDUCTANCE = Range(1e-4, 1.0, 0.1, "pu", "inductance", divides=True)
@@ -48,11 +48,6 @@ def series_rate(before: Any, behind: Any, i: Any, R: Any, rate: Any, omega: Any)
         rate * (before[0] - behind[0] - R * i[0]) + omega * i[1],
         rate * (before[1] - behind[1] - R * i[1]) - omega * i[0],
     )
-
-
-def saturated(i: Any, I_s: Any) -> Any:
-    """By how much the inductance of a winding with a core is smaller than without current."""
-    return square_root(1 + (i[0] * i[0] + i[1] * i[1]) / (I_s * I_s))
 
 
 def _lcl_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, omega_0):

@@ -8,7 +8,7 @@ a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1 + R 
 from dataclasses import replace
 
 from ibrid.modules.kind import Range
-from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.large_signal import LargeSignal, square_root
 from ibrid.modules.plant import (
     CAPACITANCE,
     INDUCTANCE,
@@ -19,7 +19,6 @@ from ibrid.modules.plant import (
     lcl_at_rest,
     lcl_matrices,
     lcl_outputs,
-    saturated,
     series_rate,
 )
 
@@ -178,16 +177,25 @@ LCL_TRAP = replace(
 )
 
 
+def _saturation(i, I_s):
+    """By how much the inductance is smaller than without current."""
+    return square_root(1 + (i[0] * i[0] + i[1] * i[1]) / (I_s * I_s))
+
+
+def _reactance_at_rest(i, L_F, I_s, **_):
+    return L_F / _saturation(i, I_s)
+
+
 def _winding(i, I_s):
     """L_F d i / d psi, of the flux psi = L_F i / sqrt(1 + |i|^2/I_s^2)."""
-    less, k = saturated(i, I_s), I_s * I_s
+    less, k = _saturation(i, I_s), I_s * I_s
     cross = less * i[0] * i[1] / k
     return (less * (1 + i[0] * i[0] / k), cross), (cross, less * (1 + i[1] * i[1] / k))
 
 
 def _lcl_saturated(L_F, R_F, C_F, L_g, R_g, I_s, omega_0, u_r_eq, i_ti_eq, e_eq, i_g_eq):
     a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq)
-    i, k, f, less = i_ti_eq, I_s * I_s, omega_0 / L_F, saturated(i_ti_eq, I_s)
+    i, k, f, less = i_ti_eq, I_s * I_s, omega_0 / L_F, _saturation(i_ti_eq, I_s)
     v = [u_r_eq[axis] - e_eq[axis] - R_F * i[axis] for axis in (0, 1)]
     power = i[0] * v[0] + i[1] * v[1]
     for row, gains in enumerate(_winding(i, I_s)):
@@ -226,7 +234,7 @@ LCL_SATURATED = replace(
     extended=True,
     reference="inductance of powder cores against bias; equation (1) of the paper with the flux of an averaged winding",
     large_signal=LargeSignal(_lcl_saturated_law, lcl_at_rest),
-    saturation="I_s",
+    reactance_at_rest=_reactance_at_rest,
 )
 
 
