@@ -1,6 +1,6 @@
 """The verdict: one of six, by rules that were fixed before any data were seen, and the sentence that says it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,22 +153,14 @@ def sentence_of(verdict: Verdict, findings: Findings, before: float, after: floa
         names = ", ".join(moved_far(findings.given))
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
-        what = "; ".join(
-            words_of(edit) + _or_else(alike(findings, place))
-            for place, edit in enumerate(findings.best.edits)
-            if isinstance(edit, Insertion)
-        )
+        what = "; ".join(_told(findings, Insertion))
         if after > 0.9 * before:
             implausible = "the model as given explains the data only with values far from their nominal ones"
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
     if verdict == "data-convention":
-        what = " and ".join(
-            edit.words + _or_else(alike(findings, place))
-            for place, edit in enumerate(findings.best.edits)
-            if isinstance(edit, Convention)
-        )
-        also = "".join(f"; also {words_of(edit)}" for edit in findings.best.edits if isinstance(edit, Insertion))
+        what = " and ".join(_told(findings, Convention))
+        also = "".join(f"; also {words}" for words in _told(findings, Insertion))
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
         return (
             f"The data are written otherwise than the model means: {what}{also} "
@@ -183,15 +175,19 @@ def sentence_of(verdict: Verdict, findings: Findings, before: float, after: floa
     nearest = ""
     if findings.repaired:
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
-        what = "; ".join(edit.words if isinstance(edit, Convention) else words_of(edit) for edit in findings.best.edits)
+        what = "; ".join(_told(findings, (Convention, Insertion)))
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
     neither = "or single place does either" if findings.ports else "does either (places were not compared)"
     return f"The model does not explain the data (error {before:.2g}{noise}), and no effect {neither}." + nearest
 
 
-def _or_else(names: Sequence[str]) -> str:
-    told = " or ".join(one.replace("_", " ") for one in names)
-    return f" (or it is {told}: these data cannot tell)" if names else ""
+def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
+    """The edits of a sort in words, each with what these data cannot tell from it."""
+    for place, edit in enumerate(findings.best.edits):
+        if isinstance(edit, sort):
+            others = " or ".join(name.replace("_", " ") for name in alike(findings, place))
+            words = edit.words if isinstance(edit, Convention) else words_of(edit)
+            yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
 
 
 def words_of(edit: Insertion) -> str:
