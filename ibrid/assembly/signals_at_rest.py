@@ -16,7 +16,7 @@ from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import carries, command_of, entering, steady_inputs
+from ibrid.structure.steady_state import carries, command_of, entering, in_order, steady_inputs
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
@@ -59,38 +59,17 @@ def carried(wiring: Wiring) -> Carried:
     }
     known.update((f"{wiring.plant}.u_r", axis) for axis in (0, 1))
     reached, command = set(known), command_of(wiring)
-    order = _follow(wiring, needs, known, reached, command)
-    return Carried({channel: needs[channel] for channel in order}, frozenset(known), frozenset(reached), command)
-
-
-def _follow(
-    wiring: Wiring,
-    needs: Mapping[Channel, tuple[Channel, ...]],
-    known: set[Channel],
-    reached: set[Channel],
-    command: frozenset[str],
-) -> list[Channel]:
-    """Add to `known` and `reached` what follows from them and from `command`; the new channels in order."""
-    waiting = {
+    sources = {
         channel: {source for one in inputs for source in _entering(wiring, one, command)}
         for channel, inputs in needs.items()
         if channel not in known
     }
-    users: dict[Channel, list[Channel]] = {}
-    for channel, sources in waiting.items():
-        for source in sources:
-            users.setdefault(source, []).append(channel)
-    unknown_sources = {channel: len(sources - known) for channel, sources in waiting.items()}
-    order = [channel for channel, missing in unknown_sources.items() if not missing]
-    for channel in order:  # grows while it is walked
-        known.add(channel)
-        if not reached.isdisjoint(waiting[channel]):
+    order = in_order(sources, known, lambda channel: (channel,))
+    for channel in order:
+        if not reached.isdisjoint(sources[channel]):
             reached.add(channel)
-        for user in users.get(channel, ()):
-            unknown_sources[user] -= 1
-            if not unknown_sources[user]:
-                order.append(user)
-    return order
+    follows = {channel: needs[channel] for channel in order}
+    return Carried(follows, frozenset(known.union(order)), frozenset(reached), command)
 
 
 def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...]]:

@@ -1,7 +1,8 @@
 """The solver of record: Ipopt, through CasADi, on an objective with its gradient and a Gauss-Newton Hessian."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -48,7 +49,21 @@ def minimise(
     if not size or not np.isfinite(memory.scale):
         return start, "nothing to optimise", 0
     symbol = ca.MX.sym("x", size)
-    callbacks = [_Value(memory, size), _Gradient(memory, size), _Hessian(memory, size)]
+    x_shape, number, nothing = ca.Sparsity.dense(size, 1), ca.Sparsity.dense(1, 1), ca.Sparsity(0, 0)
+    given, upper = {"x": x_shape, "p": nothing}, ca.Sparsity.upper(size)
+
+    def slopes(x: np.ndarray, p: np.ndarray) -> list[Any]:
+        return [memory.value(x), ca.DM(memory.gradient(x))]
+
+    def curvature(x: np.ndarray, p: np.ndarray, lam_f: np.ndarray, lam_g: np.ndarray) -> list[Any]:
+        hessian = (memory.hessian(x) + _DAMPING * np.eye(size)) * float(lam_f[0])
+        return [ca.project(ca.DM(hessian), upper)]
+
+    callbacks = [
+        _Callback(memory, "f", {"x": x_shape}, {"f": number}, lambda x: [memory.value(x)]),
+        _Callback(memory, "grad_f", given, {"f": number, "grad_f_x": x_shape}, slopes),
+        _Callback(memory, "hess_lag", {**given, "lam_f": number, "lam_g": nothing}, {"hess": upper}, curvature),
+    ]
     solver = ca.nlpsol(
         "fit",
         "ipopt",
@@ -111,17 +126,21 @@ class _Memory:
         return self._slopes()[1] / self.scale
 
 
-class _Value(ca.Callback):
-    """The objective as CasADi calls it; gradient and Hessian differ in their ports and in what they evaluate."""
+class _Callback(ca.Callback):
+    """A function as CasADi calls it. inputs, outputs : name -> sparsity. evaluated : outputs at the arguments as vectors."""
 
-    inputs: tuple[str, ...] = ("x",)
-    outputs: tuple[str, ...] = ("f",)
-    output = "f"
-
-    def __init__(self, memory: _Memory, size: int) -> None:
+    def __init__(
+        self,
+        memory: _Memory,
+        name: str,
+        inputs: Mapping[str, ca.Sparsity],
+        outputs: Mapping[str, ca.Sparsity],
+        evaluated: Callable[..., list[Any]],
+    ) -> None:
         ca.Callback.__init__(self)
-        self.memory, self.size = memory, size
-        self.construct(self.output, {})
+        self.memory, self.evaluated = memory, evaluated
+        self.inputs, self.outputs = list(inputs.items()), list(outputs.items())
+        self.construct(name, {})
 
     def get_n_in(self) -> int:
         return len(self.inputs)
@@ -130,59 +149,22 @@ class _Value(ca.Callback):
         return len(self.outputs)
 
     def get_name_in(self, index: int) -> str:
-        return self.inputs[index]
+        return self.inputs[index][0]
 
     def get_name_out(self, index: int) -> str:
-        return self.outputs[index]
+        return self.outputs[index][0]
 
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        name = self.inputs[index]
-        if name == "x":
-            return ca.Sparsity.dense(self.size, 1)
-        return ca.Sparsity.dense(1, 1) if name == "lam_f" else ca.Sparsity(0, 0)
+        return self.inputs[index][1]
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return self.outputs[index][1]
 
     def eval(self, arguments):
         """CasADi would print what is raised in here and go on; not a number makes Ipopt stop instead."""
         if self.memory.interruption is None:
             try:
-                return self.evaluated(arguments)
+                return self.evaluated(*(np.asarray(one, dtype=float).ravel() for one in arguments))
             except (TimeoutError, KeyboardInterrupt) as interruption:
                 self.memory.interruption = interruption
-        return [ca.DM(self.get_sparsity_out(index), np.nan) for index in range(self.get_n_out())]
-
-    def evaluated(self, arguments):
-        return [self.memory.value(self.vector(arguments[0]))]
-
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(1, 1)
-
-    @staticmethod
-    def vector(argument: ca.DM) -> np.ndarray:
-        return np.asarray(argument, dtype=float).ravel()
-
-
-class _Gradient(_Value):
-    inputs = ("x", "p")
-    outputs = ("f", "grad_f_x")
-    output = "grad_f"
-
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(1, 1) if index == 0 else ca.Sparsity.dense(self.size, 1)
-
-    def evaluated(self, arguments):
-        x = self.vector(arguments[0])
-        return [self.memory.value(x), ca.DM(self.memory.gradient(x))]
-
-
-class _Hessian(_Value):
-    inputs = ("x", "p", "lam_f", "lam_g")
-    outputs = ("hess",)
-    output = "hess_lag"
-
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.upper(self.size)
-
-    def evaluated(self, arguments):
-        hessian = self.memory.hessian(self.vector(arguments[0])) + _DAMPING * np.eye(self.size)
-        hessian = hessian * float(arguments[2])
-        return [ca.project(ca.DM(hessian), ca.Sparsity.upper(self.size))]
+        return [ca.DM(sparsity, np.nan) for _, sparsity in self.outputs]

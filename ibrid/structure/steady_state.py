@@ -5,13 +5,17 @@ gain of filters and delays. Behind an integrator or a product it is lost; a loop
 the plant's command comes from behind integrators and constants, but together it rests where the plant's u_r does.
 """
 
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
+from typing import TypeVar
 
 from ibrid.modules.behaviour import ROTATIONS
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
+
+Maker = TypeVar("Maker", bound=Hashable)
+Made = TypeVar("Made", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -78,33 +82,33 @@ def _measured(wiring: Wiring, source: str) -> bool:
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
     known, command = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, command_of(wiring)
-    for name, kind in wiring.kinds.items():
-        if kind.family == PLANT:
-            known.update(f"{name}.{port}" for port in kind.outputs)
-    return Steady(_carried(wiring, known, command), frozenset(known), command)
+    outputs = {name: [f"{name}.{port}" for port in kind.outputs] for name, kind in wiring.kinds.items()}
+    known.update(one for name, kind in wiring.kinds.items() if kind.family == PLANT for one in outputs[name])
+    needs = {
+        name: {source for port in steady_inputs(kind) for source in entering(wiring, f"{name}.{port}", command)}
+        for name, kind in wiring.kinds.items()
+        if carries(kind) and not known.issuperset(outputs[name])
+    }
+    order = in_order(needs, known, outputs.__getitem__)
+    return Steady(tuple(order), frozenset(known.union(*(outputs[name] for name in order))), command)
 
 
-def _carried(wiring: Wiring, known: set[str], command: frozenset[str]) -> tuple[str, ...]:
-    """Add to `known` the outputs that follow from it and from `command`; their modules, each after those it needs."""
-    waiting: dict[str, set[str]] = {}
-    for name, kind in wiring.kinds.items():
-        if carries(kind) and not known.issuperset(f"{name}.{port}" for port in kind.outputs):
-            needed = (one for port in steady_inputs(kind) for one in entering(wiring, f"{name}.{port}", command))
-            waiting[name] = {source for source in needed if source not in known}
-    users: dict[str, list[str]] = {}
-    for name, sources in waiting.items():
-        for source in sources:
-            users.setdefault(source, []).append(name)
-    order = [name for name, sources in waiting.items() if not sources]
-    for name in order:  # grows while it is walked
-        for port in wiring.kinds[name].outputs:
-            source = f"{name}.{port}"
-            known.add(source)
-            for user in users.get(source, ()):
-                waiting[user].discard(source)
-                if not waiting[user]:
-                    order.append(user)
-    return tuple(order)
+def in_order(
+    needs: Mapping[Maker, Set[Made]], known: Set[Made], makes: Callable[[Maker], Iterable[Made]]
+) -> list[Maker]:
+    """What follows from the `known`, each after what makes all that it needs; what nothing leads to is left out."""
+    users: dict[Made, list[Maker]] = {}
+    for one, needed in needs.items():
+        for made in needed - known:
+            users.setdefault(made, []).append(one)
+    left = {one: len(needed - known) for one, needed in needs.items()}
+    order = [one for one, number in left.items() if not number]
+    for maker in order:  # grows while it is walked
+        for user in (user for made in makes(maker) for user in users.get(made, ())):
+            left[user] -= 1
+            if not left[user]:
+                order.append(user)
+    return order
 
 
 def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
