@@ -14,7 +14,7 @@ from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.wiring import Wiring
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,15 +177,7 @@ def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
 
 def channel_names(channels: Sequence[Channel], wiring: Wiring) -> tuple[str, ...]:
     """ "NAME.port" of each channel, with .d or .q where the port has two axes."""
-    return tuple(f"{port}.{'dq'[axis]}" if _has_axes(wiring, port) else port for port, axis in channels)
-
-
-def _has_axes(wiring: Wiring, port: str) -> bool:
-    if port in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
-        return True
-    name, inner = split_port(port)
-    kind = wiring.kinds[name]
-    return {**kind.inputs, **kind.outputs}[inner].width == 2
+    return tuple(f"{port}.{'dq'[axis]}" if wiring.width(port) == 2 else port for port, axis in channels)
 
 
 def _solve(law: dict[Channel, Any], signal: Mapping[Channel, Any]) -> list[Channel]:

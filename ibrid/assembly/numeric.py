@@ -60,7 +60,9 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
     )
     a, b, c, d = (np.asarray(part, dtype=float) for part in (joined.A, joined.B, joined.C, joined.D))
     within = [state for block in blocks.values() for state in block.state_labels]
-    states = [(label, one) for label, kind in wiring.kinds.items() for one in _states(kind, matrices[label])]
+    states = [
+        (label, one) for label, kind in wiring.kinds.items() for one in state_names(kind, len(matrices[label][0]))
+    ]
     order = [within.index(f"{label}:{one}") for label, one in states]
     whole = np.block([[a[np.ix_(order, order)], b[order]], [c[:, order], d]])
     seen = Interconnected.of(whole, [f"{label}.{one}" for label, one in states])
@@ -89,30 +91,16 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
     connections = []
     for target, sources in wiring.sources.items():
         within = owner[owner_of(target)]
-        for axis in range(_width(wiring, target)):
+        for axis in range(wiring.width(target)):
             outer = [
-                f"{owner[owner_of(source)]}.{_name(source, axis, _width(wiring, source))}"
+                f"{owner[owner_of(source)]}.{_name(source, axis, wiring.width(source))}"
                 for source in sources
                 if owner.get(owner_of(source)) not in (None, within if ":" in within else None)
             ]
             if outer:
-                name = (
-                    f"in:{_AXES[axis]}" if target == TERMINAL_CURRENT else _name(target, axis, _width(wiring, target))
-                )
+                name = f"in:{_AXES[axis]}" if target == TERMINAL_CURRENT else _name(target, axis, wiring.width(target))
                 connections.append([f"{within}.{name}", *outer])
     return connections
-
-
-def _width(wiring: Wiring, port: str) -> int:
-    label, inner = split_port(port)
-    if not label:
-        return 2
-    kind = wiring.kinds[label]
-    return {**kind.inputs, **kind.outputs}[inner].width
-
-
-def _states(kind: ModuleKind, matrices: Matrices) -> list[str]:
-    return state_names(kind, len(matrices[0]))
 
 
 def _name(port: str, axis: int, width: int = 2) -> str:
@@ -137,7 +125,7 @@ def _terminal(port: str) -> control.StateSpace:
 
 def _block(label: str, kind: ModuleKind, matrices: Matrices) -> control.StateSpace:
     inputs, outputs = _names(label, kind.inputs), _names(label, kind.outputs)
-    states = [f"{label}:{one}" for one in _states(kind, matrices)]
+    states = [f"{label}:{one}" for one in state_names(kind, len(matrices[0]))]
     shapes = (len(states), len(states)), (len(states), len(inputs)), (len(outputs), len(states)), (len(outputs), -1)
     parts = [np.array(rows, dtype=float).reshape(shape) for rows, shape in zip(matrices, shapes, strict=True)]
     return control.StateSpace(*parts, name=label, inputs=inputs, outputs=outputs, states=states or None)

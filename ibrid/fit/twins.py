@@ -7,10 +7,10 @@ measured unfiltered and no delay lies in the loop. Otherwise the swap is a good 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from ibrid.fit.corner_swap import CornerSwap
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import Element
 from ibrid.signals import Signal
@@ -76,15 +76,7 @@ def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
     return tuple(swaps)
 
 
-class Exchange(Protocol):
-    """What gives a twin of physical values."""
-
-    def apply(self, theta: np.ndarray) -> np.ndarray:
-        """Those of the twin."""
-        ...
-
-
-def twins_of(problem: Problem, swaps: Sequence[Exchange], x: np.ndarray) -> list[np.ndarray]:
+def twins_of(problem: Problem, swaps: Sequence[Swap | CornerSwap], x: np.ndarray) -> list[np.ndarray]:
     """The twins of x; one outside the boxes is moved to their edges, which the noise may have let it cross."""
     coordinates = problem.coordinates
     found = [swap.apply(coordinates.to_theta(x)) for swap in swaps]

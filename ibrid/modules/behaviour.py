@@ -123,7 +123,7 @@ class Behaviour:
         """True when one scalar law acts on both axes of one dq input, whatever the operating point."""
         kind = _of(self)
         one = [*kind.inputs.values()] == [*kind.outputs.values()] == [Signal.DQ_VEC]
-        return one and not kind.equilibrium_ports and not kind.uses_frame and _scalar_law(_responses(kind)) is not None
+        return one and not kind.equilibrium_ports and not kind.uses_frame and _scalar_law(responses(kind)) is not None
 
     @cached_property
     def scales(self) -> bool:
@@ -131,10 +131,10 @@ class Behaviour:
         kind = _of(self)
         if kind.equilibrium_ports or kind.uses_frame or width(kind.inputs) == 0:
             return False
-        before, arguments = _responses(kind), _arguments(kind)
+        before, arguments = responses(kind), _arguments(kind)
         sets = chain(*(combinations(kind.parameters, size) for size in range(1, len(kind.parameters) + 1)))
         return any(
-            _near(_responses(kind, {name: 1.1 * arguments[name] for name in names}) / 1.1, before) for names in sets
+            _near(responses(kind, {name: 1.1 * arguments[name] for name in names}) / 1.1, before) for names in sets
         )
 
     @cached_property
@@ -192,7 +192,7 @@ def same_on_one_axis(scalar: "ModuleKind", vector: "ModuleKind") -> bool:
         return False
     arguments = _arguments(vector)
     values = {name: arguments[name] for name in vector.parameters}
-    return _near(_responses(scalar, values)[:, :1, :1], _responses(vector)[:, :1, :1])
+    return _near(responses(scalar, values)[:, :1, :1], responses(vector)[:, :1, :1])
 
 
 def _of(behaviour: Behaviour) -> "ModuleKind":
@@ -236,7 +236,7 @@ def _of_synchronisation(kind: "ModuleKind") -> Element | None:
 
 
 def _in_line(kind: "ModuleKind") -> Element | None:
-    law = _scalar_law(_responses(kind))
+    law = _scalar_law(responses(kind))
     names = [*kind.parameters]
     if kind.static:
         d = numbers_of(kind, _arguments(kind))[3]
@@ -276,11 +276,11 @@ def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
 
 def _of_sequence(kind: "ModuleKind") -> Element | None:
     """Filters of the space vector, known by the frequency that they stop: that of a DC offset, or the negative sequence."""
-    if kind.inputs["in_"] is not Signal.DQ_VEC or not all(_turns(one[:, :2]) for one in _responses(kind)):
+    if kind.inputs["in_"] is not Signal.DQ_VEC or not all(_turns(one[:, :2]) for one in responses(kind)):
         return None
     stopped = {Element.BAND_PASS: -1j, Element.POSITIVE_SEQUENCE: -2j}
     for element, multiple in stopped.items():
-        response = _responses(kind, points=np.array([multiple * TRIAL_OMEGA_0]))[0]
+        response = responses(kind, points=np.array([multiple * TRIAL_OMEGA_0]))[0]
         if abs(response[0, 0] + 1j * response[1, 0]) <= _ROUNDING:
             return element
     return None
@@ -331,7 +331,7 @@ def numbers_of(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarra
     return a, b, c, d
 
 
-def _responses(
+def responses(
     kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({}), points: np.ndarray = _POINTS
 ) -> np.ndarray:
     """(points, outputs, inputs) at typical parameters but for the values given."""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.errors import ModuleError
-from ibrid.modules.behaviour import numbers_of
+from ibrid.modules.behaviour import numbers_of, responses
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.large_signal import LargeSignal
 
@@ -19,7 +19,8 @@ ROUNDING = 1e-15
 NO_EFFECT = 1e-9
 #: Smallest singular value of [s I - A, B] over its norm, below which a state counts as not moved (or not seen).
 IDLE = 1e-9
-OMEGA = np.geomspace(1.0, 1e5, 11)
+#: Where a law is evaluated, rad/s.
+POINTS = 1j * np.geomspace(1.0, 1e5, 11)
 
 
 def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> tuple[str, ...]:
@@ -104,11 +105,11 @@ def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str,
 
 
 def _check_effects(kind: ModuleKind, arguments: dict[str, Any]) -> None:
-    before = _response(kind, arguments)
+    before = responses(kind, arguments, POINTS)
     for name, value in arguments.items():
         if name == kind.delay or name in kind.shares:
             continue  # outside the matrices
-        after = _response(kind, arguments | {name: _changed(value)})
+        after = responses(kind, arguments | {name: _changed(value)}, POINTS)
         if np.abs(after - before).max() <= NO_EFFECT * np.abs(before).max():
             raise ModuleError(f"{kind.name}: {name} must change the response; it does not, leave it out of state_space")
 
@@ -118,11 +119,6 @@ def _changed(value: Any) -> Any:
         c, s = np.cos(0.1), np.sin(0.1)
         return (1.1 * (c * value[0] - s * value[1]), 1.1 * (s * value[0] + c * value[1]))
     return 1.1 * value
-
-
-def _response(kind: ModuleKind, arguments: dict[str, Any]) -> np.ndarray:
-    a, b, c, d = numbers_of(kind, arguments)
-    return np.array([c @ np.linalg.solve(1j * omega * np.eye(len(a)) - a, b) + d for omega in OMEGA])
 
 
 def _check_states(kind: ModuleKind, arguments: dict[str, Any]) -> None:

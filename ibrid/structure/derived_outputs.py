@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ibrid.modules.behaviour import numbers_of
 from ibrid.modules.kind import ModuleKind
 from ibrid.signals import Signal
 
@@ -16,10 +17,8 @@ def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
     if not kind.states or len(kind.outputs) < 2:
         return {}
     values = {name: box.typical for name, box in kind.parameters.items()}
-    a, _, c, d = (
-        np.array(rows, dtype=float) for rows in kind.state_space(**values, **kind.context(377.0, (1.0, 0.0), {}))
-    )
-    rows = np.hstack([c.reshape(-1, len(a)), d])
+    a, _, c, d = numbers_of(kind, values | kind.context(377.0, (1.0, 0.0), {}))
+    rows = np.hstack([c, d])
     through = np.hstack([np.zeros((d.shape[1], len(a))), np.eye(d.shape[1])])
     basis = [(("input", port), own) for port, own in by_port(kind.inputs, through).items()]
     origins: dict[str, Origins] = {}

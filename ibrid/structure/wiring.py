@@ -39,6 +39,11 @@ class Wiring:
         kinds = self.kinds.items()
         return tuple(name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal))
 
+    def width(self, port: str) -> int:
+        """Number of axes of a port; the outer ones have two."""
+        name, inner = split_port(port)
+        return {**self.kinds[name].inputs, **self.kinds[name].outputs}[inner].width if name else 2
+
 
 def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
     """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""
