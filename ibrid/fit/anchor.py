@@ -73,11 +73,8 @@ def null_directions(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Directions of x that change no response, as orthonormal columns (P, number)."""
     if not problem.size:
         return np.zeros((0, 0))
-    rows = []
-    for slope, point in zip(problem.jacobians(x), problem.points, strict=True):
-        relative = slope / np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None, None]
-        rows += [relative.real.reshape(-1, problem.size), relative.imag.reshape(-1, problem.size)]
-    jacobian = np.concatenate(rows)
+    sizes = (np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None] for point in problem.points)
+    jacobian = problem.white_slopes(x, sizes)
     if not np.isfinite(jacobian).all():
         return np.zeros((problem.size, 0))
     values, right = right_singular_vectors(jacobian)

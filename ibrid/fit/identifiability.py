@@ -57,12 +57,8 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     nothing = Visibility(source, {}, (), np.zeros((size, size)), ())
     if not size:
         return nothing
-    rows = []
-    for slope, deviation in zip(problem.jacobians(x), deviations, strict=True):
-        white = slope / deviation[..., None]
-        rows += [white.real.reshape(-1, size), white.imag.reshape(-1, size)]
-    rows.append(np.diag(np.sqrt(problem.hold))[problem.hold > 0])
-    jacobian = np.concatenate(rows)
+    held = np.diag(np.sqrt(problem.hold))[problem.hold > 0]
+    jacobian = np.concatenate([problem.white_slopes(x, deviations), held])
     if not np.isfinite(jacobian).all():
         return nothing
     factor = None if objective in (None, "sigma") else _weight_times_noise(problem, x, deviations, objective)

@@ -4,7 +4,7 @@ Positive boxes are searched in logarithms, wide signed ones in asinh, others as 
 the operating points, of which each takes its own part.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -197,6 +197,14 @@ class Problem:
             matrices.append(whole)
         return matrices
 
+    def white_slopes(self, x: np.ndarray, deviations: Iterable[np.ndarray]) -> np.ndarray:
+        """Those slopes over a deviation of each number, as real rows (2 N, P): of each point real parts, then imaginary ones."""
+        rows = []
+        for slope, deviation in zip(self.jacobians(x), deviations, strict=True):
+            white = (slope / deviation[..., None]).reshape(-1, self.size)
+            rows += [white.real, white.imag]
+        return np.concatenate(rows)
+
     def state_matrices(self, x: np.ndarray, point: int) -> np.ndarray:
         """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S, n, n)."""
         model, states = self.model, len(self.model.states)
@@ -235,14 +243,10 @@ class Misfit:
 
     def __init__(self, problem: Problem, objective: str, believed: Believed | None = None) -> None:
         self.problem, self.objective, self.believed = problem, objective, believed
+        self.box = problem.coordinates.x_low, problem.coordinates.x_high
         number = measured_numbers(problem.points)
         self.noise = {"chi2": 1.0, "sigma": len(problem.points) / number}.get(objective)
         self._scale = self.noise or 1.0 / number
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the problem's coordinates."""
-        return self.problem.coordinates.x_low, self.problem.coordinates.x_high
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P); a cost beyond that of the point near by is infinite."""

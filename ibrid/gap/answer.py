@@ -137,7 +137,8 @@ def _intervals(record: Record) -> Intervals:
 def evidence_of(findings: Findings) -> dict[str, Any]:
     """What speaks for the best model."""
     given, best, scale = findings.given, findings.best, findings.scale
-    others = [one for one in findings.trials if not _shares(one, best)]
+    named = {_name(edit) for edit in best.edits}
+    others = [one for one in findings.trials if not one.edits or _name(one.edits[-1]) not in named]
     runner_up = min(others, key=lambda one: one.bic(scale), default=None)
     return {
         "gain": given.cost(scale) - best.cost(scale),
@@ -150,11 +151,6 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
         "tests": findings.tests,
         "noise_scale": scale,
     }
-
-
-def _shares(one: Model, best: Model) -> bool:
-    names = {_name(edit) for edit in best.edits}
-    return bool(one.edits) and _name(one.edits[-1]) in names
 
 
 def _name(edit: Insertion | Convention) -> str:

@@ -12,15 +12,6 @@ from ibrid.parts.practice import Effect, Insertion
 SEEN = 15.0
 
 
-def jacobian_rows(refit: Refit) -> np.ndarray:
-    """d residual / d x in whitened real rows, the prior's below: (N + P, P)."""
-    rows = []
-    for slope, point in zip(refit.problem.jacobians(refit.x), refit.problem.points, strict=True):
-        white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, refit.free)
-        rows += [white.real, white.imag]
-    return np.concatenate([*rows, np.diag(beliefs_of(refit.problem, refit.prior).x_slope(refit.x))])
-
-
 def unseen(
     refitter: Refitter, model: Refit, edits: Sequence[Insertion], catalogue: Sequence[Effect], scale: float
 ) -> tuple[Unseen, ...]:
@@ -29,7 +20,9 @@ def unseen(
     Law: the noncentrality is |t - J J+ t|^2 with t the whitened change of the response by the effect at the middle of its
     bank, J the whitened slopes by the parameters; below `SEEN` it cannot be expected to be found.
     """
-    rows = jacobian_rows(model)
+    deviations = [np.asarray(point.sigma) for point in model.problem.points]
+    believed = beliefs_of(model.problem, model.prior).x_slope(model.x)
+    rows = np.concatenate([model.problem.white_slopes(model.x, deviations), np.diag(believed)])
     if not np.isfinite(rows).all():
         return ()
     scales = np.linalg.norm(rows, axis=0)
@@ -45,8 +38,8 @@ def unseen(
             changed = refitter.at_values(edit.diagram, {**model.values, **middle})
         except ArithmeticError:
             continue
-        pairs = zip(changed.responses, model.responses, model.problem.points, strict=True)
-        moves = [((new - old) / np.asarray(point.sigma)).reshape(-1) for new, old, point in pairs]
+        pairs = zip(changed.responses, model.responses, deviations, strict=True)
+        moves = [((new - old) / deviation).reshape(-1) for new, old, deviation in pairs]
         move = np.concatenate([part for one in moves for part in (one.real, one.imag)] + [np.zeros(model.free)])
         if not np.isfinite(move).all():
             continue

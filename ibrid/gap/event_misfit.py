@@ -82,6 +82,7 @@ class EventMisfit:
         self.numbers = [FreeNumber(one) for one in parameters]
         self.beliefs = Beliefs(parameters, prior)
         self.coordinates = self.beliefs.coordinates
+        self.box = self.coordinates.x_low, self.coordinates.x_high
         own = {one.name: k for k, one in enumerate(parameters)}
         jumps = {f"{one.id}.{name}" for one in limits for name in one.jumps}
         self.jumping = np.array([one.name in jumps for one in parameters])
@@ -124,11 +125,6 @@ class EventMisfit:
         cost = float(other.at(x[None]).cost[0] - self.beliefs.pull(x)[0])
         other.scale = float(np.sqrt(max(cost / self.count, 1.0))) if np.isfinite(cost) else 1.0
         return other
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the coordinates."""
-        return self.coordinates.x_low, self.coordinates.x_high
 
     @property
     def count(self) -> int:
@@ -245,12 +241,11 @@ class EventMisfit:
         """Slopes of all whitened numbers, the prior's below."""
         parts = [self._central_slopes(x)]
         if self.sweep is not None:
-            problem = self.sweep.problem
-            for slope, point in zip(problem.jacobians(x[self._place]), problem.points, strict=True):
-                white = (slope / np.asarray(point.sigma)[..., None]).reshape(-1, problem.size)
-                whole = np.zeros((len(white), len(x)), dtype=complex)
-                whole[:, self._place] = white
-                parts += [np.real(whole), np.imag(whole)]
+            deviations = (np.asarray(point.sigma) for point in self.sweep.problem.points)
+            white = self.sweep.problem.white_slopes(x[self._place], deviations)
+            whole = np.zeros((len(white), len(x)))
+            whole[:, self._place] = white
+            parts.append(whole)
         return np.concatenate([*parts, np.diag(self.beliefs.x_slope(x))])
 
     def white(self, x: np.ndarray) -> list[np.ndarray]:

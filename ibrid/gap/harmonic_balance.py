@@ -144,11 +144,18 @@ def _replaced(motion: Motion, where: np.ndarray, others: Motion) -> Motion:
 
 def _left_over(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray) -> np.ndarray:
     """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port without it."""
-    samples = z.reshape(len(z), rest.shape[1], COEFFICIENTS) @ BASIS.T
-    behind, _ = shape.law(samples, rest[..., None], threshold)
-    leaving = (behind @ PROJECTION.T).reshape(len(z), -1)
-    left = z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
+    *_, left = _balance(linear, shape, rest, threshold, z)
     return np.abs(left / (1.0 + np.abs(linear.back).sum(axis=2))).max(axis=1)
+
+
+def _balance(
+    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of entering coefficients (C, n): the leaving ones, the slopes of the law, and what the balance leaves over."""
+    samples = z.reshape(len(z), rest.shape[1], COEFFICIENTS) @ BASIS.T
+    behind, slopes = shape.law(samples, rest[..., None], threshold)
+    leaving = (behind @ PROJECTION.T).reshape(len(z), -1)
+    return leaving, slopes, z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
 
 
 def response(linear: Linear, leaving: np.ndarray) -> np.ndarray:
@@ -175,11 +182,8 @@ def _newton(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z:
 
     def at(entering: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much that is."""
-        samples = entering.reshape(len(where), r, COEFFICIENTS) @ BASIS.T
-        behind, slopes = shape.law(samples, rest[where][..., None], threshold)
-        leaving = (behind @ PROJECTION.T).reshape(len(where), -1)
-        back = np.einsum("cij,cj->ci", linear.back[where], leaving)
-        left = scale[where] * (entering - linear.drive[where] - back)
+        leaving, slopes, left = _balance(linear.only(where), shape, rest[where], threshold, entering)
+        left = scale[where] * left
         return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
 
     moving = np.arange(cells)

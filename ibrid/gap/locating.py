@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
-from ibrid.fit.objective import BAND_EDGES, band_index
+from ibrid.fit.objective import band_index
 from ibrid.gap.refit import Refit
 from ibrid.gap.result import Located
 from ibrid.measurement.sweep import ENTRIES
@@ -23,12 +23,11 @@ def located(refit: Refit, scale: float = 1.0) -> tuple[Located, ...]:
     left = refit.dof / refit.numbers
     whole = sum(float((np.abs(one) ** 2).sum()) for one in refit.residuals)
     misses = []
-    for op, frequency, band, entry, square, count in _parts(refit):
-        z = normal_score(square / scale**2 / left, 2 * count)
-        if z > LEAST_Z:
-            inside = frequency[band]
-            edges = (float(inside[0]), float(inside[-1]))
-            misses.append(Located(op, edges, entry, square / whole if whole > 0 else 0.0, z))
+    for point, residual in zip(refit.problem.points, refit.residuals, strict=True):
+        for edges, entry, square, count in by_part(point.frequency, np.abs(residual) ** 2):
+            z = normal_score(square / scale**2 / left, 2 * count)
+            if z > LEAST_Z:
+                misses.append(Located(point.op.name, edges, entry, square / whole if whole > 0 else 0.0, z))
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
@@ -45,13 +44,11 @@ def whiteness(refit: Refit) -> float:
     return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
 
 
-def _parts(refit: Refit) -> Iterator[tuple[str, np.ndarray, np.ndarray, str, float, int]]:
-    for point, residual in zip(refit.problem.points, refit.residuals, strict=True):
-        bands = band_index(point.frequency)
-        for band in range(len(BAND_EDGES) + 1):
-            inside = bands == band
-            if not inside.any():
-                continue
-            for number, entry in enumerate(ENTRIES):
-                part = residual[inside, number // 2, number % 2]
-                yield point.op.name, point.frequency, inside, entry, float((np.abs(part) ** 2).sum()), int(inside.sum())
+def by_part(frequency: np.ndarray, square: np.ndarray) -> Iterator[tuple[tuple[float, float], str, float, int]]:
+    """Edges of a band (Hz) and entry of the matrix, the sum there of `square` (K, 2, 2), and how many frequencies it is over."""
+    bands = band_index(frequency)
+    for band in np.unique(bands):
+        inside = bands == band
+        edges = (float(frequency[inside][0]), float(frequency[inside][-1]))
+        for entry, (i, j) in ENTRIES.items():
+            yield edges, entry, float(square[inside, i, j].sum()), int(inside.sum())

@@ -70,8 +70,8 @@ class NonlinearSearch:
         self.coordinates = self.model.coordinates
         self.beliefs = Beliefs(self.parameters, prior)
         self._slopes_of: WeakKeyDictionary[State, np.ndarray] = WeakKeyDictionary()
-        self.low = np.append(self.coordinates.x_low, np.log(BOX[0]))
-        self.high = np.append(self.coordinates.x_high, np.log(BOX[1]))
+        low, high = np.log(BOX)  # of the threshold
+        self.box = np.append(self.coordinates.x_low, low), np.append(self.coordinates.x_high, high)
 
     def best(self, starts: Sequence[Mapping[str, float]]) -> NonlinearFit | None:
         """The best fit from parameter values, each with every threshold of the bank; None where nothing has a response."""
@@ -84,14 +84,11 @@ class NonlinearSearch:
         if not begun:
             return None
         begun.sort(key=lambda one: one.cost)
-        best = DESCENT.go(self, DESCENT.start(self._points(begun[:KEPT])), FIRST_STEPS).best(1)
+        first = begun[:KEPT]
+        points = Points(np.array([one.x for one in first]), np.array([one.cost for one in first]), carried(first))
+        best = DESCENT.go(self, DESCENT.start(points), FIRST_STEPS).best(1)
         best = DESCENT.go(self, DESCENT.start(best.points), MOST_STEPS)
         return self._described(best.points.carried[0][0])
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the parameters and of ln of the threshold."""
-        return self.low, self.high
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P + 1), the motions from those near."""
@@ -110,12 +107,6 @@ class NonlinearSearch:
         _, down, hold = self.beliefs.pull(state.x[:-1])
         gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
         return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(np.append(hold, 0.0))
-
-    @staticmethod
-    def _points(states: Sequence[State]) -> Points:
-        return Points(
-            np.array([state.x for state in states]), np.array([state.cost for state in states]), carried(states)
-        )
 
     def state(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
         """The motion at x, begun from another one's `entering`; None where there is none."""
@@ -172,7 +163,7 @@ class NonlinearSearch:
         columns = []
         for k in range(len(state.x)):
             x = state.x.copy()
-            step = SLOPE if x[k] + SLOPE <= self.high[k] else -SLOPE
+            step = SLOPE if x[k] + SLOPE <= self.box[1][k] else -SLOPE
             x[k] += step
             beside = (state.linear, state.rest) if k == len(x) - 1 else self._beside(x[:-1])
             if beside is None:
@@ -191,7 +182,7 @@ class NonlinearSearch:
 
     def _described(self, state: State) -> NonlinearFit:
         jacobian = self._jacobian(state)
-        box = (self.high - self.low) ** -2.0
+        box = np.subtract(*self.box[::-1]) ** -2.0
         data, prior = jacobian.T @ jacobian, np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box)
         unit = np.diag(data + prior) ** -0.5
         covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit

@@ -9,11 +9,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.grade import normal_score
 from ibrid.evaluation.record import Record
-from ibrid.fit.objective import BAND_EDGES, band_index
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.locating import by_part
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Located
-from ibrid.measurement.sweep import ENTRIES, Sweep
+from ibrid.measurement.sweep import Sweep
 from ibrid.structure.library import textbook, textbook_names
 
 #: NRMSE up to which a textbook program is taken for the simulation itself, and up to which it is close.
@@ -51,16 +51,11 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
     located, noise = [], noise_of(measured).sweep
     for name in common:
         point, other = simulated.point(name), noise.point(name)
-        bands = band_index(other.frequency)
         response = _interpolated(point.frequency, point.admittance, other.frequency)
         square = np.abs((response - other.admittance) / np.asarray(other.sigma)) ** 2
-        for band in range(len(BAND_EDGES) + 1):
-            inside = (bands == band) & np.isfinite(square).all(axis=(1, 2))
-            if inside.any():
-                edges = (float(other.frequency[inside][0]), float(other.frequency[inside][-1]))
-                for number, entry in enumerate(ENTRIES):
-                    part = float(square[inside, number // 2, number % 2].sum())
-                    located.append(Located(name, edges, entry, part, normal_score(part, 2.0 * inside.sum())))
+        inside = np.isfinite(square).all(axis=(1, 2))
+        for edges, entry, part, count in by_part(other.frequency[inside], square[inside]):
+            located.append(Located(name, edges, entry, part, normal_score(part, 2 * count)))
     whole = sum(one.share for one in located) or 1.0
     return tuple(sorted((replace(one, share=one.share / whole) for one in located), key=lambda one: -one.share))
 

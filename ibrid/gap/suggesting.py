@@ -5,7 +5,7 @@ their own: rules, a language model, a colleague.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from ibrid.errors import IbridError
@@ -99,26 +99,24 @@ def suggested(
 
 def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int) -> Suggested:
     given, before = findings.given, findings.given.refit.chi2 / findings.given.refit.dof
+    told = Suggested(idea.words, idea.source, text, float("inf"), before)
     if wrong := violations(idea.diagram, shop.kinds):
-        return Suggested(idea.words, idea.source, text, float("inf"), before, reason=f"not legal: {wrong[0].message}")
+        return replace(told, reason=f"not legal: {wrong[0].message}")
     starts = [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
     try:
         refit = shop.refitter(given.convention).refit(idea.diagram, starts, draws=DRAWS)
     except (IbridError, ArithmeticError):
         refit = None
     if refit is None:
-        return Suggested(idea.words, idea.source, text, float("inf"), before, reason="has no response")
+        return replace(told, reason="has no response")
     model = Model(idea.diagram, given.convention, refit, given.edits)
     reason = _fails(findings, shop, model, tests)
-    return Suggested(
-        idea.words,
-        idea.source,
-        text,
-        refit.chi2 / refit.dof,
-        before,
-        {name: value for name, value in refit.values.items() if name not in given.refit.values},
-        {} if reason else weighed(held, held_out(shop, model)),
-        reason,
+    return replace(
+        told,
+        chi2_per_dof=refit.chi2 / refit.dof,
+        parameters={name: value for name, value in refit.values.items() if name not in given.refit.values},
+        held_out={} if reason else weighed(held, held_out(shop, model)),
+        reason=reason,
     )
 
 

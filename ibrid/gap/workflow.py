@@ -168,10 +168,6 @@ class _Question:
         """The small-signal sweep at a noise."""
         return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
 
-    def amplitudes(self, data: AmplitudeData) -> Amplitudes:
-        """All amplitudes."""
-        return Amplitudes(data, self.study.kinds, self.prior, self.study.seed)
-
 
 def _answered(ask: _Question) -> Gap:
     """The answer where there is one amplitude."""
@@ -216,7 +212,10 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     nonlinear = None if data is None else _nonlinear(ask, ask.diagram, data, answer)
     if nonlinear is not None and nonlinear.best is not None and nonlinear.named:
         gap = _linear(ask, at_amplitudes(sweep)[0] if small is None else small, nonlinear.best.values)
-        return alone(gap, nonlinear, _nominal(ask, nonlinear) if ask.values else None)
+        all_data, nominal = nonlinear.data, None
+        if ask.values:
+            nominal = all_data.data.linear_nrmse(all_data.refitter.at_values(ask.diagram, {}).responses)
+        return alone(gap, nonlinear, nominal)
     if small is None:
         gap = _linear(ask, at_amplitudes(sweep)[0], {} if nonlinear is None else nonlinear.found.given.refit.values)
         return unnamed(gap, nonlinear, answer)
@@ -230,7 +229,10 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
 
 def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
     """What all amplitudes together tell beside a linear model; None where that has no response."""
-    result = _findings(ask, diagram, lambda _: ask.amplitudes(data), Noise(data.pooled, True, ""))
+    kinds, seed = ask.study.kinds, ask.study.seed
+    result = _findings(
+        ask, diagram, lambda noise: Amplitudes(data, kinds, ask.prior, seed), Noise(data.pooled, True, "")
+    )
     return None if result is None else Nonlinear(*result, gate)
 
 
@@ -241,12 +243,6 @@ def _linear(ask: _Question, sweep: Sweep, values: Values) -> Gap:
     given = Model(ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values))
     found = Findings(shop.noise, given, given, (), (), (), 1.0, 0, ())
     return answer_of(found, shop, ask.diagram, sweep, ask.study.held, ask.values, ())
-
-
-def _nominal(ask: _Question, nonlinear: Nonlinear) -> float:
-    """Error of the linear model at nominal values over all amplitudes."""
-    data = nonlinear.data
-    return data.data.linear_nrmse(data.refitter.at_values(ask.diagram, {}).responses)
 
 
 # --- any kind of data ------------------------------------------------------------------------------------------------
