@@ -16,7 +16,7 @@ import numpy as np
 
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import COUPLINGS, Element
-from ibrid.structure.wiring import PLANT, Wiring, split_port
+from ibrid.structure.wiring import PLANT, Wiring
 
 #: Half width of what is drawn anew, of logarithms, and where the corner is drawn, rad/s.
 SPREAD, SLOW = 2.0, (3.0, 3000.0)
@@ -80,17 +80,14 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
 
     swaps = []
     for plant in (name for name, kind in wiring.kinds.items() if kind.family == PLANT):
-        joining = [split_port(source)[0] for source in wiring.sources.get(f"{plant}.u_r", ())]
-
-        def joined(element: Element, names: Sequence[str] = joining) -> list[str]:
-            return [name for name in names if name and wiring.kinds[name].element is element]
-
-        pairs = [(gain, slow) for gain in joined(Element.GAIN) for slow in _slow_parts(wiring, gain, f"{plant}.e")]
-        if len(joined(Element.PI)) != 1 or len(pairs) != 1:
+        command, voltage = f"{plant}.u_r", f"{plant}.e"
+        regulators, gains = wiring.makers(command, Element.PI), wiring.makers(command, Element.GAIN)
+        pairs = [(gain, slow) for gain in gains for slow in _slow_parts(wiring, gain, voltage)]
+        if len(regulators) != 1 or len(pairs) != 1:
             continue
-        (inner,), ((gain, slow),) = joined(Element.PI), pairs
+        (inner,), ((gain, slow),) = regulators, pairs
         groups = at(plant, "L_F", "R_F"), at(inner), (*at(gain), *at(slow))
-        couplings = tuple(one for element in COUPLINGS for name in joined(element) for one in at(name))
+        couplings = tuple(one for element in COUPLINGS for name in wiring.makers(command, element) for one in at(name))
         if all(len(group) == 2 for group in groups):
             box = problem.numbers[groups[0][0]].parameter
             typical = float(np.log(box.typical)) if box.logarithmic else box.typical
@@ -100,19 +97,8 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
 
 def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
     """The low-pass of a voltage that a gain gets less, beside that voltage itself."""
-    sources = wiring.sources[f"{gain}.in_"]
-    if voltage not in sources:
+    if voltage not in wiring.sources[f"{gain}.in_"]:
         return ()
-    signs = [split_port(one)[0] for one in sources if one != voltage]
-    filters = [
-        split_port(one)[0]
-        for sign in signs
-        if sign and wiring.kinds[sign].element is Element.SIGN
-        for one in wiring.sources[f"{sign}.in_"]
-    ]
-    return [
-        name
-        for name in filters
-        if name and wiring.kinds[name].element is Element.LOW_PASS and wiring.kinds[name].order == 2
-        if wiring.sources[f"{name}.in_"] == (voltage,)
-    ]
+    signs = wiring.makers(f"{gain}.in_", Element.SIGN)
+    filters = [name for sign in signs for name in wiring.makers(f"{sign}.in_", Element.LOW_PASS)]
+    return [name for name in filters if wiring.kinds[name].order == 2 and wiring.sources[f"{name}.in_"] == (voltage,)]

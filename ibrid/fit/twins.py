@@ -14,7 +14,7 @@ from ibrid.fit.corner_swap import CornerSwap
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import Element
 from ibrid.signals import Signal
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.wiring import Wiring
 
 
 @dataclass(frozen=True)
@@ -58,17 +58,11 @@ def find_swaps(problem: Problem, wiring: Wiring) -> tuple[Swap, ...]:
 
     swaps = []
     for inner in wiring.having(Element.PI, signal=Signal.DQ_VEC):
-        packs = [
-            name
-            for name in (split_port(source)[0] for source in wiring.sources[f"{inner}.in_"])
-            if name in wiring.kinds and wiring.kinds[name].element is Element.PACK
-        ]
         outer = {
             gains(name)
-            for pack in packs
+            for pack in wiring.makers(f"{inner}.in_", Element.PACK)
             for axis in wiring.kinds[pack].inputs
-            for name in (split_port(source)[0] for source in wiring.sources[f"{pack}.{axis}"])
-            if name in wiring.kinds and wiring.kinds[name].element is Element.PI
+            for name in wiring.makers(f"{pack}.{axis}", Element.PI)
         }
         own = gains(inner)
         if resistance is not None and outer and min(own) >= 0 and all(min(pair) >= 0 for pair in outer):

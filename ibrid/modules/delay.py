@@ -43,20 +43,22 @@ def pade_order(delay: float, highest_frequency: float) -> int:
     """Smallest order whose phase is within 1 degree of exp(-j omega T) up to `highest_frequency` (Hz), at most 12."""
     angles = np.linspace(0.0, 2 * pi * highest_frequency * delay, 50)[1:]
     for order in range(1, HIGHEST_PADE_ORDER + 1):
-        a, b, c, d = _unit_delay(order)
-        response = [c @ np.linalg.solve(1j * z * np.eye(order) - a, b) + d for z in angles]
-        if np.abs(np.angle(response * np.exp(1j * angles))).max() <= PHASE_TOLERANCE:
+        if _phase_error(order, angles).max() <= PHASE_TOLERANCE:
             return order
     return HIGHEST_PADE_ORDER
 
 
 def pade_limit(delay: float, order: int) -> float:
     """Frequency (Hz) up to which the phase of that Pade form is within 1 degree of exp(-j omega T)."""
-    a, b, c, d = _unit_delay(order)
     angles = np.linspace(0.0, 4.0 * order, 400)[1:]
-    response = [c @ np.linalg.solve(1j * z * np.eye(order) - a, b) + d for z in angles]
-    wrong = np.abs(np.angle(response * np.exp(1j * angles))) > PHASE_TOLERANCE
+    wrong = _phase_error(order, angles) > PHASE_TOLERANCE
     return float((angles[np.argmax(wrong)] if wrong.any() else angles[-1]) / (2 * pi * delay))
+
+
+def _phase_error(order: int, angles: np.ndarray) -> np.ndarray:
+    a, b, c, d = _unit_delay(order)
+    response = [c @ np.linalg.solve(1j * z * np.eye(order) - a, b) + d for z in angles]
+    return np.abs(np.angle(response * np.exp(1j * angles)))
 
 
 def pade_state_space(T_d, order: int) -> Matrices:

@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from networkx.utils import UnionFind
+
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
@@ -99,13 +101,12 @@ class _Labelling:
         for vertex, colour in colours.items():
             cells.setdefault(colour, []).append(vertex)
         cell = cells[min(cells, key=lambda colour: (len(cells[colour]), colour))]
-        best: tuple[list, list[int]] | None = None
         leaves: list[tuple[list, list[int]]] = []
-        alike: set[int] = set()
-        symmetries: list[dict[int, int]] = []
+        orbits, tried = UnionFind(colours), list[int]()
         for vertex in cell:
-            if vertex in alike:
+            if any(orbits[vertex] == orbits[one] for one in tried):
                 continue
+            tried.append(vertex)
             self.choices += 1
             if self.choices > MOST_CHOICES:
                 return None
@@ -116,14 +117,12 @@ class _Labelling:
             certificate = self._certificate(order, colours)
             for known, other in leaves:
                 if known == certificate:
-                    symmetries.append(dict(zip(other, order, strict=True)))
+                    for pair in zip(other, order, strict=True):
+                        orbits.union(*pair)
                     break
             else:
                 leaves.append((certificate, order))
-            alike = _orbit(alike | {vertex}, symmetries)
-            if best is None or certificate < best[0]:
-                best = certificate, order
-        return best[1] if best is not None else None
+        return min(leaves, key=lambda leaf: leaf[0])[1]
 
     def _certificate(self, order: list[int], colours: dict[int, int]) -> list:
         place = {vertex: index for index, vertex in enumerate(order)}
@@ -153,16 +152,6 @@ class _Labelling:
                         front.append(other)
             parts.append(part)
         return parts
-
-
-def _orbit(vertices: set[int], symmetries: list[dict[int, int]]) -> set[int]:
-    reached, front = set(vertices), list(vertices)
-    for vertex in front:
-        for symmetry in symmetries:
-            if symmetry[vertex] not in reached:
-                reached.add(symmetry[vertex])
-                front.append(symmetry[vertex])
-    return reached
 
 
 def structure_hash(

@@ -103,16 +103,6 @@ class Drawing:
                 self.add(source, output, target, entry, weight @ direct @ solved)
         return True
 
-    def reach(self, start: int, here: int, there: int) -> set[int]:
-        """Blocks reached along the links; `here`, `there` : places of the blocks in a link's key, 0 or 2."""
-        reached, front = {start}, [start]
-        for number in front:
-            for key in self.links:
-                if key[here] == number and key[there] not in reached:
-                    reached.add(int(key[there]))
-                    front.append(int(key[there]))
-        return reached
-
     def exchange(self, block: int, other: int) -> None:
         """Let two blocks of one input and one output change places."""
         first, second = self.blocks[block], self.blocks[other]

@@ -10,7 +10,7 @@ from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.parameters import kind_parameters
 from ibrid.structure.violation import Violations
-from ibrid.structure.wiring import Wiring, split_port, wire
+from ibrid.structure.wiring import Wiring, owner_of, wire
 
 #: A coupling of more seconds than this is more than 7 per unit at 60 Hz, so it was meant per unit.
 LARGEST_COUPLING = 0.02
@@ -45,8 +45,7 @@ def _idle(wiring: Wiring, vocabulary: Sequence[ModuleKind], findings: Violations
     graph = nx.DiGraph()
     graph.add_nodes_from([*wiring.kinds, TERMINAL_VOLTAGE, TERMINAL_CURRENT])
     for target, sources in wiring.sources.items():
-        end = TERMINAL_CURRENT if target == TERMINAL_CURRENT else split_port(target)[0]
-        graph.add_edges_from((one if one == TERMINAL_VOLTAGE else split_port(one)[0], end) for one in sources)
+        graph.add_edges_from((owner_of(source), owner_of(target)) for source in sources)
     useful = nx.ancestors(graph, TERMINAL_CURRENT)
     for name, kind in wiring.kinds.items():
         if name not in useful:

@@ -9,6 +9,7 @@ used itself, is integrated becomes the PLL that it is.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import networkx as nx
 import numpy as np
 
 from ibrid.modules.behaviour import Element
@@ -113,8 +114,10 @@ def _wire_matrix(kind: ModuleKind, parameters: dict[str, str | float]) -> dict[t
 
 def _remove_idle(drawing: Drawing) -> bool:
     """Blocks that the terminal voltage does not reach, or that do not reach the terminal current."""
-    after, before = drawing.reach(0, 0, 2), drawing.reach(1, 2, 0)
-    idle = [number for number, block in drawing.blocks.items() if not block.outer and number not in after & before]
+    graph = nx.DiGraph((source, target) for source, _, target, _ in drawing.links)
+    graph.add_nodes_from(drawing.blocks)
+    useful = nx.descendants(graph, 0) & nx.ancestors(graph, 1)
+    idle = [number for number, block in drawing.blocks.items() if not block.outer and number not in useful]
     for number in idle:
         drawing.remove(number)
     return bool(idle)

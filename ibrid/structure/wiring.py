@@ -39,6 +39,11 @@ class Wiring:
         kinds = self.kinds.items()
         return tuple(name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal))
 
+    def makers(self, port: str, element: Element) -> list[str]:
+        """Instances that drive an input and are this element."""
+        names = [split_port(source)[0] for source in self.sources.get(port, ())]
+        return [name for name in names if name and self.kinds[name].element is element]
+
     def width(self, port: str) -> int:
         """Number of axes of a port; the outer ones have two."""
         name, inner = split_port(port)
