@@ -11,12 +11,12 @@ from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
-from ibrid.gap.data import Fitted
 from ibrid.gap.detectability import unseen
+from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
-from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect, Verdict
+from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
@@ -65,7 +65,7 @@ def answer_of(
         sentence=sentence_of(verdict, findings, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
         located=located(findings.given.refit, findings.scale),
         ports=findings.ports,
-        effects=_effects(findings, verdict, shop, repaired),
+        effects=effects_of(findings, _intervals(repaired)) if verdict in REPAIRED else (),
         before=before,
         after=after,
         noise_floor=floor,
@@ -111,12 +111,9 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
 
 
-def _effects(findings: Findings, verdict: Verdict, shop: Workshop, record: Record) -> tuple[NamedEffect, ...]:
-    if verdict not in REPAIRED:
-        return ()
-    evidence = evidence_of(findings)
-    intervals = _intervals(record)
-    effects = []
+def effects_of(findings: Findings, intervals: Intervals) -> tuple[NamedEffect, ...]:
+    """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that."""
+    evidence, effects = evidence_of(findings), []
     for place, edit in enumerate(findings.best.edits):
         if isinstance(edit, Convention):
             frame = ("add", "between the measuring frame and the grid")
@@ -125,8 +122,11 @@ def _effects(findings: Findings, verdict: Verdict, shop: Workshop, record: Recor
                 shown = {name: (value, None, None) for name, value in numbers.items()}
                 effects.append(NamedEffect(label, change, where, shown, evidence, alike(findings, place)))
             continue
-        parameters = strengths_of(edit, findings.best.refit, intervals)
-        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, evidence, alike(findings, place)))
+        values = findings.best.refit.values
+        parameters = {name: _held(values[name], name, intervals) for name in edit.parameters if name in values}
+        form = {"mode": edit.limit.mode, "windup": edit.limit.windup} if isinstance(edit, LimitPlace) else {}
+        told = {**evidence, **form}
+        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)))
     return tuple(effects)
 
 
@@ -187,20 +187,15 @@ def candidate_of(model: Model, findings: Findings, stable: bool | None) -> Candi
 def moved(refit: Any, intervals: Intervals) -> tuple[Moved, ...]:
     """What the fit moved from its nominal value, the farthest first."""
     rows = (
-        Moved(name, refit.prior[name].nominal, *_held(refit, name, intervals), sigmas)
+        Moved(name, refit.prior[name].nominal, *_held(refit.values[name], name, intervals), sigmas)
         for name, sigmas in refit.moved.items()
     )
     return tuple(sorted(rows, key=lambda row: -abs(row.sigmas)))
 
 
-def strengths_of(edit: Insertion, refit: Fitted, intervals: Intervals) -> dict[str, Strength]:
-    """Fitted parameters of an effect with their intervals."""
-    return {name: _held(refit, name, intervals) for name in edit.parameters if name in refit.values}
-
-
-def _held(refit: Fitted, name: str, intervals: Intervals) -> Strength:
+def _held(value: float, name: str, intervals: Intervals) -> Strength:
     low, high = intervals.get(name) or (None, None)
-    return refit.values[name], low, high
+    return value, low, high
 
 
 def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:

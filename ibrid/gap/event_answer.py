@@ -3,18 +3,17 @@
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
-from ibrid.gap.answer import candidate_of, evidence_of, moved, strengths_of
+from ibrid.gap.answer import candidate_of, effects_of, moved
 from ibrid.gap.detectability import SEEN
-from ibrid.gap.event_places import LimitPlace, where
+from ibrid.gap.event_places import where
 from ibrid.gap.event_question import Asked
 from ibrid.gap.event_record import described, mean_error, noise_nrmse, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
-from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, NamedEffect, Unseen
+from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Unseen
 from ibrid.gap.trial import Model
-from ibrid.gap.verdict import Findings, alike, sentence_of, verdict_of
+from ibrid.gap.verdict import Findings, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
-from ibrid.parts.practice import Insertion
 from ibrid.playback.compare import EventModel, play
 from ibrid.playback.limits import LIMITS, applicable
 from ibrid.playback.places import places_of
@@ -40,7 +39,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         sentence=sentence_of(verdict, findings, baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor),
         located=located(findings.given, data),
         ports=(),
-        effects=_effects(findings, data) if verdict == "named" else (),
+        effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),
         before=before,
         after=after,
         noise_floor=floor,
@@ -101,18 +100,6 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
             words = "a record that reaches it: " + limit.law
             undetectable.append(Unseen(limit.id, "add", where(limit, places), strength, words))
     return tuple(undetectable)
-
-
-def _effects(findings: Findings, data: Records) -> tuple[NamedEffect, ...]:
-    evidence, spans, effects = evidence_of(findings), seen(findings.best.refit).intervals, []
-    for place, edit in enumerate(findings.best.edits):
-        if not isinstance(edit, Insertion):
-            continue
-        parameters = strengths_of(edit, findings.best.refit, spans)
-        form = edit.limit.plain() if isinstance(edit, LimitPlace) else {}
-        told = {**evidence, **{key: value for key, value in form.items() if key != "id"}}
-        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)))
-    return tuple(effects)
 
 
 def _nominal(given: Model, data: Records, asked: Asked) -> float | None:

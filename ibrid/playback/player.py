@@ -31,8 +31,8 @@ from ibrid.structure.wiring import wire
 #: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows; of a prediction,
 #: which leads to a valley and no further.
 PHASE, LED_PHASE, HIGHEST = 1e-6, 1e-2, 2000.0
-#: Step times the fastest mode: of an answer, and of a fit, where it need not be better than any noise.
-FINE, COARSE = 0.7, 1.5
+#: Step times the fastest mode, of an answer.
+FINE = 0.7
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an

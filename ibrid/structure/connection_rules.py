@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 
 from ibrid.errors import some
 from ibrid.modules.behaviour import Element
-from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
+from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY, usual_kind
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
-from ibrid.structure.parameters import kind_parameters
+from ibrid.structure.parameters import kind_parameters, number_or_name
 from ibrid.structure.violation import Violations, first_line, shown
 from ibrid.structure.wiring import PLANT, split_port
 
@@ -219,10 +219,8 @@ def _check_shared(
             continue
         for parameter, box in kind_parameters(kind, equilibrium).items():
             value = instance.bindings.get(parameter)
-            own = parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
             low, high = value if isinstance(value, tuple) else (box.low, box.high)
-            if value is None or isinstance(value, str | tuple):
-                name = value if isinstance(value, str) else own
+            if isinstance(name := number_or_name(instance, parameter), str):
                 members.setdefault(name, []).append((instance, parameter, low, high))
     for name, sharing in members.items():
         low = max(sharing, key=lambda member: member[2])

@@ -8,7 +8,7 @@ from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind
 from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
-from ibrid.structure.parameters import kind_parameters
+from ibrid.structure.parameters import kind_parameters, number_or_name
 from ibrid.structure.violation import Violations
 from ibrid.structure.wiring import Wiring, owner_of, wire
 
@@ -96,10 +96,7 @@ def _shared_units(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium:
     groups: dict[str, list[tuple[Instance, str, str]]] = {}
     for instance in wiring.instances:
         for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
-            value = instance.bindings.get(parameter)
-            own = parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
-            if not isinstance(value, float):
-                name = value if isinstance(value, str) else own
+            if isinstance(name := number_or_name(instance, parameter), str):
                 groups.setdefault(name, []).append((instance, parameter, box.unit))
     for name, members in groups.items():
         owner = next((one for one in members if f"{one[0].name}.{one[1]}" == name), members[0])

@@ -6,7 +6,7 @@ from typing import Any
 
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
-from ibrid.structure.diagram import Binding
+from ibrid.structure.diagram import Instance
 from ibrid.structure.wiring import Wiring
 
 #: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely as in the paper.
@@ -68,6 +68,14 @@ def kind_parameters(kind: ModuleKind, equilibrium: str) -> dict[str, Range]:
     return {**kind.parameters, **extra}
 
 
+def number_or_name(instance: Instance, parameter: str) -> float | str:
+    """The number that a module's parameter is fixed to, else the name of the free one: that which it shares, or its own."""
+    binding = instance.bindings.get(parameter)
+    if isinstance(binding, float | str):
+        return binding
+    return parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
+
+
 def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
     """Collect the parameters of a wired diagram.
 
@@ -77,18 +85,12 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
     bound: dict[tuple[str, str], str | float] = {}
     for instance in wiring.instances:
         for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
-            binding: Binding | None = instance.bindings.get(parameter)
-            key = (instance.name, parameter)
-            if isinstance(binding, float):
-                bound[key] = binding
-                continue
+            binding, key = instance.bindings.get(parameter), (instance.name, parameter)
             if isinstance(binding, tuple):
                 box = narrow(box, *binding)
-            local = parameter in PAPER_RANGES
-            own = parameter if local else f"{instance.name}.{parameter}"
-            name = binding if isinstance(binding, str) else own
-            bound[key] = name
-            groups.setdefault(name, []).append((key, box))
+            bound[key] = name = number_or_name(instance, parameter)
+            if isinstance(name, str):
+                groups.setdefault(name, []).append((key, box))
     free = [_merge(name, members) for name, members in groups.items()]
     return ParameterTable((*free, *_outside(wiring, bound)), bound)
 
