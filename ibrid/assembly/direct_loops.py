@@ -11,6 +11,7 @@ from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import Matrices
 from ibrid.modules.vocabulary import usual_kind
+from ibrid.structure.algebraic_loops import round_trips
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import Wiring, split_port
 
@@ -24,19 +25,14 @@ def joined_by_direct_terms(wiring: Wiring, matrices: Mapping[str, Matrices]) -> 
     Raises DiagramError where a loop of direct terms has no unique solution.
     """
     graph = _direct_terms(wiring, matrices)
-    for loop in nx.strongly_connected_components(graph):
-        if len(loop) > 1 or any(graph.has_edge(one, one) for one in loop):
-            channels = sorted(loop)
-            through = nx.to_numpy_array(graph, nodelist=channels, weight="gain").T
-            inverse_of_loop(wiring, channels, np.eye(len(channels)) - through)
+    for loop in round_trips(graph):
+        channels = sorted(loop)
+        through = nx.to_numpy_array(graph, nodelist=channels, weight="gain").T
+        inverse_of_loop(wiring, channels, np.eye(len(channels)) - through)
     modules = nx.DiGraph()
     modules.add_edges_from((split_port(source[0])[0], split_port(target[0])[0]) for source, target in graph.edges)
     places = {name: index for index, name in enumerate(wiring.kinds)}
-    groups = [
-        sorted(group, key=places.__getitem__)
-        for group in nx.strongly_connected_components(modules)
-        if len(group) > 1 or any(modules.has_edge(one, one) for one in group)
-    ]
+    groups = [sorted(group, key=places.__getitem__) for group in round_trips(modules)]
     return sorted(groups, key=lambda group: places[group[0]])
 
 

@@ -109,11 +109,8 @@ class Records(Data):
         """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
         see, such as a scale of filter and controller, a descent from elsewhere stops anywhere."""
         prior, values = self.fitter.prior, model.refit.values
-        return (
-            self.again(model, [{name: value for name, value in values.items() if name not in prior}])
-            if prior
-            else model
-        )
+        rest = {name: value for name, value in values.items() if name not in prior}
+        return self.again(model, [rest]) if prior else model
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all

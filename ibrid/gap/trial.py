@@ -269,7 +269,7 @@ def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
         return gain > threshold(extra, tests)
     if extra < 0 and driven_to_nothing(before, after):
         return gain > LIKELY
-    return gain > threshold(1, tests) + extra * log(after.refit.numbers) if extra < 0 else gain > threshold(1, tests)
+    return gain > threshold(1, tests) + extra * log(after.refit.numbers)
 
 
 def _size(points: Sequence[PointSweep]) -> int:

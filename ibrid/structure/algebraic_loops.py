@@ -6,6 +6,7 @@ singular at special values only stays legal, and the fit keeps away from those.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -43,11 +44,7 @@ def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[Alge
     rng = np.random.default_rng(20)
     terms = _direct_terms(wiring, table, rng, largest_q)
     graph = nx.DiGraph(list(terms))
-    loops = [
-        sorted(group)
-        for group in nx.strongly_connected_components(graph)
-        if len(group) > 1 or any(graph.has_edge(channel, channel) for channel in group)
-    ]
+    loops = [sorted(group) for group in round_trips(graph)]
     if not loops:
         return ()
     draws = [terms] + [_direct_terms(wiring, table, rng, largest_q) for _ in range(DRAWS - 1)]
@@ -55,6 +52,12 @@ def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[Alge
     return tuple(
         AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
     )
+
+
+def round_trips(graph: nx.DiGraph) -> list[set[Any]]:
+    """The parts of a graph from whose nodes a way leads back to them."""
+    parts = nx.strongly_connected_components(graph)
+    return [part for part in parts if len(part) > 1 or any(graph.has_edge(one, one) for one in part)]
 
 
 def largest_loop(wiring: Wiring) -> tuple[tuple[str, ...], int]:
