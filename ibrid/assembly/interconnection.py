@@ -18,6 +18,7 @@ from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.steady_state import in_order
 from ibrid.structure.wiring import Wiring, split_port
 
 
@@ -93,25 +94,21 @@ class _Joiner:
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         pending = {
-            channel: [one for _, target in self.direct[channel] for one in sources_of(self.wiring, target)]
+            channel: dict.fromkeys(one for _, target in self.direct[channel] for one in sources_of(self.wiring, target))
             for channels in self.outputs.values()
             for channel in channels
             if channel not in self.rows
         }
-        known = set(self.rows)
-        order: list[list[Channel]] = []
-        while pending:  # plain levels first: loops are rare
-            ready = [channel for channel, needs in pending.items() if known.issuperset(needs)]
-            if not ready:
-                break
-            known.update(ready)
-            order += [[channel] for channel in ready]
-            for channel in ready:
-                del pending[channel]
-        if pending:
+        needs = {channel: sources.keys() for channel, sources in pending.items()}
+        order = [[channel] for channel in in_order(needs, self.rows.keys(), lambda channel: (channel,))]
+        for (channel,) in order:
+            del pending[channel]
+        if pending:  # loops are rare
             directed = nx.DiGraph()
             directed.add_nodes_from(pending)
-            directed.add_edges_from((need, one) for one, needs in pending.items() for need in needs if need in pending)
+            directed.add_edges_from(
+                (need, one) for one, sources in pending.items() for need in sources if need in pending
+            )
             condensed = nx.condensation(directed)
             order += [
                 sorted(condensed.nodes[node]["members"], key=list(pending).index)

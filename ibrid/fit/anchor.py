@@ -12,6 +12,7 @@ from math import log
 import numpy as np
 
 from ibrid.fit.problem import Problem
+from ibrid.measurement.sweep import PointSweep
 
 #: Singular values of the scaled Jacobian below this part of the largest are zero.
 NULL = 1e-9
@@ -73,12 +74,16 @@ def null_directions(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Directions of x that change no response, as orthonormal columns (P, number)."""
     if not problem.size:
         return np.zeros((0, 0))
-    sizes = (np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None] for point in problem.points)
-    jacobian = problem.white_slopes(x, sizes)
+    jacobian = problem.white_slopes(x, map(frobenius, problem.points))
     if not np.isfinite(jacobian).all():
         return np.zeros((problem.size, 0))
     values, right = right_singular_vectors(jacobian)
     return right[values <= NULL * values[0]].T
+
+
+def frobenius(point: PointSweep) -> np.ndarray:
+    """|Y|_F at each frequency, (K, 1, 1)."""
+    return np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None]
 
 
 def right_singular_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

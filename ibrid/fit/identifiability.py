@@ -16,10 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.fit.anchor import right_singular_vectors
+from ibrid.fit.anchor import frobenius, right_singular_vectors
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Coordinates, Problem
-from ibrid.measurement.sweep import PointSweep
 
 #: Singular values below this part of the largest are taken as zero.
 RANK_TOLERANCE = 1e-9
@@ -124,21 +123,15 @@ def visible_by(
 def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
     """Standard deviation of each real number, and where it comes from."""
     if all(point.sigma is not None for point in problem.points):
-        floors = [MODEL_FLOOR * _frobenius(point)[:, None, None] for point in problem.points]
-        deviations = [
-            np.hypot(np.asarray(point.sigma), floor) for point, floor in zip(problem.points, floors, strict=True)
-        ]
+        deviations = [np.hypot(np.asarray(one.sigma), MODEL_FLOOR * frobenius(one)) for one in problem.points]
         return deviations, "the sigma of the data"
     misfit, count = 0.0, 0
     for response, point in zip(problem.responses(x), problem.points, strict=True):
-        misfit += float((np.abs((response - point.admittance) / _frobenius(point)[:, None, None]) ** 2).sum())
+        misfit += float((np.abs((response - point.admittance) / frobenius(point)) ** 2).sum())
         count += 8 * len(point.frequency)
-    level = np.sqrt(misfit / max(count - problem.size, 1))
-    level = float(max(level, MODEL_FLOOR))
-    return (
-        [np.broadcast_to(level * _frobenius(point)[:, None, None], point.admittance.shape) for point in problem.points],
-        f"the misfit itself ({level:.1e} of |Y| in each real number)",
-    )
+    level = float(max(np.sqrt(misfit / max(count - problem.size, 1)), MODEL_FLOOR))
+    deviations = [np.broadcast_to(level * frobenius(point), point.admittance.shape) for point in problem.points]
+    return deviations, f"the misfit itself ({level:.1e} of |Y| in each real number)"
 
 
 def _weight_times_noise(problem: Problem, x: np.ndarray, deviations: list[np.ndarray], objective: str) -> np.ndarray:
@@ -146,17 +139,12 @@ def _weight_times_noise(problem: Problem, x: np.ndarray, deviations: list[np.nda
 
     The fit minimises the mean over operating points of a root of squares, so a point with the error e weighs 1/e.
     """
-    costs = problem.costs(x[None], objective)[0]
-    costs = np.maximum(costs, MODEL_FLOOR**2)
+    costs = np.maximum(problem.costs(x[None], objective)[0], MODEL_FLOOR**2)
     factors = []
     for residual, deviation, cost in zip(problem.residuals(objective), deviations, costs, strict=True):
         factor = (residual.weight * deviation).ravel() / cost**0.25
         factors += [factor, factor]
     return np.concatenate(factors)
-
-
-def _frobenius(point: PointSweep) -> np.ndarray:
-    return np.linalg.norm(point.admittance, axis=(1, 2))
 
 
 def _sparse_basis(directions: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ In a row: a PI regulator and an integrator behind it are a PLL, a free gain goes
 order. On the two axes: one block on both, or two equal ones, whichever says it with fewer signals.
 """
 
+from collections import Counter
 from dataclasses import replace
 from itertools import permutations
 
@@ -90,15 +91,12 @@ def sort_rows(drawing: Drawing) -> bool:
 
 def _in_a_row(drawing: Drawing) -> list[Key]:
     """Links that are the only one out of their source and the only one into their target, both linear blocks."""
-    out, into = {}, {}
-    for key in drawing.links:
-        out.setdefault(key[0], []).append(key)
-        into.setdefault(key[2], []).append(key)
+    out, into = (Counter(key[place] for key in drawing.links) for place in (0, 2))
     return [
         key
         for key in drawing.links
         if key[0] != key[2]
-        and len(out[key[0]]) == len(into[key[2]]) == 1
+        and out[key[0]] == into[key[2]] == 1
         and drawing.blocks[key[0]].siso
         and (drawing.blocks[key[2]].siso or drawing.blocks[key[2]].element is Element.PLL)
     ]
