@@ -26,8 +26,7 @@ class Decades:
     """Positive numbers that all operating points share lie within a `DECADE` of their typical values; `Believed`."""
 
     def __init__(self, problem: Problem) -> None:
-        parameters = [one.parameter for one in problem.numbers]
-        self._typical = problem.coordinates.to_x(np.array([one.typical for one in parameters], dtype=float))
+        self._typical, parameters = problem.typical, [one.parameter for one in problem.numbers]
         believed = [one.logarithmic and not one.local and one.tolerance is None for one in parameters]
         self._weight = np.array(believed, dtype=float) / DECADE
 
@@ -39,8 +38,7 @@ class Decades:
 
 def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.ndarray:
     """Move x (P,) along the null directions of the responses towards the typical values, inside the boxes."""
-    typical = problem.coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
-    return nearest(problem, x, typical, objective)
+    return nearest(problem, x, problem.typical, objective)
 
 
 def nearest(

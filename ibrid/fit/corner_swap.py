@@ -89,9 +89,7 @@ def corner_swaps(problem: Problem, wiring: Wiring, omega_0: float) -> tuple[Corn
         groups = at(plant, "L_F", "R_F"), at(inner), (*at(gain), *at(slow))
         couplings = tuple(one for element in COUPLINGS for name in wiring.makers(command, element) for one in at(name))
         if all(len(group) == 2 for group in groups):
-            box = problem.numbers[groups[0][0]].parameter
-            typical = float(np.log(box.typical)) if box.logarithmic else box.typical
-            swaps.append(CornerSwap(*groups, couplings, typical, omega_0))
+            swaps.append(CornerSwap(*groups, couplings, float(problem.typical[groups[0][0]]), omega_0))
     return tuple(swaps)
 
 

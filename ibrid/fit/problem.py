@@ -75,7 +75,7 @@ class Problem:
 
     model : from `symbolic_model`. points : measured operating points.
     shared : one value of each parameter for all points, but for those that are local (E0d, I0d, delta_eq).
-    hold : (P,) of x, 1 / tolerance^2 of what is known beforehand, which every cost includes.
+    typical : (P,) x of the typical values. hold : (P,), 1 / tolerance^2 of what is known beforehand, which every cost includes.
     """
 
     def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
@@ -98,7 +98,7 @@ class Problem:
         self._entries = _Caller(model.entries, len(model.parameters), (len(model.rows), len(model.derivative_entry)))
         self._values = _Caller(model.values_only, len(model.parameters), (len(model.rows),))
         self.evaluations = 0
-        self._known = self.coordinates.to_x(np.array([one.parameter.typical for one in self.numbers], dtype=float))
+        self.typical = self.coordinates.to_x(np.array([one.parameter.typical for one in self.numbers], dtype=float))
         self.hold = np.array([one.parameter.tolerance or np.inf for one in self.numbers], dtype=float) ** -2.0
 
     @property
@@ -158,9 +158,9 @@ class Problem:
                 gradient[:, m, index] = part[1] * scale
                 hessian[:, m, row, column] = part[2] * scale[:, :, None] * scale[:, None, :]
             if held.any():
-                cost[:, m] += (held * (x - self._known) ** 2).sum(axis=1)
+                cost[:, m] += (held * (x - self.typical) ** 2).sum(axis=1)
                 if slope_all is not None:
-                    gradient[:, m] += held * (x - self._known)
+                    gradient[:, m] += held * (x - self.typical)
                     hessian[:, m, range(self.size), range(self.size)] += held
         return cost, gradient, hessian
 

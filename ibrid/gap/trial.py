@@ -107,12 +107,9 @@ class Workshop(Data):
         if convention not in self._refitters:
             if len(self._refitters) > 8:
                 self._refitters.clear()
-            self._refitters[convention] = self._plain.of(self.read(convention))
+            read = replace(self.noise, sweep=convention.undone(self.noise.sweep))
+            self._refitters[convention] = self._plain.of(read)
         return self._refitters[convention]
-
-    def read(self, convention: Convention) -> Noise:
-        """The data as they read in a convention."""
-        return replace(self.noise, sweep=convention.undone(self.noise.sweep))
 
     def given(self, diagram: Diagram) -> Model | None:
         """The given model, refitted from many starts; by whole fits where these have no response, or values are unknown."""
