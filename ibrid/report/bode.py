@@ -110,11 +110,8 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     else:
         magnitude.text(0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes)
     magnitude.set_ylabel("magnitude  (pu)")
-    phase.set_ylabel("phase  (deg)")
-    phase.set_xlabel("frequency  (Hz)")
-    phase.set_xscale("log")
+    phase.set(ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log", ylim=(start - 8, start + 368))
     phase.set_yticks(np.arange(90 * np.ceil(start / 90), start + 361, 90))
-    phase.set_ylim(start - 8, start + 368)
 
 
 def _shade(

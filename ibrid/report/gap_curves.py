@@ -199,8 +199,5 @@ def draw_entry(axes: Sequence[Axes], entry: str, shown: PointView) -> None:
         colour, marker, dashes = series(line.index)
         look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
         distance.plot(frequency, np.maximum(size, low), linewidth=1.1, **look)
-    distance.set_yscale("log")
-    distance.set_ylim(low, high)
-    distance.set_ylabel("distance  (pu)")
-    distance.set_xlabel("frequency  (Hz)")
+    distance.set(yscale="log", ylim=(low, high), ylabel="distance  (pu)", xlabel="frequency  (Hz)")
     plain_decades(bode[0].yaxis, distance.yaxis, distance.xaxis)

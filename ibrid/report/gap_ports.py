@@ -88,16 +88,13 @@ def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
             plane.plot(shown.frequency, drawn, color=colour, linestyle=dashes, linewidth=1.8)
     low, high = _reach(magnitude)
     if low > 0 and high > DECADE * low:
-        magnitude.set_yscale("log")
-        magnitude.set_ylim(low / 1.6, high * 1.6)
+        magnitude.set(yscale="log", ylim=(low / 1.6, high * 1.6))
     else:
         magnitude.set_ylim(max(0.0, low - 0.25 * high), 1.25 * high)
     low, high = _reach(phase)
     phase.set_ylim(low - 15.0, high + 15.0)
     magnitude.set_ylabel("|1 + Delta|" if shown.series else "|Delta|")
-    phase.set_ylabel("phase  (deg)")
-    phase.set_xlabel("frequency  (Hz)")
-    phase.set_xscale("log")
+    phase.set(ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log")
     plain_decades(phase.xaxis, magnitude.yaxis)
 
 
@@ -113,14 +110,10 @@ def draw_gain(axes: Sequence[Axes], gain: PortGain, amplitudes: Sequence[float])
                 "elinewidth": 0.8, "label": f"injected {amplitudes[int(level)]:g} pu"}  # fmt: skip
         for plane, part in ((real, np.real(gain.gain)), (imaginary, np.imag(gain.gain))):
             plane.errorbar(gain.amplitude[mine], part[mine], yerr=2.0 * gain.deviation[mine], **look)
-    real.set_xscale("log")
-    real.set_ylim(-0.25, 1.35)
-    imaginary.set_ylim(-0.45, 0.45)
-    imaginary.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
-    real.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
-    real.set_ylabel("gain, real part")
-    imaginary.set_ylabel("imaginary")
-    imaginary.set_xlabel("amplitude at the port over the threshold")
+    real.set(xscale="log", ylim=(-0.25, 1.35), ylabel="gain, real part")
+    imaginary.set(ylim=(-0.45, 0.45), ylabel="imaginary", xlabel="amplitude at the port over the threshold")
+    for plane in axes:
+        plane.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
     real.legend(loc="best", fontsize=9)
 
 

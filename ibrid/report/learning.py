@@ -34,8 +34,7 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
         if len(course.lines) > 1:
             plane.legend(loc="center right", fontsize=9)
     last = max(len(values) for course in courses for values in course.lines.values())
-    axes[-1].set_xlim(1 - 0.03 * last, last + LEGEND * last)
-    axes[-1].set_xlabel("update")
+    axes[-1].set(xlim=(1 - 0.03 * last, last + LEGEND * last), xlabel="update")
 
 
 def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:

@@ -78,10 +78,8 @@ def pole_plane(plane: Axes, reach: float, right: float, height: float) -> None:
     plane.set_yscale("symlog", linthresh=LINEAR)
     plane.axvspan(0, right, color=DANGER, alpha=0.10, linewidth=0)
     plane.axvline(0, color=DANGER, linewidth=1.0)
-    plane.set_xlim(-reach, right)
-    plane.set_ylim(-0.4, height)
-    plane.set_xlabel("real part  (1/s)")
-    plane.set_ylabel("imaginary part / 2π  (Hz)")
+    plane.set(xlim=(-reach, right), ylim=(-0.4, height))
+    plane.set(xlabel="real part  (1/s)", ylabel="imaginary part / 2π  (Hz)")
 
 
 def _damping_lines(plane: Axes, height: float) -> None:

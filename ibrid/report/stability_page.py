@@ -160,13 +160,9 @@ def draw_eigenloci(axes: Sequence[Axes], point: PointStability) -> None:
     plane.plot(-1.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
     plane.annotate("-1", (-1.0, 0.0), xytext=(-6, 6), textcoords="offset points", color=DANGER, ha="right")
     reach = 1.1 * min(largest, float(np.log2(1 + FARTHEST)))
-    plane.set_xlim(-reach, reach)
-    plane.set_ylim(-reach, reach)
-    plane.set_aspect("equal")
-    plane.set_xticks([-1.0, 0.0, 1.0])
-    plane.set_yticks([-1.0, 0.0, 1.0])
-    plane.set_xlabel("real part of the eigenvalue  (squeezed)")
-    plane.set_ylabel("imaginary part  (squeezed)")
+    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    plane.set(xticks=[-1.0, 0.0, 1.0], yticks=[-1.0, 0.0, 1.0])
+    plane.set(xlabel="real part of the eigenvalue  (squeezed)", ylabel="imaginary part  (squeezed)")
     _draw_near(plane.inset_axes((0.66, 0.09, 0.32, 0.32)), shown_cases(point))
     plane.axhline(0, color=MUTED, linewidth=0.6)
     plane.axvline(0, color=MUTED, linewidth=0.6)
@@ -187,10 +183,7 @@ def _draw_near(near: Axes, cases: Sequence[GridCase]) -> None:
         near.annotate("", (at.real + along.real, at.imag + along.imag), (at.real, at.imag),
                       arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6})  # fmt: skip
     near.plot(0.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
-    near.set_xlim(-half, half)
-    near.set_ylim(-half, half)
-    near.set_xticks([])
-    near.set_yticks([])
+    near.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     near.set_xlabel(f"-1 ± {half:.2g}", fontsize=9, labelpad=2)
 
 
@@ -207,8 +200,7 @@ def draw_passivity(axes: Sequence[Axes], points: Sequence[PointStability]) -> No
         plane.plot(one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6)
     plane.set_xlim(points[0].frequency[0], points[0].frequency[-1])
     plane.set_ylim(bottom=2.0 * min(lowest, -0.02))
-    plane.set_xlabel("frequency  (Hz)")
-    plane.set_ylabel("passivity index  (pu)")
+    plane.set(xlabel="frequency  (Hz)", ylabel="passivity index  (pu)")
 
 
 def _dense(locus: np.ndarray) -> np.ndarray:

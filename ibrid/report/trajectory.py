@@ -56,8 +56,7 @@ def draw_trajectory(axes: Sequence[Axes], shown: Trajectory) -> None:
     low, high = _limits(shown.best, shown.nrmse, shown.floor, shown.target)
     last = max(1.0, float(shown.evaluation.max(initial=1.0)))
     _prepare(plane, low, high)
-    plane.set_xlim(-0.015 * last, 1.03 * last)
-    plane.set_xlabel("evaluation")
+    plane.set(xlim=(-0.015 * last, 1.03 * last), xlabel="evaluation")
     _dots(plane, shown.evaluation, shown.nrmse, shown.stable, low, high)
     x, y = _corners(shown.evaluation, np.clip(shown.best, low, high), last)
     plane.plot(x, y, drawstyle="steps-post", color=SERIES_STAND_INS[0], linewidth=1.8)
@@ -75,8 +74,8 @@ def draw_front(axes: Sequence[Axes], shown: ErrorAgainstCost) -> None:
     (plane,) = axes
     low, high = _limits(np.array([error for _, error in shown.front]), shown.nrmse, shown.floor, None)
     _prepare(plane, low, high)
-    plane.set_xlim(-0.5, float(shown.cost[np.isfinite(shown.cost)].max(initial=1.0)) + 1)
-    plane.set_xlabel(shown.name)
+    most = float(shown.cost[np.isfinite(shown.cost)].max(initial=1.0))
+    plane.set(xlim=(-0.5, most + 1), xlabel=shown.name)
     _dots(plane, shown.cost, shown.nrmse, shown.stable, low, high)
     if shown.front:
         x, y = zip(*sorted(shown.front), strict=True)
@@ -100,9 +99,7 @@ def _limits(best: np.ndarray, nrmse: np.ndarray, *levels: float | None) -> tuple
 def _prepare(plane: Axes, low: float, high: float) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    plane.set_yscale("log")
-    plane.set_ylim(low * 0.8, high * 1.25)
-    plane.set_ylabel("NRMSE")
+    plane.set(yscale="log", ylim=(low * 0.8, high * 1.25), ylabel="NRMSE")
     plane.minorticks_off()
     plane.xaxis.set_major_locator(MaxNLocator(integer=True))
 
