@@ -15,7 +15,7 @@ def at_amplitudes(sweep: Sweep) -> tuple[Sweep, ...]:
     The j-th has the operating points that were swept with j amplitudes or more, at the frequencies that were.
     """
     most = 1 + max(len(point.larger) for point in sweep.points)
-    levels = [[_all(point)[level] for point in sweep.points if len(point.larger) >= level] for level in range(most)]
+    levels = [[levels_of(one)[level] for one in sweep.points if len(one.larger) >= level] for level in range(most)]
     return tuple(replace(sweep, points=tuple(points)) for points in levels)
 
 
@@ -40,11 +40,7 @@ def joined(sweeps: Sequence[Sweep]) -> Sweep:
 
 def levels_of(point: PointSweep) -> tuple[PointSweep, ...]:
     """An operating point at each of its amplitudes, the smallest first."""
-    return tuple(_all(point))
-
-
-def _all(point: PointSweep) -> list[PointSweep]:
-    return [replace(point, larger=()), *point.larger]
+    return (replace(point, larger=()), *point.larger)
 
 
 def merge(sweeps: Sequence[Sweep]) -> Sweep:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 from ibrid.errors import SweepError, near
 from ibrid.measurement.column_words import unit_of
+from ibrid.measurement.csv_columns import ENTRIES
 
-_ENTRIES = ("dd", "dq", "qd", "qq", "pp", "pn", "np", "nn")
 #: What can be mapped.
 ROLES = (
     *("freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
-    *(f"sigma_{entry}" for entry in _ENTRIES),
-    *(f"{letter}{entry}" for letter in "YZ" for entry in _ENTRIES),
+    *(f"{word}{entry}" for word in ("sigma_", "Y", "Z") for entries in ENTRIES.values() for entry in entries),
 )
 _FORMS = "freq=f, p=0.8, Ydd=ReYdd+jImYdd (two columns), Ydd=Mag@Phase, Ydd=Y (complex), f[kHz] with a unit, #3 for the third"
 

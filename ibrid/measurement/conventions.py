@@ -14,9 +14,8 @@ Signs = tuple[int, int]
 """Factors of (p, q) in the low-frequency law that data follow; (1, 1) is the declared convention."""
 
 DECLARED: Signs = (1, 1)
-_PATTERNS: tuple[Signs, ...] = (DECLARED, (-1, -1), (1, -1), (-1, 1))
-_LAWS = {
-    (1, 1): "-[[p, -q], [-q, -p]]/v^2",
+_LAWS: dict[Signs, str] = {
+    DECLARED: "-[[p, -q], [-q, -p]]/v^2",
     (-1, -1): "+[[p, -q], [-q, -p]]/v^2",
     (1, -1): "-[[p, q], [q, -p]]/v^2",
     (-1, 1): "+[[p, q], [q, -p]]/v^2",
@@ -58,7 +57,7 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     noise = estimate(sweep) if noise is None else noise
     loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
     matches = [_patterns_followed(point, noise[point.op.name]) for point in loaded]
-    common = [signs for signs in _PATTERNS if matches and all(signs in match for match in matches)]
+    common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
     direction = _common_direction([inductive_tail(point, sweep.f0_hz) for point in sweep.points])
     warnings = []
     if common and DECLARED not in common:
@@ -98,7 +97,7 @@ def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, floa
     level = 0.0 if noise.relative is None else float(np.median(noise.relative[lowest]))
     tolerance = min(_MATCH + 2 * level, _REFUTED / 2)
     followed, distance = {}, {}
-    for signs in _PATTERNS:
+    for signs in _LAWS:
         p, q = point.op.p * signs[0], point.op.q * signs[1]
         law = -np.array([[p, -q], [-q, -p]]) / point.op.v**2
         factor = float(np.real(np.vdot(law, values.mean(axis=0)))) / float(np.linalg.norm(law)) ** 2

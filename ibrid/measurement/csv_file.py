@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -212,17 +212,20 @@ def _as_note(line: str) -> str:
 def _rows_of(point: PointSweep, optional: dict[str, bool]) -> list[list[object]]:
     runs = point.admittance[None] if point.repeats is None else point.repeats
     sigma = None if point.sigma is None else (point.sigma * np.sqrt(len(runs))).reshape(-1, 4)
+    at = [point.op.p, point.op.q, *([point.op.v] if optional["v"] else [])]
     rows: list[list[object]] = []
     for number, run in enumerate(runs, 1):
         for k, frequency in enumerate(point.frequency):
-            row: list[object] = [point.op.name, repr(float(point.op.p)), repr(float(point.op.q))]
-            row += [repr(float(point.op.v))] if optional["v"] else []
-            row.append(repr(float(frequency)))
-            row += [repr(float(part)) for entry in run[k].ravel() for part in (entry.real, entry.imag)]
+            row: list[object] = [point.op.name, *_digits([*at, frequency, *run[k].ravel().view(float)])]
             if optional["sigma"]:
-                row += [""] * 4 if sigma is None else [repr(float(value)) for value in sigma[k]]
+                row += [""] * 4 if sigma is None else _digits(sigma[k])
             row += [number] if optional["repeat"] else []
             if optional["amplitude"]:
-                row.append("" if point.amplitude is None else repr(float(point.amplitude[k])))
+                row += [""] if point.amplitude is None else _digits([point.amplitude[k]])
             rows.append(row)
     return rows
+
+
+def _digits(values: Iterable[float]) -> list[str]:
+    """All digits of each."""
+    return [repr(float(value)) for value in values]

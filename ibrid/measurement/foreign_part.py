@@ -11,12 +11,12 @@ from ibrid.errors import SweepError, some
 from ibrid.measurement.column_map import Source, parse_map
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.conversions import Quantity
+from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.foreign_table import ForeignTable
 from ibrid.measurement.import_account import Account, bases_of, known_number, number_said
 from ibrid.measurement.positive_sequence import WORDS, uncoupled
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
-_FRAMES = {"dq": ("dd", "dq", "qd", "qq"), "pn": ("pp", "pn", "np", "nn")}
 #: What to do with columns for several operating points.
 _A_GROUP_EACH = (
     "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME --p P --q Q --out ONE.csv, then "
@@ -73,7 +73,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     if frame == "pn" and grid == "network":
         frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
     power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
-    sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in _FRAMES.get(frame, ()))) if name in sources]
+    sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
     names = np.full(length, "", dtype=object)
     if "op" in sources:
@@ -163,7 +163,7 @@ def _family(
     table: ForeignTable, sources: Mapping[str, Source], told: Mapping[str, Any], account: Account
 ) -> tuple[Quantity, str, tuple[str, ...]]:
     """Admittance or impedance, in which frame, and the names of the four sources, or of one."""
-    for frame, entries in {**_FRAMES, "positive": ("pp",)}.items():
+    for frame, entries in {**ENTRIES, "positive": ("pp",)}.items():
         for letter in ("Y", "Z", ""):
             names = tuple(letter + entry for entry in entries)
             coupled = frame == "positive" and {f"{letter}pn", f"{letter}np"} & sources.keys()

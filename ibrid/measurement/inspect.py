@@ -1,6 +1,6 @@
 """The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be careful about."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import exp
 
@@ -175,90 +175,80 @@ def warnings_of(
     return (*sentences, *seen.sentences, *(sentence for check in checks for sentence in check(points)))
 
 
-def _setpoints(points: Sequence[PointInspection]) -> list[str]:
+def _setpoints(points: Sequence[PointInspection]) -> Iterator[str]:
     if len(points) == 1:
-        return [
+        yield (
             "one operating point: what acts through p and q (power loops, PLL, equilibrium) has no second view "
             "and nothing can be held out; measure a second one with another q, and a third with another p."
-        ]
+        )
     seen: dict[tuple[float, float, float], str] = {}
     for point in points:
-        key = point.op.pqv
-        if key in seen:
-            return [f"{seen[key]} and {point.op.name} have the same p, q, v: they are one operating point to a model."]
-        seen[key] = point.op.name
-    return []
+        if (same := seen.setdefault(point.op.pqv, point.op.name)) != point.op.name:
+            yield f"{same} and {point.op.name} have the same p, q, v: they are one operating point to a model."
+            return
 
 
-def _number_of_points(points: Sequence[PointInspection]) -> list[str]:
-    names = _names(points, lambda point: point.points < FEW_POINTS)
-    return [f"fewer than {FEW_POINTS} frequencies ({names}): hardly any structure can be told apart."] if names else []
+def _number_of_points(points: Sequence[PointInspection]) -> Iterator[str]:
+    if names := _names(points, lambda point: point.points < FEW_POINTS):
+        yield f"fewer than {FEW_POINTS} frequencies ({names}): hardly any structure can be told apart."
 
 
-def _noise(points: Sequence[PointInspection]) -> list[str]:
-    result = []
-    unknown = _names(points, lambda point: point.noise_source == "unknown")
-    if unknown:
-        result.append(
+def _noise(points: Sequence[PointInspection]) -> Iterator[str]:
+    if unknown := _names(points, lambda point: point.noise_source == "unknown"):
+        yield (
             f"noise unknown ({unknown}): no sigma, no repeats, fewer than 15 points a decade, and vector fits leave too "
             "little or too much to tell, so how well a model should fit cannot be said; add a column sigma or repeat the sweep."
         )
     noisy = [point for point in points if point.noise is not None and point.noise > NOISY]
     if noisy:
         worst = max(noisy, key=lambda point: point.noise or 0)
-        result.append(
+        yield (
             f"noisy: {percent(worst.noise or 0)} of |Y| at the median frequency of {worst.op.name}; "
             "a fit should weigh by it, and effects smaller than that are visible only through many points."
         )
-    return result
 
 
-def _coverage(points: Sequence[PointInspection]) -> list[str]:
-    result = []
+def _coverage(points: Sequence[PointInspection]) -> Iterator[str]:
     for k, loop in enumerate(points[0].loops):
         most = max(point.loops[k].points for point in points)
         if most == 0:
             side = "below" if loop.high <= points[0].lowest else "above"
             edge = hertz(points[0].lowest if side == "below" else points[0].highest)
             verb = "act" if loop.loop.endswith("loops") else "acts"
-            result.append(
+            yield (
                 f"no point {side} {edge}, where {loop.loop} usually {verb}: "
                 "the parameters will be uncertain unless the effect reaches into the measured range."
             )
-    return result
 
 
-def _resonances(points: Sequence[PointInspection]) -> list[str]:
+def _resonances(points: Sequence[PointInspection]) -> Iterator[str]:
     thin = dict.fromkeys(hertz(peak.frequency) for point in points for peak in point.resonances if peak.points < 3)
-    if not thin:
-        return []
-    return [
-        f"the peak at {', '.join(thin)} is spanned by fewer than three points: height, damping and true frequency "
-        "between the points are guesses, measure more densely there."
-    ]
+    if thin:
+        yield (
+            f"the peak at {', '.join(thin)} is spanned by fewer than three points: height, damping and true frequency "
+            "between the points are guesses, measure more densely there."
+        )
 
 
-def _lines(points: Sequence[PointInspection]) -> list[str]:
+def _lines(points: Sequence[PointInspection]) -> Iterator[str]:
     orders = sorted({line.order for point in points for line in point.lines})
-    if not orders:
-        return []
     sticking = sorted({line.order for point in points for line in point.lines if line.outlying})
     text = f"points on f0 times {', '.join(map(str, orders[:8]))}{' ..' if len(orders) > 8 else ''}: "
     if sticking:
-        return [f"{text}those at {', '.join(map(str, sticking[:8]))} stick out, background harmonics? Leave them out."]
-    return [f"{text}background harmonics of the grid add to the response there, compare with their neighbours."]
+        yield f"{text}those at {', '.join(map(str, sticking[:8]))} stick out, background harmonics? Leave them out."
+    elif orders:
+        yield f"{text}background harmonics of the grid add to the response there, compare with their neighbours."
 
 
-def _outliers(points: Sequence[PointInspection]) -> list[str]:
+def _outliers(points: Sequence[PointInspection]) -> Iterator[str]:
     listed = [f"{point.op.name}: {', '.join(map(hertz, point.outliers[:6]))}" for point in points if point.outliers]
-    return [f"single points stick out of their neighbours ({'; '.join(listed)}): check them."] if listed else []
+    if listed:
+        yield f"single points stick out of their neighbours ({'; '.join(listed)}): check them."
 
 
-def _conditioning(points: Sequence[PointInspection]) -> list[str]:
-    names = _names(points, lambda point: point.condition > ILL_CONDITIONED)
-    if not names:
-        return []
-    return [f"Y is nearly singular at some frequencies ({names}): the smaller direction of it is known poorly there."]
+def _conditioning(points: Sequence[PointInspection]) -> Iterator[str]:
+    if names := _names(points, lambda point: point.condition > ILL_CONDITIONED):
+        yield f"Y is nearly singular at some frequencies ({names}): the smaller direction of it is known poorly there."
 
 
 def _names(points: Sequence[PointInspection], test: Callable[[PointInspection], bool]) -> str:

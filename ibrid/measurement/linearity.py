@@ -51,22 +51,18 @@ class Linearity:
     def sentence(self) -> str:
         """One sentence for people."""
         levels = ", ".join(f"{one:g}" for one in self.amplitudes)
+        response = f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response"
         if not self.bands:
-            return (
-                f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response is the same within the noise."
-            )
+            return f"{response} is the same within the noise."
         strong = len(self.refused) > 0
         edges = self.refused if strong else [edge for one in self.bands for edge in one.band]
         low, high = min(edges), max(edges)
         where = f"from {span(low, high)}" if hertz(low) != hertz(high) else f"at {hertz(low)}"
-        if not strong:
-            return (
-                f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response changes with them {where}, no more "
-                "than products of signals make it; the smallest amplitude is small enough."
-            )
+        if strong:
+            return f"{response} depends on them {where}; no small-signal model holds there."
         return (
-            f"Swept with {len(self.amplitudes)} amplitudes ({levels}): the response depends on them {where}; no "
-            "small-signal model holds there."
+            f"{response} changes with them {where}, no more than products of signals make it; the smallest amplitude is "
+            "small enough."
         )
 
 

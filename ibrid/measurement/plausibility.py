@@ -1,5 +1,7 @@
 """Numbers that cannot be what the file says they are: admittances outside per unit, frequencies in rad/s or kHz."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ibrid.measurement.sweep import Sweep
@@ -14,21 +16,20 @@ LARGEST_POWER = 2.0
 
 def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple[str, ...]:
     """Sentences about units that look wrong in every operating point, each with its reason; empty if none does."""
-    sentences = (_power(sweep), _unit(sweep), _radians(sweep), _kilohertz(sweep), _beyond_sampling(sweep, sampling_hz))
-    return tuple(sentence for sentence in sentences if sentence)
+    rate = sampling_hz or sweep.sampling_hz
+    return (*_power(sweep), *_unit(sweep), *_radians(sweep), *_kilohertz(sweep), *_beyond_sampling(sweep, rate))
 
 
-def _power(sweep: Sweep) -> str | None:
+def _power(sweep: Sweep) -> Iterator[str]:
     beyond = [point.op.name for point in sweep.points if abs(complex(point.op.p, point.op.q)) > LARGEST_POWER]
-    if not beyond:
-        return None
-    return (
-        f"|p + jq| is above {LARGEST_POWER:g} per unit at {', '.join(beyond[:3])}: p and q are probably in W or kW, "
-        "or on another base; divide them by the rated power."
-    )
+    if beyond:
+        yield (
+            f"|p + jq| is above {LARGEST_POWER:g} per unit at {', '.join(beyond[:3])}: p and q are probably in W or kW, "
+            "or on another base; divide them by the rated power."
+        )
 
 
-def _unit(sweep: Sweep) -> str | None:
+def _unit(sweep: Sweep) -> Iterator[str]:
     sizes = [
         np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2) * np.maximum(1, point.frequency / sweep.f0_hz)
         for point in sweep.points
@@ -38,30 +39,27 @@ def _unit(sweep: Sweep) -> str | None:
     elif all(size.max() < SMALLEST for size in sizes):
         way = "smaller"
     else:
-        return None
+        return
     typical = float(np.median([np.median(np.linalg.norm(point.admittance, axis=(1, 2))) for point in sweep.points]))
-    text = (
-        f"|Y| is {typical:.2g} per unit at the median frequency, far {way} than that of any inverter: "
-        "the unit or the base is probably wrong"
-    )
+    likely = "check unit, s_base_va, v_base_v; kV for V is a factor of a million"
     if way == "smaller" and sweep.s_base_va is None:
-        return f"{text} (siemens read as per unit? then add unit: S, s_base_va and v_base_v)."
-    return f"{text} (check unit, s_base_va, v_base_v; kV for V is a factor of a million)."
+        likely = "siemens read as per unit? then add unit: S, s_base_va and v_base_v"
+    yield (
+        f"|Y| is {typical:.2g} per unit at the median frequency, far {way} than that of any inverter: "
+        f"the unit or the base is probably wrong ({likely})."
+    )
 
 
-def _radians(sweep: Sweep) -> str | None:
+def _radians(sweep: Sweep) -> Iterator[str]:
     """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in rad/s."""
     ends = np.array([[point.frequency[0], point.frequency[-1]] for point in sweep.points])
-    if (ends[:, 0] == ends[:, 1]).any():
-        return None
     hertz = ends / (2 * np.pi)
-    if _round(hertz).all() and not _round(ends).any():
+    if (ends[:, 0] != ends[:, 1]).all() and _round(hertz).all() and not _round(ends).any():
         low, high = hertz[0]
-        return (
+        yield (
             f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to {high:.3g}, round numbers, "
             f"as they stand from {ends[0, 0]:.6g} to {ends[0, 1]:.6g}; convert freq_hz to Hz."
         )
-    return None
 
 
 def _round(values: np.ndarray) -> np.ndarray:
@@ -70,26 +68,21 @@ def _round(values: np.ndarray) -> np.ndarray:
     return np.abs(np.round(values * digits) / (values * digits) - 1) < 3e-6
 
 
-def _kilohertz(sweep: Sweep) -> str | None:
+def _kilohertz(sweep: Sweep) -> Iterator[str]:
     tails = [inductive_tail(point, sweep.f0_hz, largest=np.inf) for point in sweep.points]
+    reactances = [tail.reactance if tail else 0.0 for tail in tails]
     highest = max(point.frequency[-1] for point in sweep.points)
-    if highest > 50 or any(tail is None or tail.reactance < 10 for tail in tails):
-        return None
-    reactance = tails[0].reactance if tails[0] else 0.0
-    return (
-        f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an inductance of "
-        f"{reactance:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; convert freq_hz to Hz."
-    )
+    if highest <= 50 and min(reactances) >= 10:
+        yield (
+            f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an inductance of "
+            f"{reactances[0]:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; convert freq_hz to Hz."
+        )
 
 
-def _beyond_sampling(sweep: Sweep, sampling_hz: float | None) -> str | None:
-    rate = sampling_hz or sweep.sampling_hz
-    if rate is None:
-        return None
-    count = sum(int((point.frequency > rate / 2).sum()) for point in sweep.points)
-    if not count:
-        return None
-    return (
-        f"{count} {'point lies' if count == 1 else 'points lie'} above half the sampling rate ({rate / 2:g} Hz): "
-        "there a digital controller aliases and no averaged model holds, leave them out of a fit."
-    )
+def _beyond_sampling(sweep: Sweep, rate: float | None) -> Iterator[str]:
+    count = 0 if rate is None else sum(int((point.frequency > rate / 2).sum()) for point in sweep.points)
+    if rate and count:
+        yield (
+            f"{count} {'point lies' if count == 1 else 'points lie'} above half the sampling rate ({rate / 2:g} Hz): "
+            "there a digital controller aliases and no averaged model holds, leave them out of a fit."
+        )

@@ -11,13 +11,12 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity
+from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.files import read_lines
 from ibrid.measurement.header import known_keys, number_of
 from ibrid.measurement.response import sidecar_keys, sweep_of_response
 from ibrid.measurement.sweep import Sweep
 
-_ROTATED = ("dd", "dq", "qd", "qq")
-_SEQUENCE = ("pp", "pn", "np", "nn")
 _IMTB = tuple(f"Zdut_dq_{entry}_{part}" for entry in ("11", "12", "21", "22") for part in ("re", "im"))
 
 
@@ -87,9 +86,9 @@ def read_imtb(path: str | Path, **keys: object) -> Sweep:
 
 def _frame(names: list[str], path: Path) -> str:
     """What the names of the first line say: "lags" (the tool's own output), "leads" or "sequence"."""
-    if tuple(names) == _ROTATED:
+    if tuple(names) == ENTRIES["dq"]:
         return "leads"
-    if tuple(names) == _SEQUENCE:
+    if tuple(names) == ENTRIES["pn"]:
         return "sequence"
     if len(names) == 2 and names[0].endswith("_d") and names[1].endswith("_q"):
         return "lags"

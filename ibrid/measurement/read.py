@@ -14,6 +14,7 @@ from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.touchstone import read_touchstone
 
 _TOUCHSTONE = (".s2p", ".y2p", ".z2p")
+_READERS = {".mat": read_mat, ".json": read_state_space_file, **dict.fromkeys(_TOUCHSTONE, read_touchstone)}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
 
 
@@ -38,12 +39,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         return sweep_of_data(path, keys)
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix == ".mat":
-        return read_mat(path, **keys)
-    if suffix in _TOUCHSTONE:
-        return read_touchstone(path, **keys)
-    if suffix == ".json":
-        return read_state_space_file(path, **keys)
+    if suffix in _READERS:
+        return _READERS[suffix](path, **keys)
     if suffix in _BINARY and path.is_file():
         raise SweepError(
             f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid import read it."
