@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ibrid.analysis.grid import J
 from ibrid.assembly.terminals import inwards, resistance_of
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.structure.outside import ELEMENTS, PORT, PortElement
 
-_ONE, _J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
+_ONE = np.eye(2)
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ class Flow:
 
 def turning(angle: float) -> np.ndarray:
     """R(a), which takes a vector from a frame that is ahead by a."""
-    return np.cos(angle) * _ONE + np.sin(angle) * _J
+    return np.cos(angle) * _ONE + np.sin(angle) * J
 
 
 def _rests(
@@ -162,7 +163,7 @@ class _Element:
 
     @classmethod
     def of(cls, kind: str, values: Mapping[str, float], s: np.ndarray) -> "_Element":
-        nothing, turned = np.zeros((len(s), 2, 2)), s[:, None, None] * _ONE + _J
+        nothing, turned = np.zeros((len(s), 2, 2)), s[:, None, None] * _ONE + J
         if kind == "shunt":
             impedance = resistance_of(values) * _ONE + np.linalg.inv(values["C"] * turned)
             return cls(kind, values, nothing, np.linalg.inv(impedance))

@@ -124,11 +124,6 @@ class DeviceInGrid:
     op: str
     model: LinearModel
 
-    @property
-    def omega_0(self) -> float:
-        """Nominal angular frequency, rad/s."""
-        return 2 * np.pi * self.model.f0_hz
-
     @cached_property
     def parametric(self) -> ParametricModel:
         """Its response with exact delays, and how that depends on the parameters."""
@@ -189,12 +184,12 @@ class DeviceInGrid:
     def locus(self, scr: np.ndarray, xr: float) -> tuple[np.ndarray, np.ndarray]:
         """The ratios (L,) and the closed-loop poles (L, m), rad/s."""
         return scr, np.array(
-            [np.linalg.eigvals(self._joined(of_ratio(float(one), xr, self.omega_0))[0]) for one in scr]
+            [np.linalg.eigvals(self._joined(of_ratio(float(one), xr, self.model.omega_0))[0]) for one in scr]
         )
 
     def critical(self, low: float, high: float, xr: float) -> tuple[CriticalRatio, ...]:
         """Every ratio between `low` and `high` at which the poles cross, with the Nyquist answer beside each."""
-        on = partial(of_ratio, xr=xr, omega_0=self.omega_0)
+        on = partial(of_ratio, xr=xr, omega_0=self.model.omega_0)
         sizes = np.abs(self.poles)
         slowest = float(sizes[sizes > ROUNDING].min(initial=1.0))
         limit = max(ROUNDING, min(STABLE_BELOW, SLOW * slowest))  # a slow pole crosses slowly

@@ -23,7 +23,7 @@ from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.noise import noise_of
 from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.playback.compare import model_of_record
 
 #: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows sets the scale of w.
@@ -190,8 +190,7 @@ class SweepFits(FreedFits):
 
     def _of(self, record: Record, sweep: Sweep) -> Problem | CollectorModel:
         """What answers at the points of the sweep; the names, the coordinates and what the record knows."""
-        settings = {**record.settings, "power_node": sweep.power_node}
-        model = ParametricModel(replace(record, settings=settings), _any_point(record))
+        model = _parametric(record, power_node=sweep.power_node)
         self.names, self.x0, self.coordinates = model.names, model.x, model.coordinates
         self.root = _known(record)[1]
         return model.problem(sweep.points)
@@ -237,10 +236,7 @@ class PlantFits(SweepFits):
 
 def plant_model(record: Record, collector: Collector, points: Sequence[PointSweep]) -> CollectorModel:
     """The plant of a record's devices at points of its PCC, where p, q and v are."""
-    settings = {**record.settings, "power_node": "pcc"}
-    return CollectorModel(
-        record, ParametricModel(replace(record, settings=settings), _any_point(record)), collector, points
-    )
+    return CollectorModel(record, _parametric(record, power_node="pcc"), collector, points)
 
 
 def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
@@ -305,7 +301,7 @@ def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = 
 
 def _known(record: Record) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the record's parameters and one standard deviation each, (P, R)."""
-    sure = uncertainty(record, ParametricModel(record, _any_point(record)))
+    sure = uncertainty(record, _parametric(record))
     if sure is None:
         raise IbridError("the record holds no covariance; fit again with --parameters shared")
     return sure.names, sure.directions
@@ -317,8 +313,9 @@ def _flat(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.real(rows), np.imag(rows)])
 
 
-def _any_point(record: Record) -> OperatingPoint:
+def _parametric(record: Record, **settings: str) -> ParametricModel:
+    """The record's model at any of its points, with some settings changed."""
     name = next(iter(record.parameters), None)
     if name is None:
         raise IbridError("the record has no fitted values; make it with ibrid evaluate")
-    return record.point(name)
+    return ParametricModel(replace(record, settings={**record.settings, **settings}), record.point(name))

@@ -135,13 +135,11 @@ def _gain_margin(loci: np.ndarray) -> float | None:
     """Smallest factor above 1 that brings a crossing of the negative real axis to -1."""
     factors = []
     for locus in loci.T:
-        imaginary, reals = np.imag(locus), np.real(locus)
-        crossing = np.flatnonzero(imaginary[1:] * imaginary[:-1] < 0)
-        part = imaginary[crossing] / (imaginary[crossing] - imaginary[crossing + 1])
-        real = reals[crossing] + part * (reals[crossing + 1] - reals[crossing])
-        real = np.append(real, reals[0])  # at zero frequency both loci end on the real axis, or are a pair
-        if abs(imaginary[0]) > 1e-3 * abs(locus[0]):
-            real = real[:-1]
+        real = _where_zero(np.imag(locus), np.real(locus))
+        if abs(locus[0].imag) <= 1e-3 * abs(
+            locus[0]
+        ):  # at zero frequency both loci end on the real axis, or are a pair
+            real = np.append(real, locus[0].real)
         factors += [-1.0 / one for one in real if -1.0 < one < 0.0]
     return min(factors) if factors else None
 
@@ -150,9 +148,12 @@ def _phase_margin(loci: np.ndarray) -> float | None:
     """Smallest angle (degrees) from -1 where a locus crosses the unit circle."""
     angles = []
     for locus in loci.T:
-        outside = np.abs(locus) - 1.0
-        crossing = np.flatnonzero(outside[1:] * outside[:-1] < 0)
-        part = outside[crossing] / (outside[crossing] - outside[crossing + 1])
-        at = locus[crossing] + part * (locus[crossing + 1] - locus[crossing])
-        angles += list(np.degrees(np.abs(np.angle(-at))))
+        angles += list(np.degrees(np.abs(np.angle(-_where_zero(np.abs(locus) - 1.0, locus)))))
     return float(min(angles)) if angles else None
+
+
+def _where_zero(size: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The values, straight between neighbours, at which a size changes its sign."""
+    k = np.flatnonzero(size[1:] * size[:-1] < 0)
+    part = size[k] / (size[k] - size[k + 1])
+    return values[k] + part * (values[k + 1] - values[k])

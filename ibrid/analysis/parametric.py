@@ -53,7 +53,7 @@ class ParametricModel:
         values, or at x (P,)."""
         model, omega = self._model, 2 * np.pi * np.asarray(frequency, dtype=float)
         theta = self._theta if x is None else self.coordinates.to_theta(x)
-        values = np.array(model.values_only(theta, [self.op.p, self.op.q, self.op.v])).ravel()
+        values = np.array(model.values_only(theta, self.op.pqv)).ravel()
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
     def slopes(self, frequency: np.ndarray) -> np.ndarray:
@@ -75,13 +75,10 @@ class ParametricModel:
         for direction in (self.coordinates.slope(self._theta)[:, None] * directions).T:
             relative = np.abs(direction) / np.maximum(np.abs(self._theta), np.finfo(float).tiny)
             step = STEP / max(float(relative.max(initial=0.0)), 1e-300)
-            ends = [of(self._matrices_at(self._theta + sign * step * direction)) for sign in (1.0, -1.0)]
-            slopes.append((ends[0] - ends[1]) / (2 * step))
+            ends = [self._matrices(self._theta + sign * step * direction, self.op.pqv) for sign in (1.0, -1.0)]
+            above, below = (of((np.array(a), np.array(b), np.array(c), np.array(d))) for a, b, c, d in ends)
+            slopes.append((above - below) / (2 * step))
         return slopes
-
-    def _matrices_at(self, theta: np.ndarray) -> Matrices:
-        a, b, c, d = self._matrices(theta, [self.op.p, self.op.q, self.op.v])
-        return np.array(a), np.array(b), np.array(c), np.array(d)
 
     @cached_property
     def _theta(self) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.analysis.grid import J
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -86,7 +87,6 @@ def jacobian_of(admittance: np.ndarray, model: LinearModel) -> np.ndarray:
         raise IbridError(
             "the current at rest does not follow from this plant in closed form; the Jacobian needs it, declare branches"
         )
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    of_voltage, of_current = np.array([i, turn @ i]), np.array([v, v @ turn])
-    directions = np.stack([turn @ v, v], axis=1)
+    of_voltage, of_current = np.array([i, J @ i]), np.array([v, v @ J])
+    directions = np.stack([J @ v, v], axis=1)
     return (of_voltage + of_current @ admittance) @ directions

@@ -163,7 +163,7 @@ def _at_point(
     if grid is not None:
         cases.append(device.on(grid))
     else:
-        cases += [device.on(of_ratio(float(one), xr, device.omega_0)) for one in scr]
+        cases += [device.on(of_ratio(float(one), xr, device.model.omega_0)) for one in scr]
         if len(scr) > 1:
             critical = device.critical(float(scr[0]), float(scr[-1]), xr)
             locus = device.locus(np.geomspace(scr[0], scr[-1], LOCUS_POINTS), xr)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel
-from ibrid.analysis.modes import STABLE_BELOW
+from ibrid.analysis.modes import STABLE_BELOW, rightmost
 from ibrid.evaluation.record import Record
 from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint
@@ -55,11 +55,11 @@ def bad_fit(record: Record) -> Iterator[str]:
 
 def unstable(model: LinearModel) -> Iterator[str]:
     """A sentence when the model has an unstable pole on an ideal grid."""
-    worst = max(np.linalg.eigvals(model.A), key=lambda pole: pole.real, default=None)
-    if worst is not None and worst.real >= STABLE_BELOW:
+    worst = rightmost(model.A)
+    if worst.real >= STABLE_BELOW:
         yield (
             f"the model is unstable at {model.op} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
-            f"{hertz(abs(worst.imag) / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a "
+            f"{hertz(worst.imag / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a "
             "stiff grid would show; ibrid stability tells which grids make it stable"
         )
 

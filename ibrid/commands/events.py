@@ -1,13 +1,12 @@
 """`ibrid record PLANT` and `ibrid playback MODEL EVENTS`: faults and steps of our own inverters, and models beside records."""
 
-import shlex
 from argparse import Namespace
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.outputs import command_line, complain, require_distinct
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_json, write_whole
 
@@ -40,7 +39,9 @@ def run_record(arguments: Namespace) -> int:
         seed=arguments.seed,
     )
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
-    header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
+    options = ("op", "event", "set", "rate", "angle", "seed", "length", "noise_db")
+    line = command_line(arguments, "record", arguments.plant, options=options)
+    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_events(events, arguments.out, header=header)
     print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
     return 0
@@ -88,14 +89,3 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
     diagram = inputs.program(text)
     require_legal(diagram, known, equilibrium="exact")
     return model_of_program(diagram.behind(port), {} if values is None else read_values(values), known)
-
-
-def _command(arguments: Namespace) -> str:
-    """The command line that makes the same numbers again."""
-    words = ["ibrid", "record", arguments.plant]
-    for option, values in (("--op", arguments.op), ("--event", arguments.event), ("--set", arguments.set)):
-        words += [word for value in values or () for word in (option, value)]
-    words += ["--rate", f"{arguments.rate:g}", "--angle", f"{arguments.angle:g}", "--seed", str(arguments.seed)]
-    for option, value in (("--length", arguments.length), ("--noise-db", arguments.noise_db)):
-        words += [] if value is None else [option, f"{value:g}"]
-    return shlex.join(words)

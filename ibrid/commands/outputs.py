@@ -1,8 +1,10 @@
 """Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
 
 import os
+import shlex
 import sys
-from collections.abc import Mapping
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,16 @@ def give_json(content: Any, where: str | None) -> bool:
         return True
     write_whole(where, text)
     return False
+
+
+def command_line(arguments: Namespace, *words: str, options: Sequence[str]) -> str:
+    """The command line that makes the same numbers again; an option is there for each of its values."""
+    line = ["ibrid", *words]
+    for option in options:
+        given = getattr(arguments, option)
+        for value in given if isinstance(given, list) else [] if given is None else [given]:
+            line += [f"--{option.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+    return shlex.join(line)
 
 
 def complain(sentence: str) -> None:

@@ -40,25 +40,23 @@ def with_own_kinds(vocabulary: "Vocabulary", files: Sequence[str]) -> "Vocabular
 
 def _kinds_in(file: str) -> "tuple[ModuleKind, ...]":
     from ibrid.modules.kind import ModuleKind
+    from ibrid.modules.vocabulary import VOCABULARY
 
     module = _executed(Path(file))
     kinds: list[ModuleKind] = []
     for value in vars(module).values():
         for kind in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(kind, ModuleKind) and kind not in kinds and _made_in(kind, module):
+            if not isinstance(kind, ModuleKind) or kind in kinds:
+                continue
+            if (
+                kind not in VOCABULARY or kind.state_space.__module__ == module.__name__
+            ):  # one that ships may be imported
                 kinds.append(kind)
     if not kinds:
         raise IbridError(
             f"--kinds {file}: no ModuleKind is made in it; assign one to a name, as in the page on own modules"
         )
     return tuple(kinds)
-
-
-def _made_in(kind: "ModuleKind", module: "ModuleType") -> bool:
-    """False for a kind that ships, such as one that the file imports."""
-    from ibrid.modules.vocabulary import VOCABULARY
-
-    return kind not in VOCABULARY or kind.state_space.__module__ == module.__name__
 
 
 def _executed(path: Path) -> "ModuleType":

@@ -1,13 +1,12 @@
 """`ibrid predict RECORD`, `ibrid nfp RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
 
-import shlex
 from argparse import Namespace
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import command_line, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
@@ -38,7 +37,7 @@ def run_predict(arguments: Namespace) -> int:
     record = inputs.record(arguments.record, arguments.kinds)
     predictions = [predict(record, op, frequency) for op in arguments.op]
     sweep = predicted_sweep(record, predictions)
-    made = f"predicted, not measured: {_command(arguments)}"
+    made = f"predicted, not measured: {_command(arguments, 'op', 'freq')}"
     bands = "sigma: one standard deviation of the prediction, from the covariance of the parameters"
     write_sweep(sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,))
     content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in predictions]}
@@ -78,7 +77,8 @@ def _predict_plant(arguments: Namespace) -> int:
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
     network = read_collector(arguments.port, KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"])))
     plant = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
-    write_sweep(plant.sweep, arguments.out, header=(f"a plant, predicted, not measured: {_command(arguments)}",))
+    made = f"a plant, predicted, not measured: {_command(arguments, 'op', 'port', 'freq')}"
+    write_sweep(plant.sweep, arguments.out, header=(made,))
     if arguments.equivalent is not None:
         write_whole(arguments.equivalent, equivalent_file(plant.equivalent))
     if not give_json(plant.plain(), arguments.json):
@@ -95,8 +95,8 @@ def _predict_events(arguments: Namespace) -> int:
     require_distinct({"--out": arguments.out}, {"--events": arguments.events})
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
     playback = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
-    line = shlex.join(["ibrid", "predict", arguments.record, "--events", arguments.events])
-    write_events(answered(events, playback), arguments.out, header=(f"the current is predicted, not measured: {line}",))
+    made = f"the current is predicted, not measured: {_command(arguments, 'events')}"
+    write_events(answered(events, playback), arguments.out, header=(made,))
     if not give_json(playback.plain(), arguments.json):
         print(playback_text(playback))
     return 0
@@ -154,8 +154,5 @@ def _require_places(arguments: Namespace, outputs: dict[str, str | None]) -> Non
     require_distinct({**outputs, "--json": arguments.json}, {"RECORD": arguments.record, "--grid": grid})
 
 
-def _command(arguments: Namespace) -> str:
-    """The command line that makes the same numbers again."""
-    words = ["ibrid", "predict", arguments.record, *(word for op in arguments.op for word in ("--op", op))]
-    port = [] if arguments.port is None else ["--port", arguments.port]
-    return shlex.join([*words, *port, "--freq", arguments.freq])
+def _command(arguments: Namespace, *options: str) -> str:
+    return command_line(arguments, "predict", arguments.record, options=options)

@@ -1,10 +1,9 @@
 """`ibrid sweep PLANT` and `ibrid inspect DATA|EVENTS`: measured data, made and looked at."""
 
-import shlex
 from argparse import Namespace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import command_line, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
@@ -30,7 +29,9 @@ def run_sweep(arguments: Namespace) -> int:
         seed=arguments.seed,
     )
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
-    header = (f"made by: {_command(arguments)}", f"inverter: {plant.source}", f"true parameters: {values}")
+    noise = () if arguments.noise_db is None else ("noise_db", "repeats", "seed")
+    line = command_line(arguments, "sweep", arguments.plant, options=("op", "freq", "method", *noise, "set"))
+    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_sweep(measured, arguments.out, header=header)
     print(f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at {'; '.join(measured.names)}")
     return 0
@@ -54,15 +55,3 @@ def run_inspect(arguments: Namespace) -> int:
     if not give_json(inspection.to_json(), arguments.json):
         print(text, end="")
     return 0
-
-
-def _command(arguments: Namespace) -> str:
-    """The command line that makes the same numbers again."""
-    words = ["ibrid", "sweep", arguments.plant]
-    words += [word for op in arguments.op or () for word in ("--op", op)]
-    words += ["--freq", arguments.freq, "--method", arguments.method]
-    if arguments.noise_db is not None:
-        words += ["--noise-db", f"{arguments.noise_db:g}", "--repeats", str(arguments.repeats)]
-        words += ["--seed", str(arguments.seed)]
-    words += [word for setting in arguments.set for word in ("--set", setting)]
-    return shlex.join(words)

@@ -57,7 +57,6 @@ def run(arguments: Namespace) -> int:
 
 def vocabulary_table(kinds: "tuple[ModuleKind, ...]") -> str:
     """Kinds by family: ports, order, parameters with their boxes; extended kinds carry a +."""
-    lines: list[str] = []
     rows = [("kind", "inputs -> outputs", "order", "parameters [box]")]
     families: dict[str, list[int]] = {}
     for kind in kinds:
@@ -69,7 +68,7 @@ def vocabulary_table(kinds: "tuple[ModuleKind, ...]") -> str:
         ports = f"{_ports(kind.inputs)} -> {_ports(kind.outputs)}".strip()
         rows.append((kind.name + ("+" if kind.extended else ""), ports, str(kind.order), boxes or "-"))
     table = aligned(rows, "  ").splitlines()
-    lines.append(table[0])
+    lines = [table[0]]
     for family, members in families.items():
         lines += ["", family, *(table[member] for member in members)]
     lines += [

@@ -68,9 +68,7 @@ FORMATS: Mapping[str, Callable[..., bytes]] = MappingProxyType(
     }
 )
 #: Those that hold several operating points, and those in which a name is a word of the language.
-STACKED: Mapping[str, Callable[..., bytes]] = MappingProxyType(
-    {"control-json": control_json, "mat": mat_file, "npz": npz_file}
-)
+STACKED = ("control-json", "mat", "npz")
 NAMED = ("modelica", "fmu", "c", "andes", "cigre")
 #: Those of the nonlinear averaged model too, and those of it alone.
 NONLINEAR, ALWAYS_NONLINEAR = ("modelica", "fmu", "c", "cigre"), ("cigre",)
@@ -120,7 +118,7 @@ def export(
     require_place(path)
     if every:
         models = [replace(linear_model(record, one), **titled) for one in record.parameters]
-        write_whole(path, STACKED[format](*models))
+        write_whole(path, FORMATS[format](*models))
         return models[0]
     model = replace(linear_model(record, op), **titled)
     if nonlinear or format in ALWAYS_NONLINEAR:

@@ -2,17 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from ibrid.report.text import format_record
+from ibrid.lazy import imported_by_need
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # pages are not needed where only text is printed
     from ibrid.report.page import write_report
+    from ibrid.report.text import format_record
 
 __all__ = ["format_record", "write_report"]
 
-
-def __getattr__(name: str):
-    if name == "write_report":
-        from ibrid.report.page import write_report  # pages are not needed where only text is printed
-
-        return write_report
-    raise AttributeError(f"ibrid.report has no {name}")
+if not TYPE_CHECKING:
+    __getattr__ = imported_by_need(__name__)

@@ -1,6 +1,5 @@
 """How a proposer learnt in the course of a search: reward, what its answers came to, and how far it has moved."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,6 +38,4 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
 
 def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:
     """From numbers with gaps."""
-    return Course(
-        name, {key: np.array([math.nan if one is None else one for one in values]) for key, values in lines.items()}
-    )
+    return Course(name, {key: np.array(values, dtype=float) for key, values in lines.items()})  # None becomes nan

@@ -103,7 +103,7 @@ def stability_html(study: Stability) -> str:
 
 
 def _trajectory_svg(trajectory: Sequence[tuple[int, float | None, float | None]]) -> str:
-    found = np.array([[np.nan if value is None else value for value in one] for one in trajectory], dtype=float)
+    found = np.array(trajectory, dtype=float)  # None becomes nan
     shown = Trajectory(found[:, 0], found[:, 1], np.ones(len(found), dtype=bool), found[:, 2])
     label = f"NRMSE of {len(found)} candidates, and the best so far, over the evaluations."
     name = tag(repr(trajectory))

@@ -68,8 +68,7 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
         if ax is not None:
             pair = list(getattr(ax, "flat", ax))
             _nfp(pair, jacobian)
-            for one in pair:
-                on_white(one)
+            on_white(*pair)
             return ax
         figure = Figure(figsize=(11, 6), layout="constrained")
         parts: Any = figure.subplots(2, 2, sharex=True)
@@ -206,14 +205,14 @@ def on_axes(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
             f"{', '.join(ENTRIES)}; found {type(ax).__name__} and {entry!r}"
         )
     draw_bode(pair, entry, shown)
-    for one in pair:
-        on_white(one)
+    on_white(*pair)
     return ax
 
 
-def on_white(figure: Artist) -> None:
+def on_white(*drawn: Artist) -> None:
     """Give what was drawn with stand-ins the colours of a white page."""
-    for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection | Text)):
+    painted = (Line2D, Patch, Collection, Text)
+    for artist in [part for figure in drawn for part in figure.findobj(lambda one: isinstance(one, painted))]:
         for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):
             read, write = getattr(artist, f"get_{name}", None), getattr(artist, f"set_{name}", None)
             if read is not None and write is not None:
