@@ -260,7 +260,7 @@ def _chosen(known: Sequence[_Known], among: Among) -> np.ndarray:
     """The frequencies that tell most."""
     if len(known) == 1 or among.parameters:
         return _for_parameters(known[0], among)
-    return _for_structures(known, list(combinations(range(len(known)), 2)), among.count)
+    return _for_structures(known, among.count)
 
 
 def _told(
@@ -272,7 +272,6 @@ def _told(
     event: str = "",
 ) -> Experiment:
     """What is told by the chosen frequencies, or by the event."""
-    pairs = list(combinations(range(len(known)), 2))
     answer = known[0]
     flat = answer.slopes[chosen].reshape(-1, answer.slopes.shape[-1])
     after = np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)  # covariance, where it was one along each direction
@@ -280,7 +279,7 @@ def _told(
     left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
     gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
     information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
-    separates = tuple((known[i].name, known[j].name, _apart(known[i], known[j], chosen)) for i, j in pairs)
+    separates = tuple((one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2))
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
     asked = () if event else tuple(float(frequency[k]) for k in chosen)
     return Experiment(op, asked, gains, information, separates, event)
@@ -313,15 +312,15 @@ def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> 
     return covariance - follows @ np.linalg.solve(inside, follows.T)
 
 
-def _for_structures(known: Sequence[_Known], pairs: Sequence[tuple[int, int]], count: int) -> np.ndarray:
+def _for_structures(known: Sequence[_Known], count: int) -> np.ndarray:
     """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far, of those that all
     frequencies together tell apart.
 
     Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the parameters of both follow.
     """
-    every = np.arange(len(known[0].answer))
-    able = [(i, j) for i, j in pairs if _apart(known[i], known[j], every) >= DECISIVE]
-    follow = [_Following(known[i], known[j]) for i, j in able or pairs]
+    every, pairs = np.arange(len(known[0].answer)), list(combinations(known, 2))
+    able = [pair for pair in pairs if _apart(*pair, every) >= DECISIVE]
+    follow = [_Following(*pair) for pair in able or pairs]
     chosen: list[int] = []
     for _ in range(count):
         worth = min(follow, key=lambda one: one.told).worth()

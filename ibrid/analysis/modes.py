@@ -82,12 +82,10 @@ def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:
     return np.array([np.einsum("ki,kl,li->i", left.conj(), one, right) / sums for one in slopes]).reshape(-1, len(A))
 
 
-def least_damped(found: Sequence[Mode], highest: float = np.inf) -> list[Mode]:
-    """Modes that oscillate visibly, up to `highest` (Hz), the least damped first."""
-    inside = [
-        one for one in found if one.damping < OVERDAMPED and one.pole.imag > 0 and abs(one.pole) <= 2 * np.pi * highest
-    ]
-    return sorted(inside, key=lambda one: one.damping)
+def least_damped(modes: Sequence[Mode]) -> list[Mode]:
+    """Modes that oscillate visibly, the least damped first."""
+    oscillating = [one for one in modes if one.damping < OVERDAMPED and one.pole.imag > 0]
+    return sorted(oscillating, key=lambda one: one.damping)
 
 
 def rightmost(A: np.ndarray) -> complex:

@@ -163,7 +163,6 @@ def _invisible(record: Record, model: ParametricModel) -> np.ndarray:
     settings = record.settings
     low, high = (float(one) for one in settings["frequency_hz"])
     frequency = np.geomspace(low, high, FREQUENCIES) if high > low else np.array([low])
-    points = []
-    for name in settings.get("fitted_points", settings["operating_points"]):
-        points.append(PointSweep(record.point(name), frequency, record.response(name, frequency)))
+    names = settings.get("fitted_points", settings["operating_points"])
+    points = [PointSweep(record.point(name), frequency, record.response(name, frequency)) for name in names]
     return null_directions(model.problem(points), model.x)

@@ -60,15 +60,13 @@ class PlantPrediction:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Of devices that work where none is built to."""
-        words = []
-        for name, rests in self.devices.items():
-            for op, rest in rests.items():
-                if hypot(rest.p, rest.q) > LOADED or not VOLTAGE[0] < rest.v < VOLTAGE[1]:
-                    words.append(
-                        f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} of its voltage: "
-                        "see p, q, the ratings and the units of the elements"
-                    )
-        return tuple(words)
+        return tuple(
+            f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} of its voltage: see p, q, the "
+            "ratings and the units of the elements"
+            for name, rests in self.devices.items()
+            for op, rest in rests.items()
+            if hypot(rest.p, rest.q) > LOADED or not VOLTAGE[0] < rest.v < VOLTAGE[1]
+        )
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""

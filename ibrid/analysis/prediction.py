@@ -1,6 +1,6 @@
 """What a model says about an operating point that nobody measured: admittance, matrices and poles, with bands."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -190,14 +190,12 @@ def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarr
     return np.array(answers, dtype=complex).reshape(-1, *here.shape)
 
 
-def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> list[str]:
+def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> Iterator[str]:
     """Where a prediction depends on what the data cannot see."""
     size = np.linalg.norm(admittance, axis=(1, 2))
     reach = np.array([(np.linalg.norm(one, axis=(1, 2)) / size).max() for one in moved[sure.root.shape[1] :]])
-    names = sure.open_parameters(reach > MATTERS)
-    if not names:
-        return []
-    return [
-        f"the data do not see {', '.join(names)} well enough, and the prediction depends on "
-        f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the parameters"
-    ]
+    if names := sure.open_parameters(reach > MATTERS):
+        yield (
+            f"the data do not see {', '.join(names)} well enough, and the prediction depends on "
+            f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the parameters"
+        )

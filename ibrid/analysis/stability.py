@@ -3,7 +3,7 @@
 The operating point at the PCC (v, p, q) stays that of the record; the source behind the grid's impedance follows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -242,32 +242,30 @@ def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> st
     )
 
 
-def case_warnings(cases: Sequence[GridCase], highest: float) -> list[str]:
+def case_warnings(cases: Sequence[GridCase], highest: float) -> Iterator[str]:
     """Where the answers on grids are less sure than they look; `highest` measured frequency in Hz."""
-    warnings: list[str] = []
     first = [one.modes[0] for one in cases if one.modes]
     beyond = [one for one in first if not one.stable and one.frequency > highest]
     if beyond:
-        warnings.append(
+        yield (
             f"an unstable mode at {hertz(beyond[0].frequency)} lies above the highest measured frequency, {hertz(highest)}: "
             "the model is an extrapolation there"
         )
     differing = [one for one in cases if one.modes is not None and one.stable != one.nyquist.stable]
     if differing:
-        warnings.append(
+        yield (
             f"poles and Nyquist disagree on {len(differing)} of {len(cases)} grids: near a critical ratio, or because the poles "
             "take delays as Pade forms"
         )
     for case in cases:
         if isinstance(case.grid, MeasuredGrid):
-            warnings += case.grid.warnings
+            yield from case.grid.warnings
             low, high = case.grid.frequency[0], case.grid.frequency[-1]
-            warnings.append(
+            yield (
                 f"the grid is known at {len(case.grid.frequency)} frequencies from {span(low, high)}: a resonance between "
                 "two of them is not seen, and beyond them the grid is taken to go on as a series R and L"
             )
         if not case.nyquist.certain:
-            warnings.append(
+            yield (
                 "a Nyquist locus does not end on the real axis, so that its count is a guess: is a pole of the model at zero?"
             )
-    return warnings

@@ -71,7 +71,7 @@ def _predict_plant(arguments: Namespace) -> int:
     from ibrid.analysis.plant import predict_plant
     from ibrid.measurement.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.plant_text import equivalent_file, format_plant
+    from ibrid.report.prediction_text import equivalent_file, format_plant
 
     record = inputs.record(arguments.record, arguments.kinds)
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own

@@ -1,6 +1,6 @@
 """The first look at records of events: rest, windows, depth, noise, and what each record can and cannot tell."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -189,18 +189,17 @@ def _telling(
     return tuple(tells), tuple(cannot)
 
 
-def _flat(record: EventRecord, f0_hz: float, noise: float) -> list[str]:
+def _flat(record: EventRecord, f0_hz: float, noise: float) -> Iterator[str]:
     """Currents that stand still through the last half of the event at another size than at rest, or cease."""
     window = windows_of(record, f0_hz).get("during")
     if window is None:
-        return []
+        return
     inside = (record.time > sum(window) / 2) & (record.time <= window[1])
     size = np.hypot(*record.i[inside].T)
     resting = float(np.hypot(*record.i_rest))
     if size.size < 4:
-        return []
+        return
     if size.max() < 0.1 * resting + 3 * noise and resting > 0.2:
-        return [f"blocking: the current falls to {size.mean():.2g} while the voltage is away (momentary_cessation?)"]
-    if np.ptp(size) < FLAT * size.mean() + 6 * noise and size.mean() > 1.02 * resting + 3 * noise:
-        return [f"a limit that may act: the current stands at {size.mean():.4g} in the event (current_limit?)"]
-    return []
+        yield f"blocking: the current falls to {size.mean():.2g} while the voltage is away (momentary_cessation?)"
+    elif np.ptp(size) < FLAT * size.mean() + 6 * noise and size.mean() > 1.02 * resting + 3 * noise:
+        yield f"a limit that may act: the current stands at {size.mean():.4g} in the event (current_limit?)"

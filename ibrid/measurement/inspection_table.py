@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 from ibrid.measurement.event_inspection import EventsInspection, RecordInspection
 from ibrid.measurement.inspect import Inspection, PointInspection
@@ -17,7 +18,8 @@ def format_inspection(inspection: Inspection) -> str:
     lines = [f"sweep    {inspection.source or '(no file)'}", f"system   {_system(inspection)}"]
     points = inspection.points
     for start in range(0, len(points), _PER_BLOCK):
-        lines += ["", *_table(points[start : start + _PER_BLOCK], inspection.f0_hz)]
+        rows = _point_rows(points[start : start + _PER_BLOCK], inspection.f0_hz)
+        lines += ["", aligned([label, *cells] for label, cells in rows)]
     lines += ["", *paragraph("conventions: ", inspection.conventions.sentence)]
     return "\n".join([*lines, *_mind(inspection.warnings)]) + "\n"
 
@@ -46,35 +48,35 @@ def _system(inspection: Inspection) -> str:
     return ", ".join(words)
 
 
-def _table(points: tuple[PointInspection, ...], f0_hz: float) -> list[str]:
-    rows = [("", [point.op.name for point in points])]
-    rows.append(("p, q, v", [f"{point.op.p:g}, {point.op.q:g}, {point.op.v:g}" for point in points]))
-    rows.append(("points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]))
-    rows.append(("range", [band(point.lowest, point.highest) for point in points]))
-    rows.append(("repeats", ["one run" if point.repeats == 1 else f"{point.repeats} runs" for point in points]))
+def _point_rows(points: tuple[PointInspection, ...], f0_hz: float) -> Iterator[tuple[str, list[str]]]:
+    """A label, and a cell for each operating point."""
+    yield "", [point.op.name for point in points]
+    yield "p, q, v", [f"{point.op.p:g}, {point.op.q:g}, {point.op.v:g}" for point in points]
+    yield "points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]
+    yield "range", [band(point.lowest, point.highest) for point in points]
+    yield "repeats", ["one run" if point.repeats == 1 else f"{point.repeats} runs" for point in points]
     if any(len(point.amplitudes) > 1 for point in points):
         sizes = [", ".join(f"{one:g}" for one in point.amplitudes) for point in points]
-        rows.append(("amplitudes (shown: the smallest)", sizes))
-    rows.append(("noise, rms of the matrix", [_noise(point) for point in points]))
+        yield "amplitudes (shown: the smallest)", sizes
+    yield "noise, rms of the matrix", [_noise(point) for point in points]
     if any(point.noise is not None for point in points):
-        rows.append(("  known from", [point.noise_source for point in points]))
-        rows.append(("  worst", [_worst(point) for point in points]))
+        yield "  known from", [point.noise_source for point in points]
+        yield "  worst", [_worst(point) for point in points]
     conditions = [f"at most {point.condition:.3g}, {hertz(point.condition_at)}" for point in points]
     least = [f"{point.smallest_eigenvalue:+.3g}, {hertz(point.smallest_eigenvalue_at)}" for point in points]
-    rows.append(("condition number of Y", conditions))
-    rows.append(("passivity, least eigenvalue of -Y", least))
-    rows += _band_rows(points)
-    rows.append(("points in the usual range of", ["" for _ in points]))
+    yield "condition number of Y", conditions
+    yield "passivity, least eigenvalue of -Y", least
+    yield from _band_rows(points)
+    yield "points in the usual range of", ["" for _ in points]
     for k, loop in enumerate(points[0].loops):
-        rows.append((f"  {loop.loop}, {_loop_range(loop.low, loop.high)}", [_loop(point, k) for point in points]))
+        yield f"  {loop.loop}, {_loop_range(loop.low, loop.high)}", [_loop(point, k) for point in points]
     peaks = [[f"{hertz(one.frequency)} ({one.points})" for one in point.resonances[:3]] for point in points]
-    rows.append(("peaks (points across)", [", ".join(some) or "none" for some in peaks]))
-    rows += _sequence_rows(points, f0_hz)
+    yield "peaks (points across)", [", ".join(some) or "none" for some in peaks]
+    yield from _sequence_rows(points, f0_hz)
     if any(point.above_half_sampling is not None for point in points):
-        rows.append(("above half the sampling rate", [f"{point.above_half_sampling}" for point in points]))
+        yield "above half the sampling rate", [f"{point.above_half_sampling}" for point in points]
     if any(point.lines for point in points):
-        rows.append(("on multiples of f0", [f"{len(point.lines)}" for point in points]))
-    return aligned([label, *cells] for label, cells in rows).splitlines()
+        yield "on multiples of f0", [f"{len(point.lines)}" for point in points]
 
 
 def _noise(point: PointInspection) -> str:
@@ -89,15 +91,12 @@ def _worst(point: PointInspection) -> str:
     return f"{percent(point.noise_worst)}, {hertz(point.noise_worst_at)}"
 
 
-def _band_rows(points: tuple[PointInspection, ...]) -> list[tuple[str, list[str]]]:
+def _band_rows(points: tuple[PointInspection, ...]) -> Iterator[tuple[str, list[str]]]:
     """Bands in which the inverter is active, one below the other; at most five."""
     bands = [[band(*edges) for edges in point.active_bands] or ["nowhere"] for point in points]
     shown = [texts if len(texts) <= 5 else [*texts[:4], f"and {len(texts) - 4} more"] for texts in bands]
-    rows = []
-    for k in range(max(map(len, shown))):
-        label = "  negative: inverter active at" if k == 0 else ""
-        rows.append((label, [texts[k] if k < len(texts) else "" for texts in shown]))
-    return rows
+    for k, cells in enumerate(zip_longest(*shown, fillvalue="")):
+        yield "" if k else "  negative: inverter active at", list(cells)
 
 
 def _loop_range(low: float, high: float) -> str:
@@ -111,16 +110,14 @@ def _loop(point: PointInspection, k: int) -> str:
     return f"{loop.points or 'none'}{' (few)' if loop.verdict == 'few' else ''}"
 
 
-def _sequence_rows(points: tuple[PointInspection, ...], f0_hz: float) -> list[tuple[str, list[str]]]:
+def _sequence_rows(points: tuple[PointInspection, ...], f0_hz: float) -> Iterator[tuple[str, list[str]]]:
     """What each sequence sees: the impedance at multiples of f0 in dq over that beside it, and the resistance."""
-    rows = []
     for n in sorted({n for point in points for n in point.rises}):
         cells = [", ".join(f"{one:.2g}" for one in point.rises[n]) if n in point.rises else "-" for point in points]
-        rows.append((f"|Z| at {n * f0_hz:g} Hz over beside it, + and - sequence", cells))
+        yield f"|Z| at {n * f0_hz:g} Hz over beside it, + and - sequence", cells
     if any(point.resistance for point in points):
         cells = ["-" if point.resistance is None else "{:.3g}, {:.3g}".format(*point.resistance) for point in points]
-        rows.append(("resistance along and across the current", cells))
-    return rows
+        yield "resistance along and across the current", cells
 
 
 def paragraph(start: str, text: str) -> list[str]:

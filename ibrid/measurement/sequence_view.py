@@ -7,6 +7,7 @@ sequence sees. A resonator on both axes at n f0 is a peak for both sequences. De
 rest and D a^2/r^3 along it, r^2 = |i|^2 + a^2; beside feedforward and loops it is seldom seen without a fit.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,25 +69,23 @@ def _peaks(frequency: np.ndarray, impedance: np.ndarray, f0: float) -> dict[int,
     return peaks
 
 
-def _of_peaks(peaks: dict[str, dict[int, tuple[float, float]]], f0: float) -> list[str]:
-    sentences = []
+def _of_peaks(peaks: dict[str, dict[int, tuple[float, float]]], f0: float) -> Iterator[str]:
     for multiple in TUNED:
         rises = [found[multiple] for found in peaks.values() if multiple in found]
         if not rises:
             continue
         positive, negative = (min(one[axis] for one in rises) for axis in (0, 1))
         if negative > PEAK and positive > PEAK:
-            sentences.append(
+            yield (
                 f"both sequences see an impedance that peaks at {multiple} f0 in dq ({multiple * f0:g} Hz): resonant control "
                 "is tuned to it; try the effect resonant_control."
             )
         elif negative - max(positive, 0.0) > PEAK and multiple == TUNED[0]:
-            sentences.append(
+            yield (
                 f"the negative sequence sees an impedance that peaks at f0 ({np.exp(negative):.1f} times as large as beside "
                 f"it, at {2 * f0:g} Hz in dq): the voltage feedforward passes a SOGI band-pass, or the negative sequence is "
                 "under resonant control; try the effects feedforward_band_pass and resonant_control."
             )
-    return sentences
 
 
 def _resistance(point: PointSweep) -> tuple[str, float, float, float] | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ibrid.errors import IbridError
 
@@ -162,14 +163,5 @@ def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.
 
 def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A and b of the columns of `_basis` as real states, sum c/(s - p) = c (s - A)^-1 b."""
-    order = len(poles) + int(np.count_nonzero(np.imag(poles)))
-    matrix, column, place = np.zeros((order, order)), np.zeros(order), 0
-    for pole in poles:
-        if not pole.imag:
-            matrix[place, place], column[place] = pole.real, 1.0
-            place += 1
-            continue
-        matrix[place : place + 2, place : place + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
-        column[place] = 2.0
-        place += 2
-    return matrix, column
+    blocks = [[[one.real, one.imag], [-one.imag, one.real]] if one.imag else [[one.real]] for one in poles]
+    return np.asarray(block_diag(*blocks)), np.concatenate([[2.0, 0.0] if one.imag else [1.0] for one in poles])

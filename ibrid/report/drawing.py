@@ -1,5 +1,7 @@
 """Where everything of a block diagram lies on the page: boxes, the straight pieces of every net, branching points."""
 
+from collections.abc import Iterator
+
 from ibrid.report.block_graph import BlockGraph, Pin
 from ibrid.report.layering import Placement, place
 from ibrid.report.routing import TRACK, Crossbar, Routes, route
@@ -100,9 +102,8 @@ class Layout:
         pieces += [((begin, y + lift), (x, y + lift)) for y in bar.left]
         return pieces + [((x, y + lift), (stop, y + lift)) for y in bar.right]
 
-    def branches(self, net: int) -> list[Point]:
+    def branches(self, net: int) -> Iterator[Point]:
         """Points at which a net branches."""
-        junctions = []
         for channel, bars in enumerate(self.routes.channels):
             for bar in bars:
                 if bar.net != net or bar.straight:
@@ -110,8 +111,7 @@ class Layout:
                 for y in bar.left | bar.right:
                     ways = (y in bar.left) + (y in bar.right) + (y > bar.low) + (y < bar.high)
                     if ways > 2:
-                        junctions.append((self._track(channel, bar.track), y + self.rise))
-        return junctions
+                        yield self._track(channel, bar.track), y + self.rise
 
 
 def arrange(graph: BlockGraph) -> Layout:

@@ -48,13 +48,13 @@ def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS)
     plain_decades(plane.xaxis)
 
 
-def room_for_names(fits: Sequence[PortFit], most: int = PORTS) -> float:
+def room_for_names(fits: Sequence[PortFit]) -> float:
     """Inches left of the axes that the names of the ports take."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
     font = FontProperties(size=LETTER_SIZE)
-    lines = [line for one in fits[:most] for line in _name(one).splitlines()]
+    lines = [line for one in fits[:PORTS] for line in _name(one).splitlines()]
     widths = [text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines]
     return float(max(widths, default=0.0) + APART) / 72.0
 

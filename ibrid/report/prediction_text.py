@@ -1,6 +1,7 @@
-"""What `ibrid predict` prints: stability, modes and bands of each predicted operating point, at most 110 columns wide."""
+"""What `ibrid predict` and `ibrid nfp` print: operating points, a plant, the power Jacobian; at most 110 columns wide."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.quantities import hertz
 from ibrid.report.numbers import number, percent
 from ibrid.report.text import listed, table
+
+if TYPE_CHECKING:  # a plant takes fits with it, which few predictions need
+    from ibrid.analysis.plant import Equivalent, PlantPrediction
 
 #: Modes that are listed for each operating point.
 LISTED = 5
@@ -100,3 +104,24 @@ def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
 def _polar(value: complex) -> str:
     size = 20 * np.log10(abs(value)) if value else -np.inf
     return f"{size:.1f} {np.degrees(np.angle(value)):.0f}"
+
+
+def format_plant(prediction: "PlantPrediction") -> str:
+    """Where each device works, and how far one device in place of all would be."""
+    rows = [
+        [name, op, *(number(one, 3) for one in (rest.p, rest.q, rest.v))]
+        for name, rests in prediction.devices.items()
+        for op, rest in rests.items()
+    ]
+    head = ["device", "at the plant's", "own p", "own q", "own v"]
+    warned = ["", *listed("warnings", prediction.warnings)] if prediction.warnings else []
+    return "\n".join([*table(head, rows, right=(2, 3, 4)), *warned, "", prediction.equivalent.sentence])
+
+
+def equivalent_file(found: "Equivalent") -> str:
+    """TOML, per unit of the plant, as --port takes it."""
+    lines = [f"# {found.sentence}", 'power_node = "outside"']
+    for element in found.elements:
+        numbers = [f"{name} = {value:.9g}" for name, value in element.values.items()]
+        lines += ["", "[[element]]", f'kind = "{element.kind}"', *numbers, 'unit = "pu"']
+    return "\n".join(lines) + "\n"

@@ -2,7 +2,7 @@
 pieces that pass a column use a height that is free of boxes and of other nets. So nets cross, but never share a line.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 
@@ -112,17 +112,15 @@ def _direct(placement: Placement, net: Net, index: int, pins: dict[Pin, float]) 
     return {column + 1: bar}
 
 
-def _trunks(placement: Placement, net: Net, index: int) -> list[tuple[int, range, list[Pin]]]:
+def _trunks(placement: Placement, net: Net, index: int) -> Iterator[tuple[int, range, list[Pin]]]:
     """Columns that a net must pass, forwards and backwards, with the targets that each piece serves."""
     start = placement.column[net.source[0]]
     ahead = [pin for pin in net.targets if placement.column[pin[0]] > start + 1]
     back = [pin for pin in net.targets if placement.column[pin[0]] <= start]
-    trunks = []
     if ahead:
-        trunks.append((index, range(start + 1, max(placement.column[pin[0]] for pin in ahead)), ahead))
+        yield index, range(start + 1, max(placement.column[pin[0]] for pin in ahead)), ahead
     if back:
-        trunks.append((index, range(min(placement.column[pin[0]] for pin in back), start + 1), back))
-    return trunks
+        yield index, range(min(placement.column[pin[0]] for pin in back), start + 1), back
 
 
 def _free_height(
