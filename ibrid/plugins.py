@@ -12,7 +12,7 @@ The command line takes them by itself; in Python they are arguments, as one's ow
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -91,7 +91,10 @@ def _joined(
     joined = list(shipped)
     for entry in _entries(group):
         try:
-            values = list(_declared(entry.load(), wanted))
+            loaded = entry.load()
+            values = list(loaded) if isinstance(loaded, Iterable) else [loaded]
+            if strange := [type(value).__name__ for value in values if not isinstance(value, wanted)]:
+                raise TypeError(f"must be {wanted.__name__} or a tuple of them, found {strange[0]}")
         except Exception as error:  # other people's code: anything may go wrong in it
             tell(_complaint(entry, f"{type(error).__name__}: {error}"))
             continue
@@ -102,13 +105,6 @@ def _joined(
             owners[name] = _origin(entry)
             joined.append(value)
     return tuple(joined)
-
-
-def _declared(loaded: object, wanted: type[Declared]) -> Iterator[Declared]:
-    for value in loaded if isinstance(loaded, Iterable) else (loaded,):
-        if not isinstance(value, wanted):
-            raise TypeError(f"must be {wanted.__name__} or a tuple of them, found {type(value).__name__}")
-        yield value
 
 
 def _complaint(entry: EntryPoint, reason: str) -> str:

@@ -132,11 +132,6 @@ class Flow:
         return np.asarray(whole), laws
 
 
-def turning(angle: float) -> np.ndarray:
-    """R(a), which takes a vector from a frame that is ahead by a."""
-    return np.cos(angle) * _ONE + np.sin(angle) * J
-
-
 def _rests(
     branch: Collector, v: complex, i: complex, elements: Mapping[tuple[str, int], "_Element"]
 ) -> Iterator[WorkingPoint]:

@@ -10,11 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from ibrid.analysis.collector import Collector, Flow, WorkingPoint, turning
+from ibrid.analysis.collector import Collector, Flow, WorkingPoint
 from ibrid.analysis.parametric import ParametricModel
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Problem
+from ibrid.measurement.conversions import propagate
+from ibrid.measurement.labels import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 
 #: Step of a logarithm in a difference, and standard deviations of a number's tolerance to the ends of its box.
@@ -88,7 +90,7 @@ class CollectorModel:
             for device, rest, (left, right), slopes in zip(
                 self.collector.devices, flow.rests, flow.seen(self._turned(x, m))[1], own, strict=True
             ):
-                turn = turning(rest.angle)
+                turn = rotation(rest.angle).T
                 left, right = device.rating * left @ turn, turn.T @ right
                 parts.append(np.moveaxis(left[:, None] @ np.moveaxis(slopes[m], -1, 1) @ right[:, None], 1, -1))
             jacobians.append(np.concatenate([sum(parts), *parts], axis=-1))
@@ -104,11 +106,9 @@ class CollectorModel:
         own point, admittance and, to first order, sigma, per unit of its rating."""
         flow, answers = self._placed(self._logs(self.x))[0][m], self._turned(self.x, m)
         rest, (left, right) = flow.rests[device], flow.seen(answers)[1][device]
-        turn, rating = turning(rest.angle), self.collector.devices[device].rating
-        sigma = None
-        if point.sigma is not None:
-            before, after = np.abs(turn.T @ np.linalg.inv(left)) ** 2, np.abs(np.linalg.inv(right) @ turn) ** 2
-            sigma = np.sqrt(before @ np.asarray(point.sigma) ** 2 @ after) / rating
+        turn, rating = rotation(rest.angle).T, self.collector.devices[device].rating
+        before, after = turn.T @ np.linalg.inv(left), np.linalg.inv(right) @ turn
+        sigma = None if point.sigma is None else propagate(before, point.sigma, after) / rating
         op = OperatingPoint(point.op.name, rest.p, rest.q, rest.v)
         needed = turn.T @ flow.needed(point.admittance, device, answers) @ turn / rating
         return PointSweep(op, point.frequency, needed, sigma=sigma)
@@ -121,7 +121,7 @@ class CollectorModel:
     def _turned(self, x: np.ndarray, m: int) -> list[np.ndarray]:
         """Of each device at a point, in the frame of the PCC and per unit of the plant."""
         flows, problems = self._placed(self._logs(x))
-        turns = [turning(rest.angle) for rest in flows[m].rests]
+        turns = [rotation(rest.angle).T for rest in flows[m].rests]
         whole = zip(self.collector.devices, turns, problems, self.coordinates.devices(x), strict=True)
         return [
             device.rating * turn @ problem.response(own, m, problem.points[m].omega) @ turn.T

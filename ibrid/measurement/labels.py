@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.measurement.angle_law import usual_mistakes
+from ibrid.measurement.conversions import propagate
 from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
@@ -123,9 +124,7 @@ class Convention:
         turn = rotation(-self.angle)
         response = turn @ point.admittance @ turn.T
         response = self.sign * mirror @ response @ mirror / self.factor
-        sigma = None
-        if point.sigma is not None:
-            sigma = np.sqrt((turn**2) @ np.asarray(point.sigma) ** 2 @ (turn**2).T) / self.factor
+        sigma = None if point.sigma is None else propagate(turn, point.sigma, turn.T) / self.factor
         op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
         return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
 

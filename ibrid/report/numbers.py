@@ -44,10 +44,15 @@ def percent(value: float) -> str:
 
 def seconds(value: float) -> str:
     """A duration with its unit."""
-    for scale, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "us")):
-        if abs(value) >= scale:
-            return f"{number(value / scale, 3)} {unit}"
-    return f"{number(value / 1e-9, 3)} ns"
+    return _prefixed(value, "s")
+
+
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+
+
+def _prefixed(value: float, unit: str) -> str:
+    scale, prefix = next((one for one in _PREFIXES if abs(value) >= one[0]), _PREFIXES[-1])
+    return f"{number(value / scale, 3)} {prefix}{unit}"
 
 
 def more_readable(value: float, unit: str) -> str:
@@ -63,7 +68,6 @@ def more_readable(value: float, unit: str) -> str:
 
 #: Word in a parameter's meaning -> its SI unit, and the powers of base impedance and nominal angular frequency in it.
 _SI = {"inductance": ("H", 1, -1), "resistance": ("ohm", 1, 0), "capacitance": ("F", -1, -1)}
-_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 
 def in_si(value: float, meaning: str, z_base: float, omega_0: float) -> str:
@@ -72,9 +76,7 @@ def in_si(value: float, meaning: str, z_base: float, omega_0: float) -> str:
     if found is None:
         return ""
     unit, impedance, frequency = found
-    size = value * z_base**impedance * omega_0**frequency
-    scale, prefix = next((one for one in _PREFIXES if abs(size) >= one[0]), _PREFIXES[-1])
-    return f"{number(size / scale, 3)} {prefix}{unit}"
+    return _prefixed(value * z_base**impedance * omega_0**frequency, unit)
 
 
 def interval(value: float, ends: Sequence[float] | None, box: Sequence[float] | None) -> str:
