@@ -5,6 +5,7 @@ import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +31,12 @@ def require_distinct(outputs: Mapping[str, str | Path | None], inputs: Mapping[s
         name: path for name, path in outputs.items() if path is not None and not (name == "--json" and path == TERMINAL)
     }
     read = {name: path for name, path in inputs.items() if path is not None and os.path.isfile(path)}
-    for name, path in written.items():
-        for other, taken in read.items():
-            if _same_file(path, taken):
-                raise IbridError(f"{name} {path}: would overwrite {other}, the same file; choose another place")
-    names = list(written)
-    for k, name in enumerate(names):
-        for other in names[:k]:
-            if _same_file(written[name], written[other]):
-                raise IbridError(f"{other} and {name} must be two files, found {written[name]} for both; rename one")
+    for (name, path), (other, taken) in product(written.items(), read.items()):
+        if _same_file(path, taken):
+            raise IbridError(f"{name} {path}: would overwrite {other}, the same file; choose another place")
+    for (other, taken), (name, path) in combinations(written.items(), 2):
+        if _same_file(path, taken):
+            raise IbridError(f"{other} and {name} must be two files, found {path} for both; rename one")
 
 
 def _same_file(path: str | Path, other: str | Path) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
 from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.sweep import PointSweep, Sweep
-from ibrid.measurement.tail import Tail, inductive_tail
+from ibrid.measurement.tail import inductive_tail
 
 Signs = tuple[int, int]
 """Factors of (p, q) in the low-frequency law that data follow; (1, 1) is the declared convention."""
@@ -58,7 +58,11 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
     matches = [_patterns_followed(point, noise[point.op.name]) for point in loaded]
     common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
-    direction = _common_direction([inductive_tail(point, sweep.f0_hz) for point in sweep.points])
+    tails = [inductive_tail(point, sweep.f0_hz) for point in sweep.points]
+    directions = {tail.direction if tail else 0 for tail in tails}
+    direction = (
+        directions.pop() if len(directions) == 1 else 0
+    )  # +1: every tail has the current out, -1: into the inverter
     warnings = []
     if common and DECLARED not in common:
         warnings.append(
@@ -109,12 +113,6 @@ def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, floa
     if followed and DECLARED not in followed and distance.get(DECLARED, np.inf) < _REFUTED:
         followed[DECLARED] = max(followed.values())
     return followed
-
-
-def _common_direction(tails: list[Tail | None]) -> int:
-    """+1: every tail has the current out of the inverter; -1: into it; 0: no verdict."""
-    directions = {0 if tail is None else tail.direction for tail in tails}
-    return directions.pop() if len(directions) == 1 else 0
 
 
 def _common_factor(factors: list[float]) -> float | None:

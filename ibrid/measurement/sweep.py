@@ -133,16 +133,13 @@ class PointSweep:
 
         chosen : (K,) bool, or ascending places.
         """
-        frequency = self.frequency[chosen]
-        larger = [(one, np.isin(one.frequency, frequency)) for one in self.larger]
+        names = ("frequency", "admittance", "sigma", "amplitude", "excitation")
+        own = {name: value[chosen] for name in names if (value := getattr(self, name)) is not None}
+        larger = [(one, np.isin(one.frequency, own["frequency"])) for one in self.larger]
         return replace(
             self,
-            frequency=frequency,
-            admittance=self.admittance[chosen],
-            sigma=None if self.sigma is None else self.sigma[chosen],
+            **own,
             repeats=None if self.repeats is None else self.repeats[:, chosen],
-            amplitude=None if self.amplitude is None else self.amplitude[chosen],
-            excitation=None if self.excitation is None else self.excitation[chosen],
             larger=tuple(one.at(kept) for one, kept in larger if kept.any()),
         )
 
