@@ -29,7 +29,7 @@ def plain_cfg(text: str, data: bytes) -> tuple[str, int]:
         lines.next()
     frequency = lines.number_of_line(0.0)
     rates = _rates(lines)
-    fraction = max((_fraction(lines) for _ in range(2)), default=0)
+    fraction = max(_fraction(lines) for _ in range(2))
     kind = lines.next().strip().upper() or "ASCII"
     multiplier = lines.number_of_line(1.0)
     if kind == "ASCII":

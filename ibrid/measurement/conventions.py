@@ -52,7 +52,7 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     fall like an inductance, Y = -1 / (j omega L) shows the direction of the current. Where that finds nothing, the law of
     `ibrid.measurement.angle_law` is asked, which holds for any control.
 
-    noise : result of noise_estimate.estimate, if already known.
+    noise : result of noise.estimate, if already known.
     """
     noise = estimate(sweep) if noise is None else noise
     loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]

@@ -33,7 +33,7 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
     smallest is the point, the others are its `larger` ones (amplitudes.at_amplitudes).
 
     Repeats become their mean. Its sigma comes from the sigma columns (of single runs) or, with three runs or more, from
-    the scatter of the runs (repeats.sigma_of_mean).
+    the scatter of the runs (noise.sigma_of_mean).
 
     keys : header keys that the file lacks or has wrong; they win over the file.
 

@@ -15,12 +15,11 @@ class Passivity:
     """Passivity of the load admittance -Y (the current out of the inverter makes Y its negative).
 
     smallest : (K,) smallest eigenvalue of (-Y - Y^H) / 2, per unit; negative: active.
-    certain : (K,) whether it lies below zero by more than twice its standard deviation (no noise known: below zero).
-    bands : bands of neighbouring points that are certainly active, (lowest, highest frequency) in Hz.
+    bands : of neighbouring points at which it lies below zero by more than twice its standard deviation (no noise known: below
+        zero), (lowest, highest frequency) in Hz.
     """
 
     smallest: np.ndarray
-    certain: np.ndarray
     bands: tuple[tuple[float, float], ...]
 
 
@@ -34,7 +33,7 @@ def passivity(point: PointSweep, noise: PointNoise) -> Passivity:
         weight = np.abs(vectors[:, :, 0]) ** 2
         deviation = np.sqrt(np.einsum("ki,kij,kj->k", weight, noise.sigma**2, weight))
     certain = smallest < -_SIGNIFICANT * deviation - 1e-12 * np.abs(values).max(axis=1)
-    return Passivity(smallest, certain, bands_of(certain, point.frequency))
+    return Passivity(smallest, bands_of(certain, point.frequency))
 
 
 def bands_of(flags: np.ndarray, frequency: np.ndarray) -> tuple[tuple[float, float], ...]:
