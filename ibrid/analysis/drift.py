@@ -12,7 +12,7 @@ well leave again. In a plant of several devices each parameter may change in one
 the gap is asked of the devices one by one, each as the others, unchanged, leave it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -113,7 +113,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         swept, events = (data, None) if isinstance(data, Sweep) else (None, data)
         gap = find_gap(record, swept, events=events, progress="silent")
         verdict = _VERDICTS.get(gap.verdict, "structure")
-        changed = _moved(gap) if verdict == "parameters" else ()
+        changed = tuple(_moved(gap)) if verdict == "parameters" else ()
         if verdict != "parameters" or changed or not added:
             return Drift(verdict, gap.sentence, changed, p_value, fits.source, gap)
     changed = tuple(_change(fits, k, added, fit) for k in range(len(added)))
@@ -191,19 +191,12 @@ def _change(fits: FreedFits, k: int, added: Sequence[int], last: FreedFit) -> Ch
     return Change(fits.names[j], before, after, (min(low, high), max(low, high)), z, tuple(alike))
 
 
-def _moved(gap: Gap) -> tuple[Change, ...]:
+def _moved(gap: Gap) -> Iterator[Change]:
     """What the gap's refit moved beyond its tolerance, in place of a test of single parameters."""
-    return tuple(
-        Change(
-            one.name,
-            one.nominal,
-            one.refitted,
-            None if one.low is None or one.high is None else (one.low, one.high),
-            None,
-        )
-        for one in gap.moved
-        if abs(one.sigmas) > 1
-    )
+    for one in gap.moved:
+        if abs(one.sigmas) > 1:
+            ends = None if one.low is None or one.high is None else (one.low, one.high)
+            yield Change(one.name, one.nominal, one.refitted, ends, None)
 
 
 def _sentence(changed: Sequence[Change], fits: FreedFits, gap: Gap | None) -> str:

@@ -171,16 +171,8 @@ def _at_point(
     if device.unstable:
         measured = name in record.settings.get("fitted_points", ())
         warnings.insert(0, unstable_warning(name, device.ideal[0], device.unstable, measured=measured))
-    return PointStability(
-        device.model,
-        device.ideal,
-        tuple(cases),
-        critical,
-        locus,
-        at,
-        passivity(admittance, PointNoise("unknown", None, None)),
-        tuple(warnings),
-    )
+    index = passivity(admittance, PointNoise("unknown", None, None))
+    return PointStability(device.model, device.ideal, tuple(cases), critical, locus, at, index, tuple(warnings))
 
 
 #: Relative width up to which a 95 % interval is not worth a word.

@@ -24,6 +24,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
     effects = [line for one in gap.effects for line in _effect(gap, one)]
     if len(effects) > EFFECT_LINES:
         effects = [*effects[: EFFECT_LINES - 1], " " * INDENT + "more on the page"]
+    model = "repaired" if repaired(gap) else "refitted"
     unseen = ", ".join(dict.fromkeys(one.id for one in gap.could_not_have_seen))
     parts = [
         _wrapped(f"{gap.verdict}: {gap.sentence}", "", "", 5),
@@ -39,12 +40,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_entry("invisible", "; ".join(gap.null_space), 2),
             *_entry("unseen", unseen and f"too weak for these data at their usual strength: {unseen}", 2),
             *_entry("noise", gap.noise),
-            *_entry(
-                "grade",
-                f"{gap.repaired.grade}, of the {'repaired' if repaired(gap) else 'refitted'} model"
-                if gap.repaired.grade
-                else "",
-            ),
+            *_entry("grade", f"{gap.repaired.grade}, of the {model} model" if gap.repaired.grade else ""),
             *_entry("to do", gap.convention.remedy, 3),
         ],
     ]
@@ -66,15 +62,8 @@ def _effect(gap: Gap, effect: NamedEffect) -> Iterator[str]:
 def _errors(gap: Gap) -> list[str]:
     nonlinear = gap.amplitude is not None and gap.amplitude.after is not None and not repaired(gap)
     changed = repaired(gap) or nonlinear
-    rows = [
-        _row(
-            "all amplitudes" if nonlinear else "fitted points",
-            gap.before.get("nominal"),
-            gap.before.get("refit"),
-            gap.after.get("refit"),
-            gap.noise_floor,
-        )
-    ]
+    name, before, after = "all amplitudes" if nonlinear else "fitted points", gap.before, gap.after.get("refit")
+    rows = [_row(name, before.get("nominal"), before.get("refit"), after, gap.noise_floor)]
     if gap.held_out:
         rows.append(_row("held out", None, gap.before.get("holdout"), gap.after.get("holdout"), gap.noise_floor))
     head = ["NRMSE, mean", "as given", "refitted", "repaired", "noise alone", "gap closed"]
