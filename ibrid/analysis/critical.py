@@ -37,13 +37,9 @@ class CriticalRatio:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "scr": self.scr,
-            "scr_nyquist": self.scr_nyquist,
-            "interval": None if self.interval is None else list(self.interval),
-            "unstable": self.unstable,
-            "mode": self.mode.plain(),
-        }
+        interval = None if self.interval is None else list(self.interval)
+        numbers = {"scr": self.scr, "scr_nyquist": self.scr_nyquist, "interval": interval}
+        return {**numbers, "unstable": self.unstable, "mode": self.mode.plain()}
 
 
 def crossings(stable: Callable[[float], bool], low: float, high: float) -> list[tuple[float, str]]:

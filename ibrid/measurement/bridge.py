@@ -60,14 +60,9 @@ def bridged(
             lines.write(json.dumps({**at, "hz": hz, "axis": axis, "response": parts}) + "\n")
             lines.flush()
     grid = np.asarray(frequency, dtype=float)
-    measured = [
-        PointSweep(
-            one,
-            grid,
-            np.array([np.column_stack([answers[one.name, hz, axis] for axis in AXES]) for hz in map(float, grid)]),
-        )
-        for one in points
-    ]
+    shape = len(points), len(grid), len(AXES), 2
+    columns = np.array([answers[point.name, hz, axis] for point, hz, axis in asked]).reshape(shape)
+    measured = [PointSweep(one, grid, matrix.mT) for one, matrix in zip(points, columns, strict=True)]
     sweep = Sweep(tuple(measured), **header)
     write_sweep(sweep, path)
     kept.unlink()

@@ -142,15 +142,9 @@ def _cells(point: PointSweep) -> Iterator[_Cell]:
         p, z = _tested(values, np.array([noise[j][place].ravel() for j, place in present]))
         p_products, _ = _tested(values, np.array([wide[j][place].ravel() for j, place in present]))
         amplitudes = [float(np.asarray(levels[j].amplitude)[place]) for j, place in present]
-        yield _Cell(
-            point.op.name,
-            float(frequency),
-            p,
-            p_products,
-            z,
-            np.abs(values[:, None] - values[None]).max(axis=(0, 1)) / float(np.linalg.norm(point.admittance[k])),
-            (min(amplitudes), max(amplitudes)),
-        )
+        change = np.abs(values[:, None] - values[None]).max(axis=(0, 1)) / float(np.linalg.norm(point.admittance[k]))
+        ends = min(amplitudes), max(amplitudes)
+        yield _Cell(point.op.name, float(frequency), p, p_products, z, change, ends)
 
 
 def _tested(values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -44,14 +44,9 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
     response = stacked(
         _numeric(variables, letters[0], path), len(frequency), f"{path}: {letters[0]}", frequency_last=True
     )
+    said, quantity = {**inside, **beside, **known_keys(keys)}, Quantity(letters[0])
     return sweep_of_response(
-        frequency,
-        response,
-        {**inside, **beside, **known_keys(keys)},
-        where=str(path),
-        quantity=Quantity(letters[0]),
-        notes=notes,
-        default_name=path.stem,
+        frequency, response, said, where=str(path), quantity=quantity, notes=notes, default_name=path.stem
     )
 
 

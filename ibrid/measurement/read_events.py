@@ -114,15 +114,8 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
             if (np.diff(time) <= 0).any():
                 raise SweepError(f"{table.where}: the time of record {name} must increase.")
             half = len(values) // 2
-            samples.append(
-                Samples(
-                    str(name),
-                    time,
-                    np.array(values[:half]),
-                    np.array(values[half:]),
-                    None if sigma is None else sigma[rows],
-                )
-            )
+            v, i = np.array(values[:half]), np.array(values[half:])
+            samples.append(Samples(str(name), time, v, i, None if sigma is None else sigma[rows]))
     if len(frames) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases.")
     implied = {"unit": "si"} if "base" in told and not stated else {}

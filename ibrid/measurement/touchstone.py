@@ -52,14 +52,9 @@ def read_touchstone(path: str | Path, **keys: object) -> Sweep:
     frequency, matrix = _table(body, options, path)
     if options.ohm != 1 and not {"unit"} & {*inside, *beside, *keys}:
         inside["unit"] = "S" if options.parameter == "Y" else "ohm"
+    said, quantity = {**inside, **beside, **known_keys(keys)}, Quantity(options.parameter)
     return sweep_of_response(
-        frequency,
-        matrix,
-        {**inside, **beside, **known_keys(keys)},
-        where=str(path),
-        quantity=Quantity(options.parameter),
-        notes=notes + more,
-        default_name=path.stem,
+        frequency, matrix, said, where=str(path), quantity=quantity, notes=notes + more, default_name=path.stem
     )
 
 

@@ -47,11 +47,5 @@ def _point(record: EventRecord, f0_hz: float) -> PointSweep:
     noise = record.sigma[begin:] if record.sigma is not None else noise_at_rest(record, f0_hz)[0]
     heard = np.linalg.norm(noise * np.gradient(samples) * np.exp(-damping * (samples - samples[0])))
     sigma = np.hypot(heard + NOTHING * lasts, NOT_SMALL * np.linalg.norm(answer, axis=(1, 2)))
-    return PointSweep(
-        record.rest,
-        frequency,
-        answer,
-        np.broadcast_to(sigma[:, None, None], answer.shape),
-        excitation=excitation,
-        damping=damping,
-    )
+    spread = np.broadcast_to(sigma[:, None, None], answer.shape)
+    return PointSweep(record.rest, frequency, answer, spread, excitation=excitation, damping=damping)

@@ -129,11 +129,7 @@ def _signs(
 def _wires(diagram: Diagram) -> list[tuple[str, str]]:
     """Connections that can be drawn: none into the voltage, out of the current, or twice the same."""
     pairs = [(one.source, one.target) for one in diagram.connections]
-    drawn = [
-        (source, target)
-        for source, target in dict.fromkeys(pairs)
-        if source != TERMINAL_CURRENT and target != TERMINAL_VOLTAGE
-    ]
+    drawn = [pair for pair in dict.fromkeys(pairs) if pair[0] != TERMINAL_CURRENT and pair[1] != TERMINAL_VOLTAGE]
     if not diagram.outside.elements:
         return drawn
     inner = {TERMINAL_VOLTAGE: f"{PORT}.v_in", TERMINAL_CURRENT: f"{PORT}.i_in"}
