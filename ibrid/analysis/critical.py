@@ -37,8 +37,8 @@ class CriticalRatio:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        interval = None if self.interval is None else list(self.interval)
-        numbers = {"scr": self.scr, "scr_nyquist": self.scr_nyquist, "interval": interval}
+        ends = None if self.interval is None else list(self.interval)
+        numbers = {"scr": self.scr, "scr_nyquist": self.scr_nyquist, "interval": ends}
         return {**numbers, "unstable": self.unstable, "mode": self.mode.plain()}
 
 

@@ -136,10 +136,8 @@ def _gain_margin(loci: np.ndarray) -> float | None:
     factors = []
     for locus in loci.T:
         real = _where_zero(np.imag(locus), np.real(locus))
-        if abs(locus[0].imag) <= 1e-3 * abs(
-            locus[0]
-        ):  # at zero frequency both loci end on the real axis, or are a pair
-            real = np.append(real, locus[0].real)
+        if abs(locus[0].imag) <= 1e-3 * abs(locus[0]):
+            real = np.append(real, locus[0].real)  # at zero frequency both loci end on the real axis, or are a pair
         factors += [-1.0 / one for one in real if -1.0 < one < 0.0]
     return min(factors) if factors else None
 
