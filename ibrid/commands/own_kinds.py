@@ -48,10 +48,8 @@ def _kinds_in(file: str) -> "tuple[ModuleKind, ...]":
         for kind in value if isinstance(value, list | tuple) else (value,):
             if not isinstance(kind, ModuleKind) or kind in kinds:
                 continue
-            if (
-                kind not in VOCABULARY or kind.state_space.__module__ == module.__name__
-            ):  # one that ships may be imported
-                kinds.append(kind)
+            if kind not in VOCABULARY or kind.state_space.__module__ == module.__name__:
+                kinds.append(kind)  # no kind that ships, such as one that the file imports
     if not kinds:
         raise IbridError(
             f"--kinds {file}: no ModuleKind is made in it; assign one to a name, as in the page on own modules"
