@@ -71,7 +71,7 @@ def _answer(
         "so_far": partial(write_partial, folder=arguments.out),
     }
     if inputs.is_record(arguments.model):
-        return find_gap(inputs.record(arguments.model), sweep, values, **options)
+        return find_gap(inputs.record(arguments.model, arguments.kinds), sweep, values, **options)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)
     if values is not None:

@@ -1,5 +1,6 @@
 """`--kinds FILE.py`: the user's own kinds on the command line, and what a file that fails is told."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,14 @@ def test_a_file_of_kinds_is_executed_and_said_so(tmp_path: Path, program: str, c
     told = capsys.readouterr()
     assert "legal: 13 modules" in told.out
     assert f"executed {file}, which brings OwnLag" in told.err
+
+
+def test_a_record_with_a_kind_of_ones_own_is_the_model_of_a_gap(tmp_path: Path, program: str):
+    kinds, fit = tmp_path / "own_lag_in_a_record.py", tmp_path / "fit.json"
+    kinds.write_text(KIND, encoding="utf-8")
+    assert main(["evaluate", program, "paper_like", "--kinds", str(kinds), "--restarts", "0", "--json", str(fit)]) == 0
+    assert main(["gap", str(fit), "paper_like", "--kinds", str(kinds), "--out", str(tmp_path / "gap")]) == 0
+    assert json.loads((tmp_path / "gap" / "gap.json").read_text(encoding="utf-8"))["verdict"] == "no-gap"
 
 
 def test_a_file_that_fails_gets_one_sentence(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]):
