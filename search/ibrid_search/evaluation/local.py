@@ -16,8 +16,7 @@ class LocalEvaluator(Evaluator):
     capacity = 1
 
     def __init__(self, assessor: Assessor, *, wall: float = 60.0):
-        self.assessor = assessor
-        self.wall = wall
+        self.assessor, self.wall = assessor, wall
         self._jobs = OpenJobs()
 
     def submit(self, job: Job) -> None:
@@ -26,9 +25,7 @@ class LocalEvaluator(Evaluator):
 
     def first_ended(self) -> int:
         """Evaluate the oldest waiting job, unless one has a result already; IbridError when nothing waits."""
-        number = self._jobs.first_with_result()
-        if number is None:
-            number = self._jobs.first_without_result().number
+        while (number := self._jobs.first_with_result()) is None:
             self._jobs.settle(self._evaluate(self._jobs.first_without_result()))
         return number
 

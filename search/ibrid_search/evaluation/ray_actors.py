@@ -4,6 +4,7 @@ import os
 import pickle
 import signal
 import socket
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -38,37 +39,25 @@ class RayEvaluator(CrewEvaluator[Assessor]):
             )
         self._session = open_session(workers, address)
         try:
-            hiring = Hiring(self._session.ray, assessor, wall)
+            hire = _hiring(self._session.ray, assessor, wall)
         except BaseException:
             self._session.close()
             raise
-        super().__init__(
-            assessor, workers, hiring.hire, wall=wall, lost=lost, patience=patience, leave=self._session.close
-        )
+        super().__init__(assessor, workers, hire, wall=wall, lost=lost, patience=patience, leave=self._session.close)
 
 
 #: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
 GRACE = 1.0
 
 
-class RemoteWorker:
-    """An actor that may not be ready yet.
-
-    `who` : "host pid N", "" until `prepare` has ended. `alive` : False once it was killed. `wall` : limit of a job, s.
-    """
+class _Actor:
+    """A `CrewMember` that is an actor. `wall` : limit of a job, s."""
 
     def __init__(self, ray: Any, actor: Any, wall: float):
-        self.who = ""
-        self.alive = True
-        self._ray = ray
-        self._actor = actor
-        self._wall = wall
+        self.who, self.alive = "", True
+        self._ray, self._actor, self._wall = ray, actor, wall
 
     def prepare(self) -> None:
-        """Wait until the actor runs and has loaded the assessor.
-
-        Raises IbridError when the assessor cannot be loaded there, WorkerLost when the actor dies before.
-        """
         errors = self._ray.exceptions
         try:
             self.who = self._ray.get(self._actor.prepare.remote())
@@ -81,7 +70,6 @@ class RemoteWorker:
             raise WorkerLost(_cause(error)) from None
 
     def evaluate(self, job: Job) -> Verdict:
-        """The verdict on a job; TIMEOUT when the actor had to be killed for it. Raises WorkerLost."""
         errors = self._ray.exceptions
         try:
             return self._ray.get(self._actor.evaluate.remote(job), timeout=self._wall + GRACE)
@@ -95,37 +83,24 @@ class RemoteWorker:
             raise WorkerLost(_cause(error)) from None
 
     def kill(self) -> None:
-        """End the actor's process, whatever it is doing, native code included."""
         self.alive = False
         with suppress(self._ray.exceptions.RayError, ValueError, RuntimeError):  # gone already
             self._ray.kill(self._actor, no_restart=True)
 
 
-class Hiring:
-    """Starts actors that all have the same assessor, which is stored in the cluster once."""
-
-    def __init__(self, ray: Any, assessor: Assessing, wall: float):
-        self._ray = ray
-        self._wall = wall
-        self._cargo = ray.put(_pickled(ray, assessor))
-        self._kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(
-            Worker
-        )
-
-    def hire(self) -> RemoteWorker:
-        """An actor on its way; `prepare` waits for it."""
-        return RemoteWorker(self._ray, self._kind.remote([self._cargo], self._wall), self._wall)
-
-
-def _pickled(ray: Any, assessor: Assessing) -> bytes:
-    """The assessor as bytes, functions of a notebook included."""
+def _hiring(ray: Any, assessor: Assessing, wall: float) -> Callable[[], _Actor]:
+    """What starts actors that all have the same assessor, which is stored in the cluster once, functions of a notebook
+    included."""
     try:
-        return ray.cloudpickle.dumps(assessor)
+        pickled = ray.cloudpickle.dumps(assessor)
     except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
         raise IbridError(
             f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "
             "should use its arguments alone"
         ) from None
+    cargo = ray.put(pickled)
+    kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(Worker)
+    return lambda: _Actor(ray, kind.remote([cargo], wall), wall)
 
 
 def _cause(error: BaseException) -> str:
@@ -148,8 +123,7 @@ class Worker:
     """
 
     def __init__(self, box: list, wall: float):
-        self._box = box
-        self._wall = wall
+        self._box, self._wall = box, wall
         self._assessor: Assessing | None = None
 
     def prepare(self) -> str:

@@ -37,14 +37,25 @@ _JOB = "RAY_JOB_CONFIG_JSON_ENV_VAR"
 _STEM, _LOCK = "ibrid-ray-", "lock"
 
 
+BROKEN_OFF = (
+    "ibrid: the run broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
+    "stored is kept, go on with the same command and --resume"
+)
+_WAIT = f"import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or print({BROKEN_OFF!r})"
+
+
 class RaySession:
-    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be closed here."""
+    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be closed here.
+
+    Unless `close` comes first, a small process of Python that waits at a pipe tells on standard error that the run broke off:
+    Ray ends its process with its node, a scheduler by SIGKILL, before it can say anything.
+    """
 
     def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None, lock: IO[bytes] | None = None):
-        self.ray, self._lock = ray, lock
-        self.owned = owned
-        self._folder = folder
-        self._last_words = LastWords()
+        self.ray, self.owned = ray, owned
+        self._folder, self._lock = folder, lock
+        command = [sys.executable, "-S", "-E", "-c", _WAIT]
+        self._last_words = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=2, close_fds=True)
 
     def close(self) -> None:
         """End what was started here: a local Ray, or the connection to a cluster. Again does nothing."""
@@ -53,7 +64,8 @@ class RaySession:
             self.ray.shutdown()
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
-        self._last_words.goodbye()
+        with suppress(OSError, ValueError):
+            self._last_words.communicate(b"!", timeout=10)
 
 
 def sweep_folders(place: Path) -> None:
@@ -231,25 +243,3 @@ def _line(error: BaseException) -> str:
     """The first line of a message, short."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0][:300]
-
-
-BROKEN_OFF = (
-    "ibrid: the run broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
-    "stored is kept, go on with the same command and --resume"
-)
-_WAIT = f"import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or print({BROKEN_OFF!r})"
-
-
-class LastWords:
-    """Tells on standard error that the run broke off, unless `goodbye` comes first: Ray ends its process with its node, a
-    scheduler by SIGKILL, before it can say anything. A small process of Python waits at a pipe for the goodbye."""
-
-    def __init__(self) -> None:
-        self._waiting = subprocess.Popen(
-            [sys.executable, "-S", "-E", "-c", _WAIT], stdin=subprocess.PIPE, stdout=2, close_fds=True
-        )
-
-    def goodbye(self) -> None:
-        """The search ends as it should. Again does nothing."""
-        with suppress(OSError, ValueError):
-            self._waiting.communicate(b"!", timeout=10)
