@@ -1,6 +1,7 @@
 """What the fitted steps of a run are worth: their records, errors and oddities, and by that their order."""
 
 from collections.abc import Collection
+from functools import lru_cache
 from math import inf
 
 from ibrid.evaluation.record import Record
@@ -33,21 +34,15 @@ class Appraisal:
         self, store: Store, criterion: Criterion, kinds: Vocabulary, published: Collection[str] = frozenset()
     ) -> None:
         self.criterion, self.published = criterion, published
-        self._store, self._kinds = store, kinds
-        self._records: dict[int, Record] = {}
+        self._kinds = kinds
+        self._stored = lru_cache(RECORDS)(lambda number: store.record(number, kinds))
         self.longer: dict[int, Record] = {}  # of steps that were fitted again with full effort
         self._odd: dict[int, Oddities] = {}
         self._error: dict[int, float] = {}
 
     def record(self, number: int) -> Record:
         """The record of a step; IbridError when it has none."""
-        if number in self.longer:
-            return self.longer[number]
-        if number not in self._records:
-            if len(self._records) > RECORDS:
-                self._records.clear()
-            self._records[number] = self._store.record(number, self._kinds)
-        return self._records[number]
+        return self.longer[number] if number in self.longer else self._stored(number)
 
     def fitted_longer(self, number: int, record: Record) -> None:
         """From now on the record of a step is this one, of a longer fit."""

@@ -51,7 +51,7 @@ def _apply(block: EditBlock, lines: list[str]) -> list[str]:
     if not search:
         last = next((line for line in reversed(lines) if line.strip()), "")
         return lines + _indented(_without_blank_ends(block.replace), last)
-    exact = _places(block.search, lines, _as_it_is)
+    exact = _places(block.search, lines, str.rstrip)
     if exact:
         begin, end = _only(exact, block)
         replace = block.replace
@@ -64,10 +64,6 @@ def _apply(block: EditBlock, lines: list[str]) -> list[str]:
             begin, end = _only(found, block)
             return [*lines[:begin], *_indented(_without_blank_ends(block.replace), lines[begin]), *lines[end:]]
     raise EditError(Status.NO_MATCH, _no_match(block, search, lines))
-
-
-def _as_it_is(line: str) -> str | None:
-    return line.rstrip()
 
 
 def _spacing_aside(line: str) -> str | None:
@@ -179,7 +175,7 @@ def _surrounded(
     low, high = begin, begin + number
     while low > 0 or high < len(lines):
         search = lines[low:high]
-        if any(line.strip() for line in search) and len(_places(search, lines, _as_it_is)) == 1:
+        if any(line.strip() for line in search) and len(_places(search, lines, str.rstrip)) == 1:
             break
         if low > 0 and (begin - low <= high - begin - number or high == len(lines)):
             low -= 1

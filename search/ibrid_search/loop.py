@@ -209,23 +209,8 @@ class Loop:
             proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
             if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
-        return Step(
-            number=number,
-            parent=edited.step,
-            island=island,
-            scale=scale,
-            proposer=proposer.name,
-            note=proposal.note,
-            edit=proposal.edit,
-            reply=proposal.reply,
-            diagnosis=proposal.diagnosis,
-            usage=proposal.usage,
-            status=verdict.status,
-            reason=verdict.reason,
-            hash=verdict.hash,
-            same_as=verdict.same_as,
-            program=verdict.program,
-        )
+        said = {name: getattr(proposal, name) for name in ("note", "edit", "reply", "diagnosis", "usage")}
+        return Step(number, edited.step, island, scale, proposer.name, **said, **vars(verdict))
 
     def _drawn(
         self, rng: np.random.Generator, number: int, pruned: Step | None

@@ -1,7 +1,6 @@
 """The record of a candidate in words and numbers: as short as a prompt wants it, and as an agent reads it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,21 +22,6 @@ WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
 OF_A_TRANSFER, USELESS = 5, 0.5
 
 
-@dataclass(frozen=True)
-class RecordPart:
-    """Which part of the error is asked for; None for all. `op` : name of an operating point, `band` : such as "5-50" (Hz),
-    `entry` : dd, dq, qd or qq."""
-
-    op: str | None = None
-    band: str | None = None
-    entry: str | None = None
-
-    @property
-    def chosen(self) -> bool:
-        """True when it is not the whole."""
-        return (self.op, self.band, self.entry) != (None, None, None)
-
-
 def summary(record: Record) -> dict[str, Any]:
     """One candidate in a list: error, size, stability."""
     return {
@@ -52,24 +36,29 @@ def summary(record: Record) -> dict[str, Any]:
     }
 
 
-def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) -> dict[str, Any]:
+def record_view(
+    record: Record, sweep: Sweep, *, op: str | None = None, band: str | None = None, entry: str | None = None
+) -> dict[str, Any]:
     """Everything of a fitted record that helps to decide on the next edit.
+
+    op : name of an operating point, band : such as "5-50" (Hz), entry : dd, dq, qd or qq: which part of the error is asked for;
+    None for all.
 
     `share` of a part : its squared error, each operating point relative to its own measurement, over the whole squared
     error; all shares add up to 1. `error` : relative to the measured norm of the same part. Frequencies stand in their order:
-    those of a `part` that is asked for, else the worst. `left_out` says how much there is beside what is shown.
+    those of a part that is asked for, else the worst. `left_out` says how much there is beside what is shown.
 
     Raises IbridError for a part that the data lack.
     """
-    part = part or RecordPart()
-    _require(part, record)
+    asked = {"op": op, "band": band, "entry": entry}
+    wanted = {key: value for key, value in asked.items() if value is not None}
+    _require(wanted, record)
     cells = list(_cells(record, sweep))
     whole = sum(cell["squared"] for cell in cells) or 1.0
-    wanted = {key: value for key, value in vars(part).items() if value is not None}
     inside = (cell for cell in cells if all(cell[key] == value for key, value in wanted.items()))
     chosen = sorted(inside, key=lambda cell: -cell["squared"])
-    parts, most = _parts(chosen, whole), OF_A_PART if part.chosen else WORST_FREQUENCIES
-    name = "frequencies" if part.chosen else "worst_frequencies"
+    parts, most = _parts(chosen, whole), OF_A_PART if wanted else WORST_FREQUENCIES
+    name = "frequencies" if wanted else "worst_frequencies"
     left = {
         what: f"{total - kept} of {total}"
         for what, total, kept in (("worst_parts", len(parts), WORST_PARTS), (name, len(chosen), most))
@@ -98,13 +87,15 @@ def record_view(record: Record, sweep: Sweep, part: RecordPart | None = None) ->
     }
 
 
-def _require(part: RecordPart, record: Record) -> None:
-    for what, value, known in (
-        ("operating point", part.op, tuple(record.nrmse_by_op)),
-        ("band", part.band, BAND_NAMES),
-        ("entry", part.entry, tuple(ENTRIES)),
-    ):
-        if value is not None and value not in known:
+def _require(wanted: Mapping[str, str], record: Record) -> None:
+    there = {
+        "op": ("operating point", tuple(record.nrmse_by_op)),
+        "band": ("band", BAND_NAMES),
+        "entry": ("entry", tuple(ENTRIES)),
+    }
+    for key, value in wanted.items():
+        what, known = there[key]
+        if value not in known:
             raise IbridError(f"the fitted data have no {what} {value[:60]!r}; {near(value[:60], known)}")
 
 

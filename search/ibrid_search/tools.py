@@ -21,7 +21,7 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study
 from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
-from ibrid_search.record_view import RecordPart, polar, record_view, summary
+from ibrid_search.record_view import polar, record_view, summary
 from ibrid_search.step import line
 from ibrid_search.step_view import differences, residuals_view, steps_view
 from ibrid_search.tool import Steps, Tool, left_out, tools_in
@@ -53,7 +53,7 @@ class Tools:
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None
     ) -> dict[str, Any]:
         """`ibrid_search.record_view` of a step."""
-        view = record_view(self.steps.record(step), self.study.sweep, RecordPart(op, band, entry))
+        view = record_view(self.steps.record(step), self.study.sweep, op=op, band=band, entry=entry)
         return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
 
     def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:

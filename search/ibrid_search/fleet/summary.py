@@ -4,7 +4,7 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import log, sqrt
 from typing import Any
 
@@ -123,18 +123,18 @@ def summary_of(store: Store) -> Summary:
             record = store.record(step.number)
             told = record.settings["fleet"]
             answers[step.number] = DeviceAnswer.of(record)
-            line = DeviceLine(
-                **{
-                    **vars(line),
-                    "diagram": told["diagram"], "family": told["family"], "expected": told["expected"],
-                    "grade": record.grade or "", "nrmse": record.nrmse, "drift": record.settings.get("drift", {}),
-                    "learned_from": record.settings["prior"]["devices"],
-                }
-            )  # fmt: skip
+            line = replace(
+                line,
+                **{name: told[name] for name in ("diagram", "family", "expected")},
+                grade=record.grade or "",
+                nrmse=record.nrmse,
+                drift=record.settings.get("drift", {}),
+                learned_from=record.settings["prior"]["devices"],
+            )
         lines.append(line)
     known = learned(answers.values(), len(lines))
     unlike = {} if meta["fleet"] == "drift" else {number: _unlike(one, known) for number, one in answers.items()}
-    devices = tuple(DeviceLine(**{**vars(one), "unlike": unlike.get(one.number, ())}) for one in lines)
+    devices = tuple(replace(one, unlike=unlike.get(one.number, ())) for one in lines)
     return Summary(meta["fleet"], meta["folder"], devices, known.families)
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,31 +37,25 @@ _ASK_DIAGNOSIS = (
 _CUT = "Your answer was cut off at its limit; be shorter. "
 _LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
 
-#: While a model of this name is asked.
-Asking = Callable[[str], AbstractContextManager[None]]
 
-
+@dataclass(eq=False)
 class Turn:
-    """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused."""
+    """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused.
+    `asking` : entered while the model of this name is asked."""
 
-    def __init__(
-        self,
-        chat: Chat,
-        settings: AgentSettings,
-        spending: Spending,
-        context: Context,
-        view: RunView,
-        question: Sequence[Mapping[str, Any]],
-        rng: np.random.Generator,
-        *,
-        native: bool = True,
-        asking: Asking = nullcontext,
-    ) -> None:
-        self.asking = asking
-        self.chat, self.settings, self.spending, self.context, self.rng = chat, settings, spending, context, rng
-        self.tools = Tools(context.study, view).reading
-        self.dialogue = Dialogue(question)
-        self.native = native
+    chat: Chat
+    settings: AgentSettings
+    spending: Spending
+    context: Context
+    view: RunView
+    question: Sequence[Mapping[str, Any]]
+    rng: np.random.Generator
+    native: bool = True
+    asking: Callable[[str], AbstractContextManager[None]] = field(default=nullcontext)
+
+    def __post_init__(self) -> None:
+        self.tools = Tools(self.context.study, self.view).reading
+        self.dialogue = Dialogue(self.question)
         self._edit = self._diagnosis = self._note = self._failure = ""
         self._calls = 0
         self._usage: dict[str, Any] = {}

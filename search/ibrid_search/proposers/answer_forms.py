@@ -58,22 +58,18 @@ def gbnf(schema: Mapping[str, Any]) -> str:
 
 def _rule(schema: Mapping[str, Any], name: str, rules: dict[str, str]) -> str:
     if "enum" in schema:
-        return " | ".join(_literal(json.dumps(one)) for one in schema["enum"])
+        return " | ".join(json.dumps(json.dumps(one)) for one in schema["enum"])
     if "anyOf" in schema:
         return " | ".join(_rule(one, name, rules) for one in schema["anyOf"])
     if schema["type"] == "object":
         parts = []
         for key, one in schema["properties"].items():
             rules[f"{name}-{key}"] = _rule(one, f"{name}-{key}", rules)
-            parts.append(f"{_literal(json.dumps(key) + ':')} {name}-{key}")
-        return f'"{{" {_literal(",").join(f" {part} " for part in parts)} "}}"'
+            parts.append(f"{json.dumps(json.dumps(key) + ':')} {name}-{key}")
+        return f'"{{" {json.dumps(",").join(f" {part} " for part in parts)} "}}"'
     if schema["type"] == "array":
         rules[f"{name}-item"] = _rule(schema["items"], f"{name}-item", rules)
         return f'"[" ({name}-item ("," {name}-item){{0,{schema.get("maxItems", 100) - 1}}})? "]"'
     if "pattern" in schema:
         return r'"\"" port "\""' if r"\." in schema["pattern"] else r'"\"" word "\""'
     return rf'"\"" char{{0,{schema.get("maxLength", 300)}}} "\""'
-
-
-def _literal(text: str) -> str:
-    return json.dumps(text)

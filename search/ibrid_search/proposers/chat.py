@@ -20,11 +20,12 @@ LONGEST_ANSWER = 400_000
 
 
 class ChatError(IbridError):
-    """A model that gives no answer, in one sentence. `usage` : what was spent on it all the same."""
+    """A model that gives no answer, in one sentence. `usage` : what was spent on it all the same. `status` : of HTTP, 0 where
+    that is not the reason."""
 
-    def __init__(self, sentence: str, usage: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, sentence: str, usage: Mapping[str, Any] | None = None, status: int = 0) -> None:
         super().__init__(sentence)
-        self.usage = dict(usage or {})
+        self.usage, self.status = dict(usage or {}), status
 
 
 @dataclass(frozen=True)

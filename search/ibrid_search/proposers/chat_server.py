@@ -26,14 +26,6 @@ LATE = 1
 _UNKNOWN = (400, 404, 405, 415, 422, 501)
 
 
-class StatusError(ChatError):
-    """A refusal. `status` : of HTTP, 0 where there was no answer."""
-
-    def __init__(self, sentence: str, usage: Mapping[str, Any] | None = None, status: int = 0) -> None:
-        super().__init__(sentence, usage)
-        self.status = status
-
-
 class FormRefused(ChatError):
     """The server does not take this form; the next question is asked in another."""
 
@@ -121,20 +113,16 @@ class ChatServer:
 
         Raises FormRefused for a form that the server does not take, which is remembered; ChatError for everything else.
         """
+        another = self.form == "auto" and form != FORMS[-1]
         try:
             answer = self._answer(messages, fields_of(form, schema), rng_seed)
-        except StatusError as error:
-            if error.status not in _UNKNOWN or self.form != "auto" or form == FORMS[-1]:
+        except ChatError as error:
+            if error.status not in _UNKNOWN or not another:
                 raise
             refused(self.url, self.model).add(form)
             raise FormRefused(str(error), error.usage) from None
         said = next((one.arguments for one in answer.tool_calls if one.name == TOOL), answer.text)
-        if (
-            self.form == "auto"
-            and form != FORMS[-1]
-            and not answer.cut
-            and not strip_thinking(said)[1].strip().startswith("{")
-        ):
+        if another and not answer.cut and not strip_thinking(said)[1].strip().startswith("{"):
             refused(self.url, self.model).add(form)  # taken without a word, and not kept to
         return replace(answer, text=said, tool_calls=())
 
@@ -157,14 +145,11 @@ class ChatServer:
             reply, retries = self._ask(key, body)
             if isinstance(reply, Refusal):
                 times = f", {retries + 1} times" if retries else ""
-                raise StatusError(f"{where} {reply.sentence}{times}", status=reply.status)
+                raise ChatError(f"{where} {reply.sentence}{times}", status=reply.status)
             completion = read_reply(reply, where)
         except IbridError as error:
             spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
-            said = without_key(key, str(error))
-            raise (
-                StatusError(said, spent, error.status) if isinstance(error, StatusError) else ChatError(said, spent)
-            ) from None
+            raise ChatError(without_key(key, str(error)), spent, getattr(error, "status", 0)) from None
         calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in completion.tool_calls)
         spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
