@@ -48,12 +48,12 @@ Assessor = TypeVar("Assessor", bound=Assessing)
 
 
 class CrewEvaluator(Evaluator, Generic[Assessor]):
-    """Evaluates on `workers` at most, each hired by `hire`, of one core.
+    """An `Evaluator` on `workers` at most, each hired by `hire`, of one core.
 
     A worker has one job at a time, so what has not begun waits here and is never lost. `wall` : seconds that a job may
     take; it is then stopped, its process killed where it does not stop by itself, and evaluated once more with nothing
     else running before it counts as TIMEOUT. `lost` : workers that may die on a job before it counts as LOST.
-    `patience` : seconds without any worker after which `collect` gives up. `leave` : called when all is closed.
+    `patience` : seconds without any worker after which `first_ended` and `collect` give up. `leave` : called when all is closed.
     """
 
     def __init__(
@@ -67,10 +67,8 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         patience: float = PATIENCE,
         leave: Callable[[], None] = lambda: None,
     ):
-        self.assessor = assessor
-        self.capacity = workers
-        self.wall = wall
-        self.lost = lost
+        self.assessor, self.capacity = assessor, workers
+        self.wall, self.lost = wall, lost
         self._hire, self._leave = hire, leave
         self._patience = patience
         self._change = threading.Condition()
@@ -99,33 +97,22 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
             return tuple(member.who for member in self._crew if member.who)
 
     def submit(self, job: Job) -> None:
-        """Queue a job; returns at once. IbridError when its number waits already."""
         with self._change:
             self._jobs.add(job)
             self._turns.add(Attempt(job))
             self._change.notify_all()
 
     def first_ended(self) -> int:
-        """The number of a job with a result that was not collected; blocks until there is one.
-
-        Raises IbridError when nothing waits, or when there are no workers and none comes.
-        """
         with self._change:
             while (number := self._jobs.first_with_result()) is None:
                 self._wait()
             return number
 
     def collect(self, number: int) -> Result:
-        """The result of that job, once; blocks until it is there.
-
-        Raises IbridError when no such job waits, or when there are no workers and none comes.
-        """
         with self._change:
-            while True:
-                self._jobs.require(number)
-                if self._jobs.has_result(number):
-                    return self._jobs.take(number)
+            while (result := self._jobs.take(number)) is None:
                 self._wait()
+            return result
 
     def close(self) -> None:
         """Kill the workers and end what was started for them; again does nothing."""
@@ -147,19 +134,13 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         """Until something changes; IbridError when there are no workers and none comes."""
         if not self._serving:
             raise IbridError(self._why)
-        self._change.wait(self._time_left())
-
-    def _time_left(self) -> float | None:
-        """Seconds until patience ends, None while somebody of the crew is ready."""
-        if self._deserted is None:
-            return None
-        left = self._deserted + self._patience - time.monotonic()
-        if left <= 0:
+        left = None if self._deserted is None else self._deserted + self._patience - time.monotonic()
+        if left is not None and left <= 0:
             raise IbridError(
                 f"no worker was ready for {self._patience:g} s; see whether a core is free (ray status shows it of a cluster), "
                 "then resume the search"
             )
-        return left
+        self._change.wait(left)
 
     def _serve(self) -> None:
         """The life of a thread: a worker after the other, and with each a job after the other."""
@@ -234,14 +215,11 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
             ):
                 self._turns.add(after)
             else:
-                self._jobs.settle(self._result(attempt.number, after, verdict))
+                if (record := verdict.record) is not None:
+                    record = replace(record, vocabulary=choose_vocabulary(self.assessor.kinds))
+                number, attempts = attempt.job.number, attempt.number
+                self._jobs.settle(Result(number, verdict.outcome, record, verdict.reason, after.seconds, attempts))
             self._change.notify_all()
-
-    def _result(self, attempts: int, after: Attempt, verdict: Verdict) -> Result:
-        record = verdict.record
-        if record is not None:
-            record = replace(record, vocabulary=choose_vocabulary(self.assessor.kinds))
-        return Result(after.job.number, verdict.outcome, record, verdict.reason, after.seconds, attempts)
 
     def _dismiss(self, worker: CrewMember) -> None:
         """Nobody works with this one any more."""

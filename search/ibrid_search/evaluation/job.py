@@ -96,16 +96,6 @@ class OpenJobs:
             raise IbridError(f"two jobs must not have the number {job.number}; collect the first one before")
         self._jobs[job.number] = job
 
-    def require(self, number: int) -> None:
-        """Raises IbridError when no such job is open."""
-        if number not in self._jobs:
-            open_ones = ", ".join(map(str, self._jobs)) or "none"
-            raise IbridError(f"job {number} was not submitted, or was collected before; open jobs: {open_ones}")
-
-    def has_result(self, number: int) -> bool:
-        """True when the job has ended."""
-        return number in self._results
-
     def first_with_result(self) -> int | None:
         """The number of the oldest job that has ended and was not taken; None when there is none.
 
@@ -124,10 +114,14 @@ class OpenJobs:
         if result.number in self._jobs:
             self._results[result.number] = result
 
-    def take(self, number: int) -> Result:
-        """The result, once."""
-        del self._jobs[number]
-        return self._results.pop(number)
+    def take(self, number: int) -> Result | None:
+        """The result of a job, once; None while it has not ended. Raises IbridError when no such job is open."""
+        if number not in self._jobs:
+            open_ones = ", ".join(map(str, self._jobs)) or "none"
+            raise IbridError(f"job {number} was not submitted, or was collected before; open jobs: {open_ones}")
+        if number in self._results:
+            del self._jobs[number]
+        return self._results.pop(number, None)
 
     def close(self) -> None:
         """Forget everything and take nothing more."""

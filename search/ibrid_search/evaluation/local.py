@@ -31,10 +31,9 @@ class LocalEvaluator(Evaluator):
 
     def collect(self, number: int) -> Result:
         """Evaluate the waiting jobs in the order of their submission up to that one; IbridError when it does not wait."""
-        self._jobs.require(number)
-        while not self._jobs.has_result(number):
+        while (result := self._jobs.take(number)) is None:
             self._jobs.settle(self._evaluate(self._jobs.first_without_result()))
-        return self._jobs.take(number)
+        return result
 
     def close(self) -> None:
         """Drop what waits."""

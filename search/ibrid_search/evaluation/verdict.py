@@ -53,8 +53,7 @@ class Verdict:
 def judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
     """Assess a job within `wall` seconds. Whatever the code of a user's own kind raises makes the candidate fail."""
     started = time.perf_counter()
-    verdict = _judge(job, assessor, wall)
-    return Verdict(verdict.outcome, verdict.record, verdict.reason, time.perf_counter() - started)
+    return replace(_judge(job, assessor, wall), seconds=time.perf_counter() - started)
 
 
 def without_vocabulary(verdict: Verdict) -> Verdict:

@@ -48,13 +48,7 @@ class Agent(Spender):
 
     @classmethod
     def from_options(
-        cls,
-        models: Sequence[str],
-        settings: AgentSettings | None = None,
-        *,
-        limits: Limits | None = None,
-        prices: Prices = (),
-        **server: Any,
+        cls, models: Sequence[str], *, limits: Limits | None = None, prices: Prices = (), **server: Any
     ) -> "Agent":
         """The agent of one model by name, see `ibrid_search.proposers.model_names`; `server` goes to ChatServer.
 
@@ -63,7 +57,7 @@ class Agent(Spender):
         if len(models) != 1:
             raise IbridError(f"an agent is one model, found {len(models)}; name one, or mix with the proposer llm")
         ((chat, _),) = models_of(models, prices, **server)
-        return cls(chat, settings, limits=limits)
+        return cls(chat, limits=limits)
 
     def begin(self, store: Store, folder: Path) -> None:
         """Look back at the store of the run from now on."""

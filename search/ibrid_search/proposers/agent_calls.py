@@ -105,15 +105,12 @@ def _calls_in(text: str) -> Iterator[Call]:
 
 def _pieces(text: str) -> Iterator[str]:
     for opening, closing in _BETWEEN:
-        begin = text.find(opening)
+        rest = text
         for _ in range(MOST_CALLS):
-            if begin < 0:
+            piece, closed, rest = rest.partition(opening)[2].partition(closing)
+            if not closed:
                 break
-            end = text.find(closing, begin + len(opening))
-            if end < 0:
-                break
-            yield text[begin + len(opening) : end]
-            begin = text.find(opening, end + len(closing))
+            yield piece
 
 
 def _call(value: Any) -> Call | None:

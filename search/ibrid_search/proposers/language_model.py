@@ -79,7 +79,6 @@ class LanguageModel(Spender):
         *,
         limits: Limits | None = None,
         prices: Prices = (),
-        prompt_tokens: int | None = None,
         asked: str = "engineer",
         **settings: Any,
     ) -> "LanguageModel":
@@ -87,7 +86,7 @@ class LanguageModel(Spender):
 
         Raises IbridError for a name that says nothing, a folder without a model or a package that is not installed.
         """
-        return cls(models_of(models, prices, **settings), limits=limits, prompt_tokens=prompt_tokens, asked=asked)
+        return cls(models_of(models, prices, **settings), limits=limits, asked=asked)
 
     def origin(self, number: int) -> Origin:
         """An engineer is always asked about the best."""
