@@ -6,8 +6,9 @@ from ibrid.modules.behaviour import Element
 from ibrid.parts.current_measurement import rewired
 from ibrid.parts.edit import Edit, cutoff
 from ibrid.parts.feedforward import feedforward
-from ibrid.parts.paths import command_entry, has_line, row_before, terminal_voltage
+from ibrid.parts.paths import command_entry, has_line, terminal_voltage
 from ibrid.parts.practice import Effect, Family
+from ibrid.parts.sequence import locked_vector
 from ibrid.parts.shaping import put_behind, shapers
 from ibrid.parts.view import Move, View, followers
 from ibrid.signals import Signal
@@ -44,14 +45,11 @@ def _voltage_sensor(view: View) -> Iterator[Move]:
 
 def _locked(view: View, voltage: str) -> dict[str, str]:
     """PLL -> the scalar input that takes the q axis of a voltage on the way to it."""
-    draft, entries = view.draft, {}
-    for pll in draft.having(Element.PLL):
-        row = row_before(draft, f"{pll}.e_q")
-        entry = f"{row[-1]}.in_" if row else f"{pll}.e_q"
-        sources = draft.sources(entry)
-        slices = [name for name in draft.having(Element.SLICE_Q) if voltage in draft.sources(f"{name}.in_")]
-        own = f"{view.roles.plant}.e_q" in sources and voltage == view.roles.voltage
-        if len(sources) == 1 and (own or sources[0] in [f"{name}.out" for name in slices]):
+    entries = {}
+    for pll in view.draft.having(Element.PLL):
+        entry, q_axis = locked_vector(view, pll) or ("", None)
+        measured = view.draft.sources(f"{q_axis}.in_") if q_axis else [view.roles.voltage]
+        if entry and voltage in measured:
             entries[pll] = entry
     return entries
 
