@@ -30,13 +30,8 @@ class Insertion:
     nothing: Mapping[str, float]
 
 
-def no_moves(view: View) -> tuple[Move, ...]:
-    """Of effects that no edit of a diagram describes."""
-    return ()
-
-
-def absorbed_by_nothing(view: View) -> tuple[str, ...]:
-    """Of most effects: no parameter of a model takes them up."""
+def nothing(view: View) -> tuple[()]:
+    """No move, where no edit of a diagram describes an effect; no parameter, where none of a model takes it up, as of most."""
     return ()
 
 
@@ -58,7 +53,7 @@ class Effect:
     confused_with: tuple[str, ...]
     told_apart_by: str
     moves: Moves
-    absorbed: Callable[[View], tuple[str, ...]] = absorbed_by_nothing
+    absorbed: Callable[[View], tuple[str, ...]] = nothing
     measurement: bool = False
 
     def insertions(self, view: View) -> Iterator[Insertion]:

@@ -103,12 +103,10 @@ class Panel:
         return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(number)
 
 
-class Shipped:
+class Shipped(Proposer):
     """Proposes the first of some diagrams that the run has not met, whatever the parent is."""
 
     name = SHIPPED
-    attempts = 1
-    window: int | None = None
 
     def __init__(self, starts: Sequence[Edited]) -> None:
         self.starts = tuple(starts)

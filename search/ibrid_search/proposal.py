@@ -113,7 +113,7 @@ class Proposal:
 
 @runtime_checkable
 class Proposer(Protocol):
-    """Anything with a `name` and `propose`.
+    """Anything with a `name`, `attempts`, `window` and `propose`; who inherits from it asks once and leaves the window open.
 
     `attempts` : how often a question is asked, the later times with the complaint about the first. `window` : the
     loop asks question k only when the results up to k - window are in; None leaves it to the settings. An agent that
@@ -121,8 +121,8 @@ class Proposer(Protocol):
     """
 
     name: str
-    attempts: int
-    window: int | None
+    attempts: int = 1
+    window: int | None = None
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; never raises for what a server or a model does wrong."""

@@ -22,7 +22,7 @@ from ibrid.parts.wiring import cut_wires, shared_parameters
 from ibrid.signals import Signal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.wiring import split_port
-from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposal import Context, Proposal, Proposer
 
 #: Removals that are tried in pairs, once every single one was tried.
 MOST_DOUBTFUL = 10
@@ -30,15 +30,13 @@ MOST_DOUBTFUL = 10
 AFFORDABLE = 1.0
 
 
-class Pruning:
+class Pruning(Proposer):
     """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
     usual controller, first. `thorough` : what is drawn in a roundabout way is drawn plainly before that, and two things go at
     once after it. `loss` : of a diagram, from a look at the data; what loses least goes first, and what loses more than
     `AFFORDABLE` stays."""
 
     name = "pruning"
-    attempts = 1
-    window: int | None = None
 
     def __init__(self, *, thorough: bool = False, loss: Callable[[Context, Diagram], float] | None = None) -> None:
         self.thorough, self.loss = thorough, loss

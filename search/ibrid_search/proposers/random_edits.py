@@ -6,13 +6,13 @@ from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_CURRENT
 from ibrid.structure.drafting import Draft
 from ibrid.structure.wiring import split_port
-from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposal import Context, Proposal, Proposer
 
 #: Drawn edits before the proposer gives up for this parent.
 TRIES = 200
 
 
-class RandomEdits:
+class RandomEdits(Proposer):
     """Draws edits until one leads to a legal, plausible structure that the run has not met.
 
     local: a wire moved, added or cut, two parameters shared or freed. module: a module put in, taken out or exchanged.
@@ -20,8 +20,6 @@ class RandomEdits:
     """
 
     name = "random"
-    attempts = 1
-    window: int | None = None
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """A random edit of the parent of the scale that the context asks for."""

@@ -14,7 +14,7 @@ from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagram import Diagram
 from ibrid_search.first_look import LOOKED_AT, LOOKING, LOOKS, first_look
 from ibrid_search.merit import ABOVE_NOISE, GROSS
-from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposal import Context, Proposal, Proposer
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2
@@ -28,7 +28,7 @@ LEAST_RELEVANCE = 0.1
 COMPARED = 6
 
 
-class Rules:
+class Rules(Proposer):
     """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
 
     One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a preference, not a fence: what
@@ -42,8 +42,6 @@ class Rules:
     """
 
     name = "rules"
-    attempts = 1
-    window: int | None = None
 
     def __init__(self, families: Sequence[Family] = FAMILIES, *, looks: int = COMPARED) -> None:
         self.families, self.looks = tuple(families), looks
