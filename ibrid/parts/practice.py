@@ -112,16 +112,16 @@ def having(*elements: Element, signal: Signal | None = None) -> Callable[[View],
     return lambda view: bool(view.draft.having(*elements, signal=signal))
 
 
+def always(moves: Moves) -> Moves:
+    """Those that a search tries, of moves that are an effect's too."""
+    return lambda view: (move for move in moves(view) if move.note)
+
+
 def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:
-    """The moves where the diagram has no such part yet; what an engineer expects is tried readily."""
-    return lambda view: () if present(view) else tried(moves(view))
+    """The same where the diagram has no such part yet; what an engineer expects is tried readily."""
+    return lambda view: () if present(view) else always(moves)(view)
 
 
 def where_present(moves: Moves, present: Callable[[View], bool]) -> Moves:
-    """The moves where the diagram has such a part already."""
-    return lambda view: tried(moves(view)) if present(view) else ()
-
-
-def tried(moves: Iterable[Move]) -> Iterator[Move]:
-    """Those that a search tries, of moves that are an effect's too."""
-    return (move for move in moves if move.note)
+    """The same where the diagram has such a part already."""
+    return lambda view: always(moves)(view) if present(view) else ()

@@ -6,7 +6,7 @@ from ibrid.modules.behaviour import Element
 from ibrid.parts.current_measurement import in_control
 from ibrid.parts.edit import Edit, Strength, cutoff
 from ibrid.parts.paths import current_path, grid_current, loops, measured_current, packs, path
-from ibrid.parts.practice import Effect, Family, having, tried, where_missing
+from ibrid.parts.practice import Effect, Family, always, having, where_missing
 from ibrid.parts.sequence import own_q_axis
 from ibrid.parts.view import Move, View, followers, of_circuit
 from ibrid.signals import Signal
@@ -158,17 +158,10 @@ MEASUREMENT_FILTER = Effect(
 )
 
 
+_OPENED = where_missing(_power_reference, having(Element.REFERENCE))
+
 FAMILIES = (
-    Family(
-        "power reference",
-        "structural",
-        (1.0, 1.0, 0.3, 0.1),
-        3.0,
-        where_missing(_power_reference, having(Element.REFERENCE)),
-        if_gross=4.0,
-    ),
-    Family(
-        "two degrees of freedom", "module", (0.3, 1.0, 0.7, 0.1), 1.0, lambda view: tried(_reference_feedforward(view))
-    ),
-    Family("measurement filter", "module", (0.0, 0.3, 1.0, 1.0), 1.0, lambda view: tried(_measurement_filter(view))),
+    Family("power reference", "structural", (1.0, 1.0, 0.3, 0.1), 3.0, _OPENED, if_gross=4.0),
+    Family("two degrees of freedom", "module", (0.3, 1.0, 0.7, 0.1), 1.0, always(_reference_feedforward)),
+    Family("measurement filter", "module", (0.0, 0.3, 1.0, 1.0), 1.0, always(_measurement_filter)),
 )

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ibrid.report.verdict import verdict
-from ibrid.structure.program import program_text
 from ibrid_search.blocks import blocks_alone, shown, strip_thinking
-from ibrid_search.judging import judge
+from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import SUBMIT, AgentSettings, RunView, paragraph
@@ -158,13 +157,11 @@ class Turn:
     def _taken(self, edit: str, diagnosis: str, change: str = "") -> str:
         """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what to mend."""
         self._edit, self._diagnosis, self._note = blocks_alone(edit), diagnosis, change
-        parent, study = self.context.parent, self.context.study
-        own = study.hash_of(parent.diagram)
-        found = judge(Proposal(edit), program_text(parent.diagram), own, study, lambda _: None)
-        if found.status is not Status.PENDING:
-            return f"The edit cannot be evaluated ({found.status}): {found.reason[:2_000]} Mend it, or try another."
-        if self.context.seen(found.hash):
+        judged = verdict_of(Proposal(edit), self.context)
+        if judged.status is Status.DUPLICATE:
             return "The run has evaluated this structure already, so the edit tells nothing new. Try another."
+        if judged.status is not Status.PENDING:
+            return f"The edit cannot be evaluated ({judged.status}): {judged.reason[:2_000]} Mend it, or try another."
         return ""
 
     def _count(self, usage: Mapping[str, Any]) -> None:
