@@ -111,7 +111,7 @@ class Logbook:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
             return self._keep(replace(step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse))
-        return self._evaluate(step, diagram, study, fit, None if parent is None else self.record(parent).parameters)
+        return self._evaluate(step, diagram, study, fit)
 
     def record(self, number: int) -> Record:
         """The record of a fitted step, or of the one that it repeats; IbridError when there is none."""
@@ -169,14 +169,8 @@ class Logbook:
         )
         return {name: value for name, value in asked.items() if value != usual[name]}
 
-    def _evaluate(
-        self,
-        step: Step,
-        diagram: Diagram,
-        study: Study,
-        fit: FitSettings,
-        warm: Mapping[str, Mapping[str, float]] | None,
-    ) -> Step:
+    def _evaluate(self, step: Step, diagram: Diagram, study: Study, fit: FitSettings) -> Step:
+        warm = None if step.parent is None else self.record(step.parent).parameters
         if self._store is not None:
             self._store.propose(step)
         try:

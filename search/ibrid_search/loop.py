@@ -26,7 +26,7 @@ from ibrid_search.panel import Panel
 from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
 from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.spending import added
-from ibrid_search.step import EVALUATED, USABLE, Status, Step
+from ibrid_search.step import EVALUATED, REFUSED, USABLE, Status, Step
 from ibrid_search.store import Store
 from ibrid_search.trajectory import eligible
 
@@ -334,10 +334,6 @@ def _fresh(step: Step) -> bool:
 
 
 #: An attempt that ended so may be repeated with the complaint.
-_WORTH_ANOTHER_TRY = (
-    Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS, Status.UNREADABLE, Status.ILLEGAL, Status.IMPLAUSIBLE,
-)  # fmt: skip
+_WORTH_ANOTHER_TRY = {*REFUSED} - {Status.NO_ANSWER}
 #: What a proposer can learn from.
-_INSTRUCTIVE = (
-    *_WORTH_ANOTHER_TRY, Status.UNCHANGED, Status.DUPLICATE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED,
-)  # fmt: skip
+_INSTRUCTIVE = {*Status} - {Status.NO_ANSWER, Status.PENDING, Status.OK, Status.LOST}

@@ -58,6 +58,8 @@ from ibrid_search.tally import counts
 from ibrid_search.trajectory import eligible, trajectory, trajectory_csv
 from ibrid_search.watcher import Watcher
 
+#: What is wrong with the labels of the data.
+Labels = tuple[Mapping[str, Any], ...]
 #: A search that learns goes on for so many batches without a new structure, since a policy may have to learn to make any.
 PATIENT = 4
 #: Candidates within the evidence that are fitted with full effort before the answer is chosen.
@@ -166,7 +168,7 @@ def search(
             raise IbridError("records of events are given twice; give a sweep and these as events, or these alone")
         _require_able(weighted, goal)
         settings = replace(settings, wall=WALL_OF_RECORDS * settings.wall)
-    labels: tuple[Mapping[str, Any], ...] = ()
+    labels: Labels = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
     known = _kept_starts(folder) if resume and start is None else None
@@ -213,7 +215,7 @@ def search(
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now
-            answer, selection = _concluded(loop, store, assessor, folder, ending, labels, events)
+            answer, selection = _concluded(loop, assessor, folder, ending, labels, events)
             write_run_page(store, inside(folder, PAGE), vocabulary=study.kinds)
         points = trajectory(loop.steps)
         return Run(
@@ -269,9 +271,7 @@ def _kept_starts(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
     return (first, others) if others else None
 
 
-def _put_right(
-    start: Diagram | str | None, study: Study, settings: SearchSettings
-) -> tuple[Study, tuple[Mapping[str, Any], ...]]:
+def _put_right(start: Diagram | str | None, study: Study, settings: SearchSettings) -> tuple[Study, Labels]:
     """The study with the label put right that the best of the starts finds wrong, and what it says of it."""
     first, others = _starts(start, replace(study, labels="exact"), settings)
     diagrams = [parse_program(first, "the start"), *(one.diagram for one in others)][:DOUBTING]
@@ -291,16 +291,10 @@ def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -
 
 
 def _concluded(
-    loop: Loop,
-    store: Store,
-    assessor: Assessor,
-    folder: Path,
-    ending: str,
-    labels: tuple[Mapping[str, Any], ...],
-    events: Events | None,
+    loop: Loop, assessor: Assessor, folder: Path, ending: str, labels: Labels, events: Events | None
 ) -> tuple[Record | None, Mapping[str, Any]]:
     """Fit the answer with full effort and write the files that sum the run up."""
-    worth = loop.appraisal
+    worth, store = loop.appraisal, loop.store
     write_whole(inside(folder, TRAJECTORY), trajectory_csv(trajectory(loop.steps)))
     store.set_meta("ending", ending)
     store.set_meta("archive", json.dumps(asdict(loop.archive.statistics())))

@@ -29,16 +29,11 @@ class Status(StrEnum):
     REQUIRED = "required"  # fitted, but not what --require asks for
 
 
+#: Answers that make no text of a program, and texts that are no diagram.
+_NO_TEXT = (Status.NO_ANSWER, Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS)
+_NO_DIAGRAM = (Status.UNREADABLE, Status.ILLEGAL)
 #: Ends of a proposal before any evaluation.
-REFUSED = (
-    Status.NO_ANSWER,
-    Status.NO_EDIT,
-    Status.NO_MATCH,
-    Status.AMBIGUOUS,
-    Status.UNREADABLE,
-    Status.ILLEGAL,
-    Status.IMPLAUSIBLE,
-)
+REFUSED = (*_NO_TEXT, *_NO_DIAGRAM, Status.IMPLAUSIBLE)
 #: Ends that have an evaluation of their own.
 EVALUATED = (Status.OK, Status.FAILED, Status.TIMEOUT, Status.LOST, Status.REQUIRED)
 
@@ -47,8 +42,8 @@ USABLE = (Status.OK, Status.REQUIRED)
 
 #: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a lost one none.
 _PENALTY = {
-    **dict.fromkeys((Status.NO_ANSWER, Status.NO_EDIT, Status.NO_MATCH, Status.AMBIGUOUS), -0.4),
-    **dict.fromkeys((Status.UNREADABLE, Status.ILLEGAL), -0.25),
+    **dict.fromkeys(_NO_TEXT, -0.4),
+    **dict.fromkeys(_NO_DIAGRAM, -0.25),
     **dict.fromkeys((Status.UNCHANGED, Status.DUPLICATE), -0.3),
     **dict.fromkeys((Status.IMPLAUSIBLE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED), -0.2),
 }

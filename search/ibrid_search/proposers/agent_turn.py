@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,8 @@ class Turn:
     view: RunView
     question: Sequence[Mapping[str, Any]]
     rng: np.random.Generator
-    native: bool = True
-    asking: Callable[[str], AbstractContextManager[None]] = field(default=nullcontext)
+    native: bool
+    asking: Callable[[str], AbstractContextManager[None]]
 
     def __post_init__(self) -> None:
         self.tools = Tools(self.context.study, self.view).reading
