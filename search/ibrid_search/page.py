@@ -114,16 +114,14 @@ class Ancestor:
 def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
     """The way from the start or shipped diagram to a step, oldest first; later where a parent is not among the steps."""
     path = line(steps, number)
-    found = [Ancestor(step) for step in path[:1]]
-    for parent, step in pairwise(path):
-        found.append(Ancestor(step, difference(parent.program, step.program), _others(steps, parent, step)))
-    return tuple(found)
+    edited = (
+        Ancestor(step, difference(parent.program, step.program), _others(steps, parent, step))
+        for parent, step in pairwise(path)
+    )
+    return (*map(Ancestor, path[:1]), *edited)
 
 
 def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step, ...]:
-    siblings = [
-        step
-        for step in steps.values()
-        if step.edited == parent.number and step.number != child.number and step.status is Status.OK
-    ]
+    children = (step for step in steps.values() if step.edited == parent.number and step.status is Status.OK)
+    siblings = (step for step in children if step.number != child.number)
     return tuple(sorted(siblings, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))

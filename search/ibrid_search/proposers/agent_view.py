@@ -10,7 +10,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid_search.context import prompt
 from ibrid_search.language import words
 from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.proposers.chat import Message, estimated_tokens
+from ibrid_search.proposers.chat import estimated_tokens
 from ibrid_search.quoting import fenced, quoted
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store, numbers_of
@@ -41,7 +41,7 @@ def outcome(step: Step, parent: Step | None = None) -> str:
     return f"{which} has NRMSE {step.nrmse:.4g}{_against(step.nrmse, parent)}; {size}, {stable}."
 
 
-def remembered(steps: Sequence[Step], limit_tokens: int, *, author: str) -> list[Message]:
+def remembered(steps: Sequence[Step], limit_tokens: int, *, author: str) -> list[dict[str, str]]:
     """Messages for the turns of `author` among the steps, oldest first, that end with the outcome of the last.
 
     Roles alternate and begin with the user; the caller's question belongs to the last message. At most `limit_tokens`
@@ -56,11 +56,11 @@ def remembered(steps: Sequence[Step], limit_tokens: int, *, author: str) -> list
             break
         recent -= 1
     notebook = _notebook(turns[:recent], known, int(limit_tokens * NOTEBOOK))
-    messages: list[dict[str, str]] = [{"role": "user", "content": notebook or _BEGIN}]
+    messages = [{"role": "user", "content": notebook or _BEGIN}]
     for turn in turns[recent:]:
         messages.append({"role": "assistant", "content": _said(turn)})
         messages.append({"role": "user", "content": _result(turn, known)})
-    return list(messages)
+    return messages
 
 
 def _against(nrmse: float, parent: Step | None) -> str:
@@ -190,20 +190,10 @@ class AgentSettings:
 
 
 def question(context: Context, view: RunView, settings: AgentSettings, *, author: str) -> list[dict[str, Any]]:
-    """Messages with alternating roles: system, then earlier turns, the last with what is asked now."""
+    """Messages with alternating roles, as some models want them: system, then earlier turns, the last with what is asked now."""
     tools = listed(Tools(context.study, view).reading)
     rules = f"\n{words('turns.md', calls=settings.calls, tools=tools)}\n"
-    system, *asked = prompt(context, limit_tokens=int(settings.tokens * settings.context) - estimated_tokens(rules))
-    memory = remembered(view.steps, int(settings.tokens * settings.memory), author=author)
-    return _merged([{"role": "system", "content": f"{system['content']}\n{rules}"}, *memory, *asked])
-
-
-def _merged(messages: Sequence[Message]) -> list[dict[str, Any]]:
-    """Neighbours of one role become one message; some models take strict turns only."""
-    merged: list[dict[str, Any]] = []
-    for message in messages:
-        if merged and merged[-1]["role"] == message["role"]:
-            merged[-1]["content"] += f"\n\n{message['content']}"
-        else:
-            merged.append(dict(message))
-    return merged
+    system, asked = prompt(context, limit_tokens=int(settings.tokens * settings.context) - estimated_tokens(rules))
+    *earlier, last = remembered(view.steps, int(settings.tokens * settings.memory), author=author)
+    now = {"role": "user", "content": f"{last['content']}\n\n{asked['content']}"}
+    return [{"role": "system", "content": f"{system['content']}\n{rules}"}, *earlier, now]

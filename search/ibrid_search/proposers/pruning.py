@@ -63,7 +63,7 @@ class Pruning(Proposer):
                 if context.is_new(after := view.after(move))
             ]
             ranked = [edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE]
-        plain = ((view, move) for view in views for move in plain_forms(view, record))
+        plain = ((view, move) for view in views for move in chain(_wires(view, record), _plls(view)))
         for view, move in chain(plain, ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
             found = view.after(move)
             if context.is_new(found):
@@ -123,13 +123,8 @@ def _doubtful(kind: ModuleKind) -> bool:
 UNITY = 0.02
 
 
-def plain_forms(view: View, record: Record) -> Iterator[Move]:
-    """Every edit that draws the same thing more plainly; the fit tells whether it is the same."""
-    return chain(_wires(view, record), _plls(view))
-
-
 def _wires(view: View, record: Record) -> Iterator[Move]:
-    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign."""
+    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign; the fit tells whether it is the same."""
     for name in view.draft.having(Element.GAIN):
         (gain,) = view.draft.kind(name).parameters
         shared = view.draft.instances[name].bindings.get(gain)

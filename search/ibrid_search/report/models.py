@@ -8,7 +8,6 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import PointSweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, readable
 from ibrid.report.bode import Curves, bode_svgs, line_frequency
@@ -87,7 +86,10 @@ def _point_facts(run: RunData, models: list[FittedModel], op: str, place: int) -
     lines, problems = [], []
     for number, model in enumerate(models):
         try:
-            lines.append(_curves(model, op, point if number == 0 else None, point))
+            low, high = model.record.settings["frequency_hz"]
+            frequency = line_frequency(model.record, op, (low, high), point, DENSE)
+            dots, response = point if number == 0 else None, model.record.response(op, frequency)
+            lines.append(Curves(model.name, model.index, dots, frequency, response))
         except IbridError as problem:
             problems.append((model.name, problem))
     label = f" at {op}: measured, {', '.join(line.name for line in lines)}."
@@ -102,9 +104,3 @@ def _point_facts(run: RunData, models: list[FittedModel], op: str, place: int) -
         "problems": problems,
         "bode": bode_svgs(lines, f"bode-{place}", label) if lines else None,
     }
-
-
-def _curves(model: FittedModel, op: str, dots: PointSweep | None, point: PointSweep | None) -> Curves:
-    low, high = model.record.settings["frequency_hz"]
-    frequency = line_frequency(model.record, op, (low, high), point, DENSE)
-    return Curves(model.name, model.index, dots, frequency, model.record.response(op, frequency))
