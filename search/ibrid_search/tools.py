@@ -4,14 +4,19 @@ read, never run; every answer names the next useful call."""
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from ibrid.analysis.prediction import predict
-from ibrid.errors import IbridError, ProgramError
+from ibrid.errors import IbridError, ProgramError, near
 from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.grade import judged_points
+from ibrid.evaluation.record import Record
 from ibrid.evaluation.time_limit import time_limit
 from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.modules.in_full import kind_in_full
 from ibrid.modules.vocabulary import find_kind
+from ibrid.report.numbers import number
 from ibrid.structure.check import Violation, examine
 from ibrid.structure.compare import compare
 from ibrid.structure.diagram import Diagram
@@ -19,19 +24,21 @@ from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program
 from ibrid.structure.wiring import wire
 from ibrid.study import Study
+from ibrid_search.blocks import shown
 from ibrid_search.insight import Insight
 from ibrid_search.language import api_text, kinds_text, rules_text
 from ibrid_search.record_view import polar, record_view, summary
-from ibrid_search.step import line
-from ibrid_search.step_view import differences, residuals_view, steps_view
+from ibrid_search.step import Step, line
 from ibrid_search.tool import Steps, Tool, left_out, tools_in
 
 #: Seconds that looking, checking and comparing may take.
 LOOKING = 10.0
 #: Candidates that list_best gives at most, and without being asked for a number.
 MOST_LISTED, LISTED = 20, 5
-#: Rows of a prediction.
-PREDICTED = 12
+#: Rows of a prediction; steps and frequencies that are shown at most, and parameters that moved.
+PREDICTED, STEPS, ROWS, MOVED = 12, 20, 16, 12
+#: Relative change of a parameter from which it counts as moved.
+CHANGED = 0.02
 
 
 class Tools:
@@ -57,20 +64,43 @@ class Tools:
         return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
 
     def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:
-        """`ibrid_search.step_view` of what a step leaves."""
-        view = residuals_view(self.steps.record(step), self.study.fitted, op)
-        stands = bool(view["stand_out"])
+        """What a step leaves at an operating point in standard deviations of the noise, |model - measured| / (sqrt(2) sigma), by
+        frequency and entry; parts that stand out are those of the record's `misfit`."""
+        record = self.steps.record(step)
+        names = tuple(record.nrmse_by_op)
+        if op is not None and op not in names:
+            raise IbridError(f"the fitted data have no operating point {op[:60]!r}; {near(op[:60], names)}")
+        points, source = judged_points([self.study.fitted.point(name) for name in names])
+        point = points[names.index(op) if op else 0]
+        difference = np.abs(record.response(point.op.name, point.frequency) - point.admittance)
+        left = difference / (np.sqrt(2) * np.asarray(point.sigma))
+        chosen, misfit = evenly(len(left), ROWS), record.misfit or {}
+        parts = list(misfit.get("by_entry_band", ()))[:ROWS]
         return {
             "step": step,
-            **view,
-            "next": f"diagnose with step={step}" if stands else f"nothing stands out; {self._done(step)}",
+            "op": point.op.name,
+            "sigma_from": source if source != "unknown" else "unknown: taken as 1e-4 of |Y|",
+            "chi2_per_dof": misfit.get("chi2_per_dof"),
+            "stand_out": [f"{one['z']:.0f} sigma: {one['entry']} at {one['band']} Hz, {one['op']}" for one in parts],
+            "rows": [
+                {"hz": round(float(point.frequency[k]), 2)}
+                | {entry: round(float(left[k][place]), 1) for entry, place in ENTRIES.items()}
+                for k in chosen
+            ],
+            **left_out("rows", len(chosen), len(left)),
+            "next": f"diagnose with step={step}" if parts else f"nothing stands out; {self._done(step)}",
         }
 
     def list_steps(self, after: int = -1) -> dict[str, Any]:
-        """Steps with their lineage."""
+        """Steps with a number above `after` in their order, refused ones too: parent, note and how they ended."""
         best = self.steps.best(1)
-        view = steps_view(self.steps.steps, after)
-        return view | ({"best": best[0].step, "next": f"diagnose with step={best[0].step}"} if best else {})
+        there = [step for step in self.steps.steps if step.number > after]
+        told = [_told(step) for step in there[:STEPS]]
+        if left := left_out("steps", len(told), len(there)):
+            left["go_on_after"] = told[-1]["step"]
+        return {"steps": told, **left} | (
+            {"best": best[0].step, "next": f"diagnose with step={best[0].step}"} if best else {}
+        )
 
     def list_best(self, count: int = LISTED) -> dict[str, Any]:
         """The best steps; their programs are read by read_diagram."""
@@ -174,6 +204,42 @@ class Tools:
         if found := examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)[0]:
             raise IbridError(f"{name} is not legal: {found[0]}; check_grammar tells all of it")
         return diagram
+
+
+def _told(step: Step) -> dict[str, Any]:
+    ended: dict[str, Any] = {"step": step.number, "status": str(step.status)}
+    if step.parent is not None:
+        ended["parent"] = step.parent
+    if step.note:
+        ended["note"] = shown(step.note)
+    if step.nrmse is not None:
+        ended |= {"nrmse": step.nrmse, "free": step.free} | ({} if step.stable else {"stable": False})
+    return ended | ({"same_as": step.same_as} if step.same_as is not None else {})
+
+
+def differences(first: Record, second: Record) -> dict[str, Any]:
+    """What the second of two fits has better or worse than the first: error, size, and parameters that moved."""
+    pairs = {
+        "nrmse": (first.nrmse, second.nrmse),
+        "free_parameters": (first.free_parameters, second.free_parameters),
+        "order": (first.order, second.order),
+        **{
+            f"nrmse {band} Hz": (first.nrmse_by_band.get(band), second.nrmse_by_band.get(band))
+            for band in first.nrmse_by_band
+        },
+        **{f"nrmse {entry}": (first.nrmse_by_entry.get(entry), second.nrmse_by_entry.get(entry)) for entry in ENTRIES},
+    }
+    before, after = (next(iter(one.parameters.values()), {}) for one in (first, second))
+    moved = {
+        name: f"{number(before[name])} -> {number(value)}"
+        for name, value in after.items()
+        if name in before and abs(value - before[name]) > CHANGED * abs(before[name])
+    }
+    return {
+        "first_then_second": {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]},
+        "moved": dict(list(moved.items())[:MOVED]),
+        **left_out("moved", MOVED, len(moved)),
+    }
 
 
 def sentences(found: Sequence[Violation]) -> list[dict[str, Any]]:
