@@ -38,7 +38,7 @@ def coupled(draft: Edit, view: View, source: str, kind: str, stem: str) -> str:
     return port
 
 
-def other_form(view: View, name: str, stem: str, where: str, note: str = "") -> Move | None:
+def other_form(view: View, name: str, stem: str, where: str) -> Move | None:
     """The other kind of coupling in a module's place, under another name: its L has another unit; None without it."""
     nominal = view.element(name) is Element.COUPLING
     kinds = view.known(REACTANCES[nominal])
@@ -49,7 +49,7 @@ def other_form(view: View, name: str, stem: str, where: str, note: str = "") -> 
         fresh = draft.replace(name, kinds[0], f"{stem}_{'pll' if nominal else 'nominal'}")
         cross_coupling(draft, view, fresh, vanishes=False)
 
-    return Move(note or f"{kinds[0]} in place of the {view.kind(name)} {name}", draw, where=where)
+    return Move(f"{kinds[0]} in place of the {view.kind(name)} {name}", draw, where=where)
 
 
 def _decoupling(view: View) -> Iterator[Move]:

@@ -6,7 +6,7 @@ With a proposer that learns from evaluations, a whole batch of its answers is ma
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -42,26 +42,23 @@ _KEPT = "What was evaluated is kept: mend it and go on with --resume"
 SPENT = "the limits of the language models are spent"
 
 
+@dataclass(eq=False, repr=False)
 class Loop:
     """One search over a store: `run` makes steps until an end is reached; made anew over an old store it goes on."""
 
-    def __init__(
-        self,
-        study: Study,
-        store: Store,
-        evaluator: Evaluator,
-        panel: Panel,
-        settings: SearchSettings,
-        goal: Goal,
-        *,
-        watch: Callable[["Loop", Step], None] = lambda loop, step: None,
-    ) -> None:
-        self.study, self.store, self.evaluator = study, store, evaluator
-        self.panel, self.settings, self.goal, self.seed = panel, settings, goal, study.seed
-        published = published_structures(study) if panel.starts else frozenset()
-        self.appraisal = Appraisal(store, criterion(study, settings), study.kinds, published)
-        self.watch = watch
-        self.window = panel.window(settings.window)
+    study: Study
+    store: Store
+    evaluator: Evaluator
+    panel: Panel
+    settings: SearchSettings
+    goal: Goal
+    watch: Callable[["Loop", Step], None] = lambda loop, step: None
+
+    def __post_init__(self) -> None:
+        study, settings = self.study, self.settings
+        published = published_structures(study) if self.panel.starts else frozenset()
+        self.appraisal = Appraisal(self.store, criterion(study, settings), study.kinds, published)
+        self.window = self.panel.window(settings.window)
         self.archive = Archive(settings)
         self.steps: list[Step] = []
         self.known: dict[str, int] = {}
@@ -203,7 +200,7 @@ class Loop:
         pruned : the step from which something is to be taken away, when that is settled.
         """
         number = len(self.steps)
-        rng = np.random.default_rng([self.seed, number])
+        rng = np.random.default_rng([self.study.seed, number])
         for draw in self._drawn(rng, number, pruned):
             parent, island, proposer, scale = draw
             proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
