@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ibrid.errors import IbridError
-from ibrid_search.proposers.chat import LONGEST_ANSWER, ChatError, ToolCall
+from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, ToolCall
 
 #: In place of an address: the package litellm finds the server by the name of the model.
 LITELLM = "litellm"
@@ -189,18 +189,9 @@ LONGEST_ARGUMENTS = 100_000
 MOST_TOKENS = 10**9
 
 
-@dataclass(frozen=True)
-class Reply:
-    """`text`, `tool_calls`, `cut` : as in Answer. `tokens` : counts of the server, as far as they make sense."""
-
-    text: str
-    tool_calls: tuple[ToolCall, ...]
-    cut: bool
-    tokens: Mapping[str, int]
-
-
-def read_reply(body: bytes, where: str) -> Reply:
-    """Read a chat completion. `where` : the model and its server, for messages.
+def read_reply(body: bytes, where: str) -> Answer:
+    """Read a chat completion; its usage are the counts of the server, as far as they make sense. `where` : the model and its
+    server, for messages.
 
     Raises ChatError when `body` is none.
     """
@@ -212,7 +203,7 @@ def read_reply(body: bytes, where: str) -> Reply:
         ) from None
 
 
-def _read(data: Any, where: str) -> Reply:
+def _read(data: Any, where: str) -> Answer:
     choices = data.get("choices") if isinstance(data, Mapping) else None
     choice = choices[0] if isinstance(choices, list) and choices else None
     message = choice.get("message") if isinstance(choice, Mapping) else None
@@ -222,7 +213,7 @@ def _read(data: Any, where: str) -> Reply:
     text = _text(message.get("content"))
     whole = f"<think>{thinking}</think>{text}" if thinking else text
     cut = choice.get("finish_reason") == "length" or len(whole) > LONGEST_ANSWER
-    return Reply(whole[:LONGEST_ANSWER], _tool_calls(message.get("tool_calls")), cut, _tokens(data.get("usage")))
+    return Answer(whole[:LONGEST_ANSWER], _tool_calls(message.get("tool_calls")), _tokens(data.get("usage")), cut)
 
 
 def _looks_like(body: bytes) -> str:

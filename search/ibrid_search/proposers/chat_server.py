@@ -156,7 +156,7 @@ class ChatServer:
             "model": self.model,
             "prompt_tokens": estimated_tokens(prompt_text(messages)),
             "completion_tokens": estimated_tokens(spoken),
-            **completion.tokens,
+            **completion.usage,
             "seconds": time.monotonic() - started,
             "retries": retries,
         }

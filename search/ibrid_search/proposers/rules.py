@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -64,7 +64,7 @@ class Rules(Proposer):
 
         families = [one for one in self.families if not one.first or untried(one)]
         number = 1 if gross or rng.random() >= LOOKED_AT else self.looks
-        edits: list[_Edit] = []
+        edits: list[tuple[Diagram, Proposal]] = []
         while families and len(edits) < number:
             family = _drawn(families, bands, context.scale, rng, gross=gross)
             if not (moves := untried(family)):
@@ -74,32 +74,18 @@ class Rules(Proposer):
             view, move = moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
             found = view.after(move)
             if context.is_new(found):
-                edits.append(_Edit(view, move, found, family.name))
+                usage = {"family": family.name}
+                edits.append((found, Proposal.between(view.whole, found, view.words(move), usage=usage)))
         if not edits:
             return Proposal("", failure="every edit that the rules know leads to a structure met before")
-        return edits[0].proposal if len(edits) == 1 else _most_promising(edits, context, rng)
+        return edits[0][1] if len(edits) == 1 else _most_promising(edits, context, rng)
 
 
-@dataclass(frozen=True, eq=False)
-class _Edit:
-    """A move that leads to a new structure, `diagram`."""
-
-    view: View
-    move: Move
-    diagram: Diagram
-    family: str
-
-    @property
-    def proposal(self) -> Proposal:
-        words = self.view.words(self.move)
-        return Proposal.between(self.view.whole, self.diagram, words, usage={"family": self.family})
-
-
-def _most_promising(edits: Sequence[_Edit], context: Context, rng: np.random.Generator) -> Proposal:
+def _most_promising(edits: Sequence[tuple[Diagram, Proposal]], context: Context, rng: np.random.Generator) -> Proposal:
     """The edit that a first look at all of them finds best. Their number and seconds are kept beside it."""
     began = time.perf_counter()
-    worth = [first_look(one.diagram, context, rng).worth for one in edits]
-    proposal = edits[int(np.argmin(worth))].proposal
+    worth = [first_look(diagram, context, rng).worth for diagram, _ in edits]
+    _, proposal = edits[int(np.argmin(worth))]
     looked = {LOOKS: len(edits), LOOKING: time.perf_counter() - began}
     return replace(proposal, usage={**proposal.usage, **looked})
 
