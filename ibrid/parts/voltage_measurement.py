@@ -36,11 +36,8 @@ def _voltage_sensor(view: View) -> Iterator[Move]:
         for pll, entry in locked.items():
             yield _sensed(view, old, new, [], [entry], f"{pll} locks to {new} in place of {old}")
         if len(places) + len(locked) > 1:
-            where, targets = (
-                f"all of them take {new} in place of {old}",
-                [one for some in places.values() for one in some],
-            )
-            yield _sensed(view, old, new, targets, [*locked.values()], where)
+            targets = [one for some in places.values() for one in some]
+            yield _sensed(view, old, new, targets, [*locked.values()], f"all of them take {new} in place of {old}")
 
 
 def _locked(view: View, voltage: str) -> dict[str, str]:

@@ -151,14 +151,8 @@ class _Course:
 
     def _close(self, result: Result) -> None:
         """Write how a device ended."""
-        self._store.conclude(
-            result.number,
-            status=result.outcome,
-            reason=result.reason,
-            record=result.record,
-            seconds=result.seconds,
-            attempts=result.attempts,
-        )
+        ended = {name: getattr(result, name) for name in ("reason", "record", "seconds", "attempts")}
+        self._store.conclude(result.number, status=result.outcome, **ended)
         self._steps[result.number] = self._store.step(result.number)
         self._done += 1
         self._tell(f"{self._done} of {len(self._steps)} devices", self._done / len(self._steps))

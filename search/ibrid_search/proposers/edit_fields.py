@@ -13,6 +13,7 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.program import program_text
 from ibrid_search.blocks import split_lines
 from ibrid_search.edits import edit_between
+from ibrid_search.parsed import mapping_in
 from ibrid_search.proposal import Evaluated
 
 #: Lines that an answer may take out and put in, and characters of a text.
@@ -47,11 +48,8 @@ def edit_schema(
 
 def read_fields(text: str) -> Mapping[str, Any] | None:
     """The fields of the edit in an answer, and its `change`; None where it is no such JSON."""
-    try:
-        answer = json.loads(text.strip().removeprefix("```json").removeprefix("```").removesuffix("```"))
-    except (ValueError, RecursionError):
-        return None
-    edit = answer.get("edit") if isinstance(answer, dict) else None
+    answer = mapping_in(text.strip().removeprefix("```json").removeprefix("```").removesuffix("```"))
+    edit = answer.get("edit")
     if not isinstance(edit, dict) or not ("take" in edit or writes(edit)):
         return None
     return {**edit, "change": answer.get("change", "")}
