@@ -206,7 +206,7 @@ class Loop:
             proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
             if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
-        said = {name: getattr(proposal, name) for name in ("note", "edit", "reply", "diagnosis", "usage")}
+        said = {name: value for name, value in vars(proposal).items() if name not in ("failure", "parent")}
         return Step(number, edited.step, island, scale, proposer.name, **said, **vars(verdict))
 
     def _drawn(
